@@ -1,0 +1,106 @@
+//! The dual operator A = B K⁻¹ Bᵀ and what belongs to it.
+
+use crate::sparse::{dot, norm};
+
+/// What the semi-smooth Newton method needs of the linear algebra behind the contact problem.
+///
+/// Implemented by the Cholesky path, by explicit small matrices in tests, and by whatever else can
+/// apply K⁻¹; the algorithms are written once over it.
+pub trait DualOperator {
+    /// y = A p; both have length 2m, normal part first.
+    fn apply(&mut self, p: &[f64], y: &mut [f64]);
+    /// b = B K⁻¹ f − c with c = (d, 0).
+    fn right_hand_side(&mut self, b: &mut [f64]);
+    /// u = K⁻¹(f − Bᵀλ).
+    fn displacement(&mut self, lambda: &[f64]) -> Vec<f64>;
+}
+
+/// An estimate of the largest eigenvalue of A, not below the true one beyond its margin, and the number
+/// of products with A that it took.
+///
+/// Lanczos with full reorthogonalisation; the Ritz value is taken when it has settled to 0.1 %, and
+/// raised by 2 % since it approaches σ_max from below.
+pub fn sigma_max(dual: &mut impl DualOperator, len: usize) -> (f64, usize) {
+    const MAX_STEPS: usize = 30;
+    const SETTLED: f64 = 1e-3;
+    const MARGIN: f64 = 1.02;
+    // A fixed pseudo-random start, so that results do not change from run to run.
+    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut q: Vec<f64> = (0..len)
+        .map(|_| {
+            seed = seed
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        })
+        .collect();
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    let (mut alpha, mut beta) = (Vec::new(), Vec::new());
+    let mut w = vec![0.0; len];
+    let mut ritz = 0.0;
+    for step in 1..=MAX_STEPS.min(len) {
+        let length = norm(&q);
+        if length == 0.0 {
+            break;
+        }
+        q.iter_mut().for_each(|v| *v /= length);
+        dual.apply(&q, &mut w);
+        alpha.push(dot(&q, &w));
+        basis.push(std::mem::replace(&mut q, w.clone()));
+        // Twice is enough.
+        for _ in 0..2 {
+            for p in &basis {
+                let c = dot(p, &q);
+                q.iter_mut().zip(p).for_each(|(q, p)| *q -= c * p);
+            }
+        }
+        let previous = ritz;
+        ritz = largest_eigenvalue(&alpha, &beta);
+        let next = norm(&q);
+        if next <= 1e-12 * ritz || (step > 2 && ritz - previous <= SETTLED * ritz) {
+            break;
+        }
+        beta.push(next);
+    }
+    (MARGIN * ritz, basis.len())
+}
+
+/// Largest eigenvalue of the symmetric tridiagonal matrix, by bisection on the signs of its pivots.
+fn largest_eigenvalue(diagonal: &[f64], off: &[f64]) -> f64 {
+    let radius = |i: usize| {
+        let left = if i > 0 { off[i - 1] } else { 0.0 };
+        left + off.get(i).copied().filter(|_| i + 1 < diagonal.len()).unwrap_or(0.0)
+    };
+    let mut high = (0..diagonal.len())
+        .map(|i| diagonal[i] + radius(i))
+        .fold(f64::MIN, f64::max);
+    let mut low = diagonal.iter().copied().fold(f64::MIN, f64::max);
+    for _ in 0..60 {
+        let x = 0.5 * (low + high);
+        let mut pivot = 1.0;
+        let all_below = diagonal.iter().enumerate().all(|(i, d)| {
+            let coupling = if i > 0 { off[i - 1] * off[i - 1] / pivot } else { 0.0 };
+            pivot = d - x - coupling;
+            pivot < 0.0
+        });
+        if all_below {
+            high = x;
+        } else {
+            low = x;
+        }
+    }
+    high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn largest_eigenvalue_of_the_second_difference() {
+        let n = 7;
+        let expected = 2.0 - 2.0 * (std::f64::consts::PI * n as f64 / (n + 1) as f64).cos();
+        let found = largest_eigenvalue(&vec![2.0; n], &vec![1.0; n - 1]);
+        approx::assert_relative_eq!(found, expected, max_relative = 1e-12);
+    }
+}

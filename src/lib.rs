@@ -1,0 +1,9 @@
+pub mod contact;
+pub mod dual;
+pub mod elasticity;
+pub mod mesh;
+pub mod problem;
+pub mod reference;
+pub mod sparse;
+pub mod ssnm;
+pub mod stiffness;

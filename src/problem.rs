@@ -1,0 +1,488 @@
+//! The algebraic contact problem (1)–(3) of the paper, validated: the door for users with their own
+//! discretisation.
+
+use crate::sparse::{BlockCsr, Csr, dot, norm, norm_max};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// The data of a [`ContactProblem`], not yet checked.
+///
+/// The letters are those of the paper: find u ∈ ℝⁿ and λν, λτ ∈ ℝᵐ with
+///
+/// ```text
+/// (1)  K u + Nᵀλν + Tᵀλτ = f
+/// (2)  N u − d ≤ 0,   λν ≥ 0,   λνᵀ(N u − d) = 0
+/// (3)  |λτ,i| ≤ gᵢ;   |λτ,i| < gᵢ ⇒ (T u)ᵢ = 0;   |λτ,i| = gᵢ ⇒ (T u)ᵢ = cᵢ λτ,i with cᵢ ≥ 0
+/// ```
+#[derive(Clone, Debug)]
+pub struct ContactData {
+    /// K, n × n, symmetric positive definite. For odd n, [`BlockCsr::from_triplets`] pads to n + 1.
+    pub stiffness: BlockCsr<2>,
+    /// f, length n.
+    pub load: Vec<f64>,
+    /// N, m × n: the displacement of contact node i towards the obstacle is (N u)ᵢ.
+    pub normal: Csr,
+    /// T, m × n: the displacement of contact node i along the boundary is (T u)ᵢ. A row may be empty
+    /// where gᵢ = 0 (a node that cannot move sideways).
+    pub tangential: Csr,
+    /// d, length m: the initial gap, ≥ 0.
+    pub gap: Vec<f64>,
+    /// g, length m: the slip bound (a force per contact node), ≥ 0.
+    pub slip_bound: Vec<f64>,
+    /// One point per pair of unknowns, if they are the displacements of nodes; gives rigid body modes.
+    pub coordinates: Option<Vec<[f64; 2]>>,
+}
+
+/// A validated contact problem: everything that works on it may trust its claims.
+#[derive(Clone, Debug)]
+pub struct ContactProblem {
+    n: usize,
+    n_free: usize,
+    data: ContactData,
+}
+
+/// A claim of [`ContactProblem::new`] that the data breaks. Rows and columns count from 1.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ProblemError {
+    #[error("the stiffness matrix K is {rows} × {cols}: it must be square")]
+    NotSquare { rows: usize, cols: usize },
+    #[error("the problem has no unknowns")]
+    Empty,
+    #[error("{name} has length {found}, expected {expected} ({reason})")]
+    Length {
+        name: &'static str,
+        found: usize,
+        expected: usize,
+        reason: &'static str,
+    },
+    #[error("{name} is {rows} × {cols}, expected {m} × {n} (one row per entry of d, one column per unknown)")]
+    Shape {
+        name: &'static str,
+        rows: usize,
+        cols: usize,
+        m: usize,
+        n: usize,
+    },
+    #[error("{name}: entry {place} is {value}, not a finite number")]
+    NotFinite {
+        name: &'static str,
+        place: String,
+        value: f64,
+    },
+    #[error(
+        "the stiffness matrix K is not symmetric: K({row}, {col}) = {value:e} but K({col}, {row}) = {mirror:e}"
+    )]
+    NotSymmetric {
+        row: usize,
+        col: usize,
+        value: f64,
+        mirror: f64,
+    },
+    #[error(
+        "the stiffness matrix K is not positive definite: its diagonal entry {row} is {value:e}, must be > 0"
+    )]
+    Diagonal { row: usize, value: f64 },
+    #[error("the gap d has the negative entry d({row}) = {value:e}: the bodies overlap before loading; move them apart")]
+    NegativeGap { row: usize, value: f64 },
+    #[error("the slip bound g has the negative entry g({row}) = {value:e}")]
+    NegativeSlipBound { row: usize, value: f64 },
+    #[error("row {row} of {name} has no nonzero entry, so (N; T) has no full row rank{hint}")]
+    ZeroRow {
+        name: &'static str,
+        row: usize,
+        hint: &'static str,
+    },
+    #[error("rows {first} and {second} of (N; T) are parallel, so it has no full row rank: {name}")]
+    ParallelRows {
+        first: usize,
+        second: usize,
+        name: &'static str,
+    },
+    #[error("(N; T) has {rows} rows for {n} unknowns, so it has no full row rank")]
+    TooManyRows { rows: usize, n: usize },
+}
+
+/// Relative asymmetry of K that counts as rounding.
+const SYMMETRY_LIMIT: f64 = 1e-9;
+
+impl ContactProblem {
+    /// Checks the data: shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0, no
+    /// zero or parallel rows in B = (N; T). That K is positive definite shows when it is factorised.
+    pub fn new(mut data: ContactData) -> Result<Self, ProblemError> {
+        let (rows, cols) = (data.stiffness.n_rows(), data.stiffness.n_cols());
+        if rows != cols {
+            return Err(ProblemError::NotSquare { rows, cols });
+        }
+        let n = data.load.len();
+        if n == 0 || rows == 0 {
+            return Err(ProblemError::Empty);
+        }
+        if n.div_ceil(2) * 2 != rows {
+            return Err(ProblemError::Length {
+                name: "the load f",
+                found: n,
+                expected: rows,
+                reason: "one entry per row of K",
+            });
+        }
+        let m = data.gap.len();
+        if data.slip_bound.len() != m {
+            return Err(ProblemError::Length {
+                name: "the slip bound g",
+                found: data.slip_bound.len(),
+                expected: m,
+                reason: "one entry per entry of the gap d",
+            });
+        }
+        for (name, matrix) in [("N", &data.normal), ("T", &data.tangential)] {
+            let (rows, cols) = (matrix.n_rows(), matrix.n_cols());
+            if rows != m || cols != n {
+                return Err(ProblemError::Shape {
+                    name,
+                    rows,
+                    cols,
+                    m,
+                    n,
+                });
+            }
+        }
+        if let Some(coordinates) = &data.coordinates
+            && coordinates.len() * 2 != n
+        {
+            return Err(ProblemError::Length {
+                name: "the coordinates",
+                found: coordinates.len(),
+                expected: n / 2,
+                reason: "one point per pair of unknowns",
+            });
+        }
+
+        for (name, vector) in [
+            ("the load f", &data.load),
+            ("the gap d", &data.gap),
+            ("the slip bound g", &data.slip_bound),
+        ] {
+            if let Some(i) = vector.iter().position(|v| !v.is_finite()) {
+                return Err(ProblemError::NotFinite {
+                    name,
+                    place: format!("{}", i + 1),
+                    value: vector[i],
+                });
+            }
+        }
+        let matrix_entry = |name, found: Option<(usize, usize, f64)>| match found {
+            Some((i, j, value)) => Err(ProblemError::NotFinite {
+                name,
+                place: format!("({}, {})", i + 1, j + 1),
+                value,
+            }),
+            None => Ok(()),
+        };
+        if data.stiffness.values().par_iter().flatten_iter().flatten().any(|v| !v.is_finite()) {
+            matrix_entry(
+                "the stiffness matrix K",
+                data.stiffness.triplets().find(|(_, _, v)| !v.is_finite()),
+            )?;
+        }
+        matrix_entry("N", data.normal.triplets().find(|(_, _, v)| !v.is_finite()))?;
+        matrix_entry("T", data.tangential.triplets().find(|(_, _, v)| !v.is_finite()))?;
+
+        if n % 2 == 1 {
+            data = pad(data);
+        }
+        check_symmetric(&data.stiffness)?;
+        if let Some((i, &value)) = data
+            .stiffness
+            .diagonal()
+            .iter()
+            .enumerate()
+            .find(|(_, v)| !(**v > 0.0))
+        {
+            return Err(ProblemError::Diagonal { row: i + 1, value });
+        }
+        if let Some(i) = data.gap.iter().position(|&v| v < 0.0) {
+            return Err(ProblemError::NegativeGap {
+                row: i + 1,
+                value: data.gap[i],
+            });
+        }
+        if let Some(i) = data.slip_bound.iter().position(|&v| v < 0.0) {
+            return Err(ProblemError::NegativeSlipBound {
+                row: i + 1,
+                value: data.slip_bound[i],
+            });
+        }
+        check_rows(&data, n)?;
+        Ok(Self {
+            n,
+            n_free: n,
+            data,
+        })
+    }
+
+    /// Says how many of the unknowns are free, where some rows of K only hold a prescribed component.
+    pub fn with_free_unknowns(mut self, n_free: usize) -> Self {
+        self.n_free = n_free.min(self.n);
+        self
+    }
+
+    /// Number of unknowns n that the user gave.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Number of unknowns that are free to move.
+    pub fn n_free(&self) -> usize {
+        self.n_free
+    }
+
+    /// Number of contact nodes m.
+    pub fn m(&self) -> usize {
+        self.data.gap.len()
+    }
+
+    /// K; for odd n with one decoupled unknown more.
+    pub fn stiffness(&self) -> &BlockCsr<2> {
+        &self.data.stiffness
+    }
+
+    /// f, as long as K has rows.
+    pub fn load(&self) -> &[f64] {
+        &self.data.load
+    }
+
+    /// N.
+    pub fn normal(&self) -> &Csr {
+        &self.data.normal
+    }
+
+    /// T.
+    pub fn tangential(&self) -> &Csr {
+        &self.data.tangential
+    }
+
+    /// d.
+    pub fn gap(&self) -> &[f64] {
+        &self.data.gap
+    }
+
+    /// g.
+    pub fn slip_bound(&self) -> &[f64] {
+        &self.data.slip_bound
+    }
+
+    /// The points that the pairs of unknowns belong to, if known.
+    pub fn coordinates(&self) -> Option<&[[f64; 2]]> {
+        self.data.coordinates.as_deref()
+    }
+
+    /// " at (x, y)" for an unknown whose place is known.
+    pub(crate) fn place_of(&self, unknown: usize) -> String {
+        match &self.data.coordinates {
+            Some(points) if unknown / 2 < points.len() => {
+                let [x, y] = points[unknown / 2];
+                format!(" at ({x:.6e}, {y:.6e})")
+            }
+            _ => String::new(),
+        }
+    }
+
+    /// The optimality conditions (1)–(3) at (u, λ), in f64 against the assembled K.
+    ///
+    /// `u` as long as K has rows, `lambda` of length 2m: λν, then λτ.
+    pub fn kkt(&self, u: &[f64], lambda: &[f64]) -> Kkt {
+        let m = self.m();
+        let (lambda_n, lambda_t) = lambda.split_at(m);
+        let mut residual = vec![0.0; u.len()];
+        self.stiffness().mul(u, &mut residual);
+        self.normal().mul_transpose_add(1.0, lambda_n, &mut residual);
+        self.tangential()
+            .mul_transpose_add(1.0, lambda_t, &mut residual);
+        for (r, f) in residual.iter_mut().zip(self.load()) {
+            *r -= f;
+        }
+        let (mut nu, mut tu) = (vec![0.0; m], vec![0.0; m]);
+        self.normal().mul(u, &mut nu);
+        self.tangential().mul(u, &mut tu);
+        for (nu, d) in nu.iter_mut().zip(self.gap()) {
+            *nu -= d;
+        }
+        let positive = |values: &mut dyn Iterator<Item = f64>| {
+            values.fold(0.0, |acc: f64, v| if v > acc || v.is_nan() { v } else { acc })
+        };
+        let u_max = norm_max(u);
+        let slip = positive(&mut (0..m).map(|i| {
+            let g = self.slip_bound()[i];
+            if lambda_t[i].abs() < g {
+                tu[i].abs()
+            } else if g == 0.0 {
+                0.0
+            } else {
+                -tu[i] * lambda_t[i].signum()
+            }
+        }));
+        Kkt {
+            equilibrium: ratio(norm(&residual), norm(self.load())),
+            penetration: ratio(positive(&mut nu.iter().copied()), u_max),
+            tension: ratio(
+                positive(&mut lambda_n.iter().map(|v| -v)),
+                norm_max(lambda),
+            ),
+            complementarity: ratio(dot(lambda_n, &nu).abs(), norm(lambda) * norm(u)),
+            friction_bound: ratio(
+                positive(&mut (0..m).map(|i| lambda_t[i].abs() - self.slip_bound()[i])),
+                norm_max(self.slip_bound()),
+            ),
+            slip: ratio(slip, u_max),
+        }
+    }
+}
+
+/// Violations of the optimality conditions, each relative to the size of what it is measured in.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Kkt {
+    /// ‖Ku + Nᵀλν + Tᵀλτ − f‖ / ‖f‖.
+    pub equilibrium: f64,
+    /// max (Nu − d)₊ / ‖u‖∞.
+    pub penetration: f64,
+    /// max (−λν)₊ / ‖λ‖∞.
+    pub tension: f64,
+    /// |λνᵀ(Nu − d)| / (‖λ‖ ‖u‖).
+    pub complementarity: f64,
+    /// max (|λτ| − g)₊ / ‖g‖∞.
+    pub friction_bound: f64,
+    /// max over sticking nodes of |Tu|, over slipping ones of Tu against the sign of λτ; / ‖u‖∞.
+    pub slip: f64,
+}
+
+impl Kkt {
+    /// The largest of the six; NaN if one is.
+    pub fn max(&self) -> f64 {
+        norm_max(&[
+            self.equilibrium,
+            self.penetration,
+            self.tension,
+            self.complementarity,
+            self.friction_bound,
+            self.slip,
+        ])
+    }
+}
+
+/// a / b, and 0 where b is.
+fn ratio(a: f64, b: f64) -> f64 {
+    if b == 0.0 { 0.0 } else { a / b }
+}
+
+/// Completes the last block for odd n: a decoupled unknown with the equation 1 · u = 0.
+fn pad(data: ContactData) -> ContactData {
+    let n = data.load.len();
+    let resize = |matrix: &Csr| {
+        Csr::from_triplets(matrix.n_rows(), n + 1, matrix.triplets())
+    };
+    let mut load = data.load;
+    load.push(0.0);
+    ContactData {
+        stiffness: BlockCsr::from_triplets(
+            n + 1,
+            n + 1,
+            data.stiffness
+                .triplets()
+                .filter(|&(i, j, _)| i < n && j < n)
+                .chain([(n, n, 1.0)]),
+        ),
+        load,
+        normal: resize(&data.normal),
+        tangential: resize(&data.tangential),
+        ..data
+    }
+}
+
+fn check_symmetric(k: &BlockCsr<2>) -> Result<(), ProblemError> {
+    let diagonal = k.diagonal();
+    let bad = (0..k.n_block_rows())
+        .into_par_iter()
+        .with_min_len(1024)
+        .find_map_first(|i| {
+            let (cols, blocks) = k.row(i);
+            for (&j, block) in cols.iter().zip(blocks) {
+                let j = j as usize;
+                let mirror = if i == j { Some(block) } else { k.block(j, i) };
+                for a in 0..2 {
+                    for b in 0..2 {
+                        let value = block[a][b];
+                        let other = mirror.map_or(0.0, |block| block[b][a]);
+                        let scale = (diagonal[2 * i + a].abs() * diagonal[2 * j + b].abs()).sqrt();
+                        if (value - other).abs() > SYMMETRY_LIMIT * scale.max(value.abs()) {
+                            return Some(ProblemError::NotSymmetric {
+                                row: 2 * i + a + 1,
+                                col: 2 * j + b + 1,
+                                value,
+                                mirror: other,
+                            });
+                        }
+                    }
+                }
+            }
+            None
+        });
+    bad.map_or(Ok(()), Err)
+}
+
+/// What can be seen cheaply of the row rank of B: zero rows, parallel rows, too many rows.
+fn check_rows(data: &ContactData, n: usize) -> Result<(), ProblemError> {
+    let m = data.gap.len();
+    let mut seen: HashMap<Vec<(u32, u64)>, usize> = HashMap::new();
+    let mut count = 0;
+    for (name, matrix, offset) in [("N", &data.normal, 0), ("T", &data.tangential, m)] {
+        for i in 0..m {
+            let (cols, values) = matrix.row(i);
+            let entries: Vec<(u32, f64)> = cols
+                .iter()
+                .zip(values)
+                .map(|(&j, v)| (j, v[0][0]))
+                .filter(|&(_, v)| v != 0.0)
+                .collect();
+            let Some(&(_, lead)) = entries
+                .iter()
+                .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+            else {
+                let tangential = offset > 0;
+                if tangential && data.slip_bound[i] == 0.0 {
+                    continue;
+                }
+                return Err(ProblemError::ZeroRow {
+                    name,
+                    row: i + 1,
+                    hint: if tangential {
+                        " (a node that cannot move sideways needs the slip bound 0)"
+                    } else {
+                        ""
+                    },
+                });
+            };
+            count += 1;
+            // Equal up to a factor and rounding: compare eight digits of the entries over the largest.
+            let key = entries
+                .iter()
+                .map(|&(j, v)| (j, (v / lead * 1e8).round() as i64 as u64))
+                .collect();
+            if let Some(first) = seen.insert(key, offset + i) {
+                let both_normal = first < m && offset == 0;
+                return Err(ProblemError::ParallelRows {
+                    first: first + 1,
+                    second: offset + i + 1,
+                    name: match (both_normal, first < m) {
+                        (true, _) => "two rows of N (the same node stands twice in the contact)",
+                        (_, true) => "a row of N and a row of T (normal and tangent are the same)",
+                        _ => "two rows of T (the same node stands twice in the contact)",
+                    },
+                });
+            }
+        }
+    }
+    if count > n {
+        return Err(ProblemError::TooManyRows { rows: count, n });
+    }
+    Ok(())
+}

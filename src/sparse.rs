@@ -1,0 +1,256 @@
+//! Sparse matrices with dense `B × B` blocks, in compressed rows.
+//!
+//! One type serves the stiffness matrix (`B = 2`, a block per pair of nodes) and the rows of N and T
+//! (`B = 1`, see [`Csr`]). Column indices are `u32` and sorted within a row.
+
+use rayon::prelude::*;
+
+/// A sparse matrix of `B × B` blocks in compressed block rows.
+///
+/// Block row `i` owns the entries `row_ptr[i]..row_ptr[i + 1]` of `col_idx` and `values`; its column
+/// indices are strictly increasing. `values[k][a][b]` is the entry in row `a`, column `b` of block `k`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlockCsr<const B: usize> {
+    n_block_rows: usize,
+    n_block_cols: usize,
+    row_ptr: Vec<usize>,
+    col_idx: Vec<u32>,
+    values: Vec<[[f64; B]; B]>,
+}
+
+/// A scalar compressed-row matrix.
+pub type Csr = BlockCsr<1>;
+
+/// Rows handled by one parallel task: enough work to hide the cost of starting it.
+pub(crate) const ROWS_PER_TASK: usize = 4096;
+
+impl<const B: usize> BlockCsr<B> {
+    /// A matrix from its parts.
+    ///
+    /// # Panics
+    /// If the parts do not describe a matrix (lengths, order of the columns, indices in range): they
+    /// come from our own assembly. Data of users goes through [`BlockCsr::from_triplets`].
+    pub fn from_parts(
+        n_block_rows: usize,
+        n_block_cols: usize,
+        row_ptr: Vec<usize>,
+        col_idx: Vec<u32>,
+        values: Vec<[[f64; B]; B]>,
+    ) -> Self {
+        assert_eq!(row_ptr.len(), n_block_rows + 1);
+        assert_eq!(row_ptr.last().copied(), Some(col_idx.len()));
+        assert_eq!(values.len(), col_idx.len());
+        debug_assert!(row_ptr.windows(2).all(|w| {
+            let row = &col_idx[w[0]..w[1]];
+            row.windows(2).all(|c| c[0] < c[1])
+                && row.last().is_none_or(|&c| (c as usize) < n_block_cols)
+        }));
+        Self {
+            n_block_rows,
+            n_block_cols,
+            row_ptr,
+            col_idx,
+            values,
+        }
+    }
+
+    /// A matrix of `n_rows × n_cols` scalars from triplets (row, column, value); repeated entries add up.
+    ///
+    /// Sizes are rounded up to whole blocks.
+    ///
+    /// # Panics
+    /// If an index is out of range.
+    pub fn from_triplets(
+        n_rows: usize,
+        n_cols: usize,
+        triplets: impl IntoIterator<Item = (usize, usize, f64)>,
+    ) -> Self {
+        let (n_block_rows, n_block_cols) = (n_rows.div_ceil(B), n_cols.div_ceil(B));
+        let mut entries: Vec<(u32, u32, u8, f64)> = triplets
+            .into_iter()
+            .map(|(i, j, v)| {
+                assert!(i < n_rows && j < n_cols, "entry ({i}, {j}) out of range");
+                let place = (i % B * B + j % B) as u8;
+                ((i / B) as u32, (j / B) as u32, place, v)
+            })
+            .collect();
+        entries.par_sort_by_key(|&(i, j, place, _)| (i, j, place));
+        let mut row_ptr = vec![0; n_block_rows + 1];
+        let mut col_idx: Vec<u32> = Vec::new();
+        let mut values: Vec<[[f64; B]; B]> = Vec::new();
+        let mut last = None;
+        for (i, j, place, v) in entries {
+            if last != Some((i, j)) {
+                row_ptr[i as usize + 1] += 1;
+                col_idx.push(j);
+                values.push([[0.0; B]; B]);
+                last = Some((i, j));
+            }
+            let block = values.last_mut().expect("a block was pushed above");
+            block[place as usize / B][place as usize % B] += v;
+        }
+        for i in 0..n_block_rows {
+            row_ptr[i + 1] += row_ptr[i];
+        }
+        Self::from_parts(n_block_rows, n_block_cols, row_ptr, col_idx, values)
+    }
+
+    /// Scalar rows.
+    pub fn n_rows(&self) -> usize {
+        self.n_block_rows * B
+    }
+
+    /// Scalar columns.
+    pub fn n_cols(&self) -> usize {
+        self.n_block_cols * B
+    }
+
+    /// Block rows.
+    pub fn n_block_rows(&self) -> usize {
+        self.n_block_rows
+    }
+
+    /// Stored blocks.
+    pub fn n_blocks(&self) -> usize {
+        self.col_idx.len()
+    }
+
+    /// The column indices and blocks of block row `i`.
+    pub fn row(&self, i: usize) -> (&[u32], &[[[f64; B]; B]]) {
+        let range = self.row_ptr[i]..self.row_ptr[i + 1];
+        (&self.col_idx[range.clone()], &self.values[range])
+    }
+
+    /// Block `(i, j)` where it is stored.
+    pub fn block(&self, i: usize, j: usize) -> Option<&[[f64; B]; B]> {
+        let (cols, blocks) = self.row(i);
+        cols.binary_search(&(j as u32)).ok().map(|k| &blocks[k])
+    }
+
+    /// All stored values.
+    pub fn values(&self) -> &[[[f64; B]; B]] {
+        &self.values
+    }
+
+    /// The stored scalar entries (row, column, value), row by row; explicit zeros inside blocks included.
+    pub fn triplets(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+        (0..self.n_block_rows).flat_map(move |i| {
+            let (cols, blocks) = self.row(i);
+            (0..B).flat_map(move |a| {
+                cols.iter().zip(blocks).flat_map(move |(&j, block)| {
+                    (0..B).map(move |b| (i * B + a, j as usize * B + b, block[a][b]))
+                })
+            })
+        })
+    }
+
+    /// y = M x.
+    ///
+    /// # Panics
+    /// If the lengths do not fit.
+    pub fn mul(&self, x: &[f64], y: &mut [f64]) {
+        assert_eq!(x.len(), self.n_cols());
+        assert_eq!(y.len(), self.n_rows());
+        y.par_chunks_mut(ROWS_PER_TASK * B)
+            .enumerate()
+            .for_each(|(chunk, y)| {
+                for (k, y) in y.chunks_mut(B).enumerate() {
+                    let (cols, blocks) = self.row(chunk * ROWS_PER_TASK + k);
+                    let mut sum = [0.0; B];
+                    for (&j, block) in cols.iter().zip(blocks) {
+                        let x = &x[j as usize * B..][..B];
+                        for a in 0..B {
+                            for b in 0..B {
+                                sum[a] += block[a][b] * x[b];
+                            }
+                        }
+                    }
+                    y.copy_from_slice(&sum);
+                }
+            });
+    }
+
+    /// y += α Mᵀ x.
+    ///
+    /// # Panics
+    /// If the lengths do not fit.
+    pub fn mul_transpose_add(&self, alpha: f64, x: &[f64], y: &mut [f64]) {
+        assert_eq!(x.len(), self.n_rows());
+        assert_eq!(y.len(), self.n_cols());
+        for i in 0..self.n_block_rows {
+            let (cols, blocks) = self.row(i);
+            for (&j, block) in cols.iter().zip(blocks) {
+                for a in 0..B {
+                    for b in 0..B {
+                        y[j as usize * B + b] += alpha * block[a][b] * x[i * B + a];
+                    }
+                }
+            }
+        }
+    }
+
+    /// The scalar diagonal of a square matrix; zero where nothing is stored.
+    pub fn diagonal(&self) -> Vec<f64> {
+        let mut diagonal = vec![0.0; self.n_rows()];
+        for i in 0..self.n_block_rows {
+            if let Some(block) = self.block(i, i) {
+                for a in 0..B {
+                    diagonal[i * B + a] = block[a][a];
+                }
+            }
+        }
+        diagonal
+    }
+}
+
+/// Euclidean norm, scaled against overflow and underflow so that the unit of `x` does not matter.
+pub fn norm(x: &[f64]) -> f64 {
+    let scale = norm_max(x);
+    if scale == 0.0 || !scale.is_finite() {
+        return scale;
+    }
+    scale * x.iter().map(|v| (v / scale).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Largest absolute value; NaN if there is one.
+pub fn norm_max(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |acc: f64, v| {
+        if v.is_nan() || acc.is_nan() {
+            f64::NAN
+        } else {
+            acc.max(v.abs())
+        }
+    })
+}
+
+/// Σ xᵢ yᵢ.
+pub fn dot(x: &[f64], y: &[f64]) -> f64 {
+    debug_assert_eq!(x.len(), y.len());
+    x.iter().zip(y).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triplets_add_up_and_pad_to_whole_blocks() {
+        let m = BlockCsr::<2>::from_triplets(3, 3, [(0, 0, 1.0), (0, 0, 2.0), (2, 1, 5.0)]);
+        assert_eq!((m.n_rows(), m.n_cols(), m.n_blocks()), (4, 4, 2));
+        let mut y = vec![f64::NAN; 4];
+        m.mul(&[1.0, 10.0, 100.0, 0.0], &mut y);
+        assert_eq!(y, [3.0, 0.0, 50.0, 0.0]);
+        let mut z = vec![0.0; 4];
+        m.mul_transpose_add(2.0, &[1.0, 0.0, 1.0, 0.0], &mut z);
+        assert_eq!(z, [6.0, 10.0, 0.0, 0.0]);
+        assert_eq!(m.diagonal(), [3.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn norms_do_not_overflow() {
+        assert_eq!(norm(&[3e300, 4e300]), 5e300);
+        assert_eq!(norm(&[3e-300, 4e-300]), 5e-300);
+        assert!(norm(&[f64::NAN, 1.0]).is_nan());
+        assert_eq!(norm(&[]), 0.0);
+    }
+}

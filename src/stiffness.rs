@@ -1,0 +1,5 @@
+//! Solvers for the stiffness matrix K.
+
+pub mod cholesky;
+mod ordering;
+mod panel;
