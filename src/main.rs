@@ -11,7 +11,7 @@ fn main(){
   print!("k={k} {name}");
   for eps in [1e-4,1e-6] { for beta in [0.01,0.05,1.0,1.9,20.0,100.0,1000.0] { if verbose {println!("eps {eps} beta {beta}");}
     let s=ssnm::solve(&p,&mut d,&ssnm::Settings{tolerance:eps,beta,..Default::default()},|s| {if verbose {println!("{s:?}");} std::ops::ControlFlow::Continue(())});
-    print!(" {:2}/{:3}{}",s.info.iter,s.info.n_a,if s.status==ssnm::Status::Converged {"".into()} else {format!("{:?}{:?}",s.status,s.info.kkt)}); } print!("  |");}
+    print!(" {:2}/{:3}{}",s.info.first_met.unwrap_or((0,0)).0,s.info.first_met.unwrap_or((0,0)).1,if s.status==ssnm::Status::Converged {"".into()} else {format!("{:?}{:.0e}",s.status,s.info.kkt.max())}); } print!("  |");}
   println!();
   }}
 }

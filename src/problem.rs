@@ -312,14 +312,7 @@ impl ContactProblem {
         };
         let u_max = norm_max(u);
         let slip = positive(&mut (0..m).map(|i| {
-            let g = self.slip_bound()[i];
-            if lambda_t[i].abs() < g {
-                tu[i].abs()
-            } else if g == 0.0 {
-                0.0
-            } else {
-                -tu[i] * lambda_t[i].signum()
-            }
+            slip_violation(lambda_t[i], tu[i], self.slip_bound()[i])
         }));
         Kkt {
             equilibrium: ratio(norm(&residual), norm(self.load())),
@@ -366,6 +359,18 @@ impl Kkt {
             self.friction_bound,
             self.slip,
         ])
+    }
+}
+
+/// How far (T u)ᵢ is from what (3) allows with λτ,i: nothing where the node sticks, against the sign of
+/// λτ,i where it slips.
+pub(crate) fn slip_violation(lambda: f64, slip: f64, g: f64) -> f64 {
+    if lambda.abs() < g {
+        slip.abs()
+    } else if g == 0.0 {
+        0.0
+    } else {
+        -slip * lambda.signum()
     }
 }
 

@@ -5,26 +5,31 @@
 //! with the inactive multipliers on their bounds by conjugate gradients (Step 3), and measures the
 //! reduced gradient (10) at the projection of the result (Step 3.4).
 //!
-//! Three things go beyond the text of the paper, none of which changes the limit:
+//! Four things go beyond the text of the paper, none of which changes the limit:
 //!
 //! - **Products are carried.** r = Aλ − b is updated along with λ, so a product with A is spent only on
 //!   a direction of CG, on the jump of the multipliers that change to a bound, and on P_Λ(λ) − λ.
 //! - **CG is continued, not restarted,** where the next step has the same sets, and it is cut short once
-//!   its residual is well below the last error and the sets that it would lead to have changed already.
-//! - **The safeguard.** The iterates P_Λ(λᵏ) are feasible and their q is known for nothing. A step that
-//!   lowers neither the best q nor the best error is discarded: from the best point a projected gradient
-//!   step with ρ = 1/σ_max < 2/σ_max lowers q by at least a fixed part of ‖r̃‖² (Kučera 2008, [2] of the
-//!   paper), CG on its free multipliers lowers it further, and the set prediction uses no more than
-//!   that ρ from then on. Hence q decreases to its minimum whatever β was.
+//!   its residual is below a part of the last error and the sets that it would lead to have changed.
+//! - **Known products are used again.** All directions with a known product span a subspace; its part that
+//!   vanishes on the held multipliers is minimised over for nothing before CG starts on new sets.
+//! - **The safeguard.** The iterates are feasible and the change of q between them is known for nothing.
+//!   Steps that lower neither the best q nor the best error are discarded: from the best point a
+//!   projected gradient step with ρ = 1/σ_max < 2/σ_max lowers q by at least a fixed part of ‖r̃‖²
+//!   (Kučera 2008, [2] of the paper), the best part of a Newton step lowers it further, and the set
+//!   prediction uses no more than that ρ from then on. Each time it acts it stays for twice as many
+//!   steps, hence q decreases to its minimum whatever β was.
 
 mod sets;
+mod subspace;
 
 pub use sets::{SetSizes, Sets};
 
 use crate::dual::{DualOperator, sigma_max};
-use crate::problem::{ContactProblem, Kkt};
-use crate::sparse::{dot, norm};
+use crate::problem::{ContactProblem, Kkt, slip_violation};
+use crate::sparse::{dot, norm, norm_max};
 use std::ops::ControlFlow;
+use subspace::Subspace;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -121,6 +126,9 @@ pub struct Info {
     pub iter: usize,
     /// Products with A inside the method.
     pub n_a: usize,
+    /// `iter` and `n_a` where err ≤ ε err⁰ held first: the paper's stopping test, before the optimality
+    /// conditions were checked.
+    pub first_met: Option<(usize, usize)>,
     /// Products spent on the estimate of σ_max.
     pub n_a_sigma: usize,
     /// ρ = β / σ_max.
@@ -154,6 +162,10 @@ pub struct Solution {
     pub info: Info,
 }
 
+/// Newton steps in a row without progress in q or err before the safeguard acts.
+const FRUITLESS: usize = 3;
+/// The residual of the inner problems in Algorithm SSNM, relative to err⁰.
+const EXACT: f64 = 1e-12;
 /// CG may stop early, on sets that have changed, once its residual is below this part of err.
 const SETS_CHANGED: f64 = 0.3;
 
@@ -184,6 +196,7 @@ pub fn solve(
         alpha: if sigma > 0.0 { 1.0 / sigma } else { 1.0 },
         dual,
         n_a: 0,
+        known: Subspace::default(),
         stop: Stop {
             deadline: settings.time_limit.map(|limit| start + limit),
             interrupt: settings.interrupt,
@@ -192,34 +205,42 @@ pub fn solve(
     let mut point = newton.start(settings.initial);
     let err0 = newton.error(&point);
     let mut history: Vec<Step> = Vec::new();
-    let mut epsilon = settings.tolerance;
+    let mut goal = Goal {
+        err: settings.tolerance * err0,
+        slack: f64::INFINITY,
+        work: f64::INFINITY,
+    };
     let mut err = err0;
+    let mut checks = 0;
+    let mut first_met = None;
     let (u, kkt, status) = loop {
-        let status = newton.run(&mut point, &mut err, err0, epsilon, settings, &mut history, &mut observer);
+        let status = newton.run(&mut point, &mut err, err0, &goal, settings, &mut history, &mut observer);
         let u = newton.dual.displacement(&point.lambda);
         let kkt = problem.kkt(&u, &point.lambda);
         if status != Status::Converged {
             break (u, kkt, status);
         }
+        first_met.get_or_insert((history.len(), newton.n_a));
         // r = d − Nu and −Tu afresh: the carried residual may have drifted.
         newton.refresh(problem, &u, &mut point);
         err = newton.error(&point);
-        let relative = if err0 > 0.0 { err / err0 } else { 0.0 };
-        let violation = kkt.max() / (10.0 * settings.tolerance);
-        if relative <= settings.tolerance * (1.0 + 1e-6) && violation <= 1.0 {
+        if err <= settings.tolerance * err0 * (1.0 + 1e-6) && kkt.max() <= 10.0 * settings.tolerance {
             break (u, kkt, status);
         }
-        // Equilibrium does not depend on λ: no further step can mend it.
-        let attainable = kkt.equilibrium <= 10.0 * settings.tolerance;
-        epsilon *= 0.5 * (1.0 / violation).clamp(0.02, 1.0);
-        if !attainable || !(epsilon > 1e-16) {
+        // Equilibrium does not depend on λ: no further step can mend it. A goal that was met and still
+        // fails the check is at the limit of rounding.
+        checks += 1;
+        if !(kkt.equilibrium <= 10.0 * settings.tolerance) || checks > 5 {
             break (u, kkt, Status::Stagnated);
         }
+        goal.slack = 9.0 * settings.tolerance * norm_max(&u);
+        goal.work = 9.0 * settings.tolerance * norm(&u);
     };
     let sets = Sets::at_solution(&point.lambda, &point.r, newton.g);
     let info = Info {
         iter: history.len(),
         n_a: newton.n_a,
+        first_met,
         n_a_sigma,
         rho: newton.rho,
         sigma_max: sigma,
@@ -238,11 +259,48 @@ pub fn solve(
     }
 }
 
+/// What a point has to meet before the final check is worth its price.
+struct Goal {
+    /// err at most.
+    err: f64,
+    /// Penetration, and slip where there should be none, at most; known after the first check.
+    slack: f64,
+    /// |λνᵀ(Nu − d)| / ‖λ‖ at most; likewise.
+    work: f64,
+}
+
+impl Goal {
+    /// Written so that NaN never passes.
+    fn met(&self, point: &Point, err: f64, g: &[f64]) -> bool {
+        if !(err <= self.err) {
+            return false;
+        }
+        let m = g.len();
+        let (ln, lt) = point.lambda.split_at(m);
+        let (rn, rt) = point.r.split_at(m);
+        let penetration = rn.iter().fold(0.0, |acc: f64, r| acc.max(-r));
+        let slip = (0..m).fold(0.0, |acc: f64, i| acc.max(slip_violation(lt[i], -rt[i], g[i])));
+        let length = norm(&point.lambda);
+        penetration.max(slip) <= self.slack && (length == 0.0 || dot(ln, rn).abs() / length <= self.work)
+    }
+}
+
 /// λ with its gradient r = Aλ − b.
 #[derive(Clone)]
 struct Point {
     lambda: Vec<f64>,
     r: Vec<f64>,
+}
+
+impl Point {
+    /// q(to) − q(self) = ½ (λ' − λ)ᵀ(r + r'): free of the cancellation of a difference.
+    fn q_change(&self, to: &Self) -> f64 {
+        let mut sum = 0.0;
+        for i in 0..self.r.len() {
+            sum += (to.lambda[i] - self.lambda[i]) * (self.r[i] + to.r[i]);
+        }
+        0.5 * sum
+    }
 }
 
 /// When to stop in the middle of an inner solve.
@@ -266,18 +324,8 @@ impl Stop<'_> {
 /// The conjugate gradient iteration on a free set, kept from one outer step to the next.
 struct Cg {
     sets: Sets,
-    p: Vec<f64>,
-    /// ‖r‖² on the free set.
-    rr: f64,
-}
-
-impl Cg {
-    fn new(sets: Sets, r: &[f64]) -> Self {
-        let mut p: Vec<f64> = r.iter().map(|r| -r).collect();
-        sets.mask(&mut p);
-        let rr = dot(&p, &p);
-        Self { sets, p, rr }
-    }
+    /// Known directions on the free set: recycled ones, then those of this iteration.
+    span: Subspace,
 }
 
 /// The state that all steps share.
@@ -290,6 +338,8 @@ struct Newton<'a, D> {
     alpha: f64,
     dual: &'a mut D,
     n_a: usize,
+    /// All directions whose product is known.
+    known: Subspace,
     stop: Stop<'a>,
 }
 
@@ -323,18 +373,14 @@ impl<D: DualOperator> Newton<'_, D> {
         let mut image = vec![0.0; jump.len()];
         self.apply(&jump, &mut image);
         point.lambda = target;
-        point.r.iter_mut().zip(image).for_each(|(r, a)| *r += a);
+        point.r.iter_mut().zip(&image).for_each(|(r, a)| *r += a);
+        self.known.add(jump, image);
         true
     }
 
     /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ.
     fn error(&self, point: &Point) -> f64 {
         norm(&reduced_gradient(point, self.rho, self.g))
-    }
-
-    /// q(λ) = ½ λᵀ(r − b), for r = Aλ − b.
-    fn q(&self, point: &Point) -> f64 {
-        0.5 * (dot(&point.lambda, &point.r) - dot(&point.lambda, &self.b))
     }
 
     /// Replaces the carried r by what the displacement says: d − Nu and −Tu.
@@ -354,7 +400,7 @@ impl<D: DualOperator> Newton<'_, D> {
         point: &mut Point,
         err: &mut f64,
         err0: f64,
-        epsilon: f64,
+        goal: &Goal,
         settings: &Settings,
         history: &mut Vec<Step>,
         observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
@@ -362,75 +408,75 @@ impl<D: DualOperator> Newton<'_, D> {
         // Step 3.1 starts from tol⁰ = r_tol / c_fact.
         let mut tol = settings.r_tol / settings.c_fact;
         let mut cg: Option<Cg> = None;
+        let mut previous: Option<Sets> = None;
         let mut set_rho = self.rho;
-        let mut best = point.clone();
-        let (mut best_q, mut best_err) = (self.q(point), *err);
-        // Safeguarded steps still to make, and how many the next discarded step will cost.
+        // The point of lowest q, and what it took to find a better one.
+        let (mut best, mut best_err) = (point.clone(), *err);
+        let first = point.clone();
+        let mut fruitless = 0;
+        // Safeguarded steps still to make, and how many the next discarded steps will cost.
         let (mut guarded, mut penalty) = (0usize, 1usize);
         loop {
-            // Step 1, written so that NaN never passes.
-            if *err <= epsilon * err0 {
+            // Step 1.
+            if goal.met(point, *err, self.g) {
                 return Status::Converged;
             }
-            if let Some(status) = self.stop.now() {
-                return status;
-            }
-            if history.len() >= settings.max_iterations {
+            let stop = self.stop.now();
+            if stop.is_some() || history.len() >= settings.max_iterations {
                 *point = best;
-                return Status::IterationLimit;
+                return stop.unwrap_or(Status::IterationLimit);
             }
             tol = (settings.r_tol * *err / err0).min(settings.c_fact * tol);
             let target = match settings.method {
                 Method::Inexact => tol * err0,
-                Method::Exact => 1e-12 * err0,
+                Method::Exact => EXACT * err0,
             };
-            let previous = cg.as_ref().map(|cg| cg.sets.clone());
             let safeguarded = guarded > 0;
             let (sets, inner) = if safeguarded {
                 guarded -= 1;
-                let outcome = self.safeguarded_step(point, target);
-                cg = None;
-                outcome
+                self.safeguarded_step(point, target, *err)
             } else {
                 self.newton_step(point, &mut cg, set_rho, target, *err, settings.method)
             };
             *err = self.error(point);
-            let q = self.q(point);
             history.push(Step {
                 iter: history.len() + 1,
                 inner,
                 n_a: self.n_a,
                 err: *err / err0,
                 sets: sets.sizes(),
-                changes: previous.map_or(2 * self.g.len(), |old| old.differences(&sets)),
+                changes: previous.map_or(0, |old| old.differences(&sets)),
                 safeguarded,
             });
+            previous = Some(sets);
             let stopped = observer(history.last().expect("just pushed")).is_break();
 
-            let progress = q < best_q || *err < best_err;
-            if q < best_q || (*err < best_err && *err <= epsilon * err0) {
+            let lower = best.q_change(point) < 0.0;
+            if lower || *err < best_err {
+                fruitless = 0;
+            } else {
+                fruitless += 1;
+            }
+            if lower {
                 best = point.clone();
-                best_q = q;
             }
             best_err = best_err.min(*err);
             if stopped {
                 *point = best;
                 return Status::Interrupted;
             }
-            // Written so that NaN is no progress.
-            if !progress || !q.is_finite() {
-                if safeguarded {
-                    *point = best;
-                    *err = self.error(point);
-                    return if *err <= epsilon * err0 {
-                        Status::Converged
-                    } else {
-                        Status::Stagnated
-                    };
-                }
+            // More than half of all progress lost counts at once. Written so that NaN does, too.
+            let gained = -first.q_change(&best);
+            let lost = best.q_change(point);
+            if fruitless >= FRUITLESS || (safeguarded && fruitless > 0) || !(lost <= 0.5 * gained) {
                 *point = best.clone();
                 *err = self.error(point);
+                if safeguarded {
+                    // Not even a projected gradient step lowers q or the error: rounding.
+                    return Status::Stagnated;
+                }
                 best_err = *err;
+                fruitless = 0;
                 cg = None;
                 set_rho = set_rho.min(self.alpha);
                 guarded = penalty;
@@ -456,7 +502,7 @@ impl<D: DualOperator> Newton<'_, D> {
         let jumped = self.move_to(point, start);
         let mut cg = match kept.take() {
             Some(cg) if !jumped && cg.sets == sets => cg,
-            _ => Cg::new(sets.clone(), &point.r),
+            _ => self.cg_on(sets.clone(), point),
         };
         // Step 3.3.
         let floor = match method {
@@ -467,17 +513,25 @@ impl<D: DualOperator> Newton<'_, D> {
             floor.is_some_and(|floor| residual <= floor)
                 && Sets::predict(&point.lambda, &point.r, rho, newton.g) != sets
         });
-        // Step 3.4 takes the error at the projection; going on from there costs nothing more.
-        let mut projected = point.lambda.clone();
-        project(&mut projected, self.g);
-        if !self.move_to(point, projected) {
+        // Step 3.4 takes the error at a point of Λ, and the next step goes on from there.
+        if !self.move_into_bounds(point, rho) {
             *kept = Some(cg);
         }
         (sets, inner)
     }
 
+    /// Starts CG on the free multipliers of `sets` from the minimum over the known directions there.
+    fn cg_on(&self, sets: Sets, point: &mut Point) -> Cg {
+        let span = self.known.fitting(&sets);
+        span.minimise(&mut point.lambda, &mut point.r);
+        Cg { sets, span }
+    }
+
     /// CGM(A, b, 𝒜, λ, tol): minimises q over the free multipliers until ‖r‖ there is at most `target`
     /// or `enough` says so; returns the number of iterations.
+    ///
+    /// Each direction is the residual made conjugate to all known directions, not only to the last one:
+    /// the same iterates in exact arithmetic, and the recycled directions stay minimised.
     fn cg(
         &mut self,
         point: &mut Point,
@@ -488,72 +542,78 @@ impl<D: DualOperator> Newton<'_, D> {
         let mut image = vec![0.0; point.lambda.len()];
         let limit = 2 * cg.sets.n_free() + 50;
         let mut inner = 0;
-        while cg.rr.sqrt() > target && inner < limit && self.stop.now().is_none() {
-            self.apply(&cg.p, &mut image);
-            let curvature = dot(&cg.p, &image);
+        while inner < limit && self.stop.now().is_none() {
+            let mut p: Vec<f64> = point.r.iter().map(|r| -r).collect();
+            cg.sets.mask(&mut p);
+            let residual = norm(&p);
+            if residual <= target || (inner > 0 && enough(self, point, residual)) {
+                break;
+            }
+            cg.span.make_conjugate(&mut p, None);
+            self.apply(&p, &mut image);
+            let curvature = dot(&p, &image);
             if !(curvature > 0.0) {
                 break;
             }
             inner += 1;
-            let step = cg.rr / curvature;
-            let mut rr = 0.0;
+            let step = -dot(&p, &point.r) / curvature;
             for i in 0..image.len() {
-                point.lambda[i] += step * cg.p[i];
+                point.lambda[i] += step * p[i];
                 point.r[i] += step * image[i];
-                if cg.sets.is_free(i) {
-                    rr += point.r[i] * point.r[i];
-                }
             }
-            let beta = rr / cg.rr;
-            cg.rr = rr;
-            for (i, p) in cg.p.iter_mut().enumerate() {
-                if cg.sets.is_free(i) {
-                    *p = -point.r[i] + beta * *p;
-                }
-            }
-            if enough(self, point, rr.sqrt()) {
-                break;
-            }
+            self.known.add(p.clone(), image.clone());
+            let scale = 1.0 / curvature.sqrt();
+            p.iter_mut().for_each(|v| *v *= scale);
+            cg.span.push(p, image.iter().map(|v| v * scale).collect());
         }
         inner
     }
 
-    /// A step that lowers q: projected gradient, then CG on what is free there.
-    fn safeguarded_step(&mut self, point: &mut Point, target: f64) -> (Sets, usize) {
-        let before = self.q(point);
-        loop {
-            let mut next = point.clone();
-            for (l, r) in next.lambda.iter_mut().zip(&point.r) {
+    /// P_Λ(λ), with the multipliers that the next step will hold put on their bounds by the same product.
+    ///
+    /// Only those that a ρ ≤ 1/σ_max holds: what a larger one says of a point outside Λ is too wild.
+    fn move_into_bounds(&mut self, point: &mut Point, rho: f64) -> bool {
+        let mut target = point.lambda.clone();
+        Sets::predict(&point.lambda, &point.r, rho.min(self.alpha), self.g)
+            .set_bounds(&mut target, self.g);
+        project(&mut target, self.g);
+        self.move_to(point, target)
+    }
+
+    /// A step that lowers q: projected gradient from `point`, then a Newton step from there, of which
+    /// the part is taken that lowers q most.
+    fn safeguarded_step(&mut self, point: &mut Point, target: f64, err: f64) -> (Sets, usize) {
+        let gradient = point.clone();
+        for _ in 0..60 {
+            *point = gradient.clone();
+            let mut lambda = point.lambda.clone();
+            for (l, r) in lambda.iter_mut().zip(&point.r) {
                 *l -= self.alpha * r;
             }
-            project(&mut next.lambda, self.g);
-            let lambda = std::mem::replace(&mut next.lambda, point.lambda.clone());
-            if !self.move_to(&mut next, lambda) || self.q(&next) <= before || self.alpha == 0.0 {
-                *point = next;
+            project(&mut lambda, self.g);
+            self.move_to(point, lambda);
+            if gradient.q_change(point) <= 0.0 {
                 break;
             }
-            // σ_max was underestimated, or this is rounding.
-            let rounding = 1e-14 * before.abs();
-            if self.q(&next) - before <= rounding {
-                break;
-            }
+            // σ_max was underestimated.
             self.alpha *= 0.5;
         }
-        let start = point.clone();
-        let start_q = self.q(&start);
-        let sets = Sets::predict(&point.lambda, &point.r, self.alpha, self.g);
-        let mut bounded = point.lambda.clone();
-        sets.set_bounds(&mut bounded, self.g);
-        self.move_to(point, bounded);
-        let mut cg = Cg::new(sets.clone(), &point.r);
-        let inner = self.cg(point, &mut cg, target, |newton, point, _| {
-            Sets::predict(&point.lambda, &point.r, newton.alpha, newton.g) != sets
-        });
-        let mut projected = point.lambda.clone();
-        project(&mut projected, self.g);
-        self.move_to(point, projected);
-        if !(self.q(point) <= start_q) {
-            *point = start;
+        let feasible = point.clone();
+        let (sets, inner) =
+            self.newton_step(point, &mut None, self.alpha, target, err, Method::Inexact);
+        // Both ends are feasible and their gradients known: the minimum of q between them is free.
+        let step: Vec<f64> = point.lambda.iter().zip(&feasible.lambda).map(|(z, y)| z - y).collect();
+        let slope = dot(&step, &feasible.r);
+        let curvature = dot(&step, &point.r) - slope;
+        let t = if curvature > 0.0 { (-slope / curvature).clamp(0.0, 1.0) } else { 0.0 };
+        if t < 1.0 {
+            let between = |y: &[f64], z: &[f64]| -> Vec<f64> {
+                y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect()
+            };
+            *point = Point {
+                lambda: between(&feasible.lambda, &point.lambda),
+                r: between(&feasible.r, &point.r),
+            };
         }
         (sets, inner)
     }

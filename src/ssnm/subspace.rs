@@ -1,0 +1,123 @@
+//! The span of all directions whose product with A is known, and what of it fits the present sets.
+
+use super::Sets;
+use crate::sparse::dot;
+use faer::Mat;
+
+/// Directions kept at most: 2 · 2m numbers each.
+const MAX_DIRECTIONS: usize = 120;
+/// A direction whose part outside the span is smaller than this (in the norm of A) adds nothing but rounding.
+const INDEPENDENT: f64 = 1e-7;
+/// A combination is zero on the held multipliers if its singular value is below this part of the largest.
+const VANISHES: f64 = 1e-11;
+
+/// A-orthonormal directions W (WᵀAW = I) with their images AW.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Subspace {
+    directions: Vec<Vec<f64>>,
+    images: Vec<Vec<f64>>,
+}
+
+impl Subspace {
+    /// Adds a direction with its image.
+    pub fn add(&mut self, mut direction: Vec<f64>, mut image: Vec<f64>) {
+        let before = dot(&direction, &image);
+        for _ in 0..2 {
+            self.make_conjugate(&mut direction, Some(&mut image));
+        }
+        let curvature = dot(&direction, &image);
+        // Written so that NaN is refused.
+        if !(curvature > INDEPENDENT * INDEPENDENT * before && before > 0.0) {
+            return;
+        }
+        let scale = 1.0 / curvature.sqrt();
+        direction.iter_mut().for_each(|v| *v *= scale);
+        image.iter_mut().for_each(|v| *v *= scale);
+        self.push(direction, image);
+    }
+
+    /// Adds a direction that is conjugate to all others and has the length one in the norm of A.
+    pub fn push(&mut self, direction: Vec<f64>, image: Vec<f64>) {
+        if self.directions.len() == MAX_DIRECTIONS {
+            self.directions.remove(0);
+            self.images.remove(0);
+        }
+        self.directions.push(direction);
+        self.images.push(image);
+    }
+
+    /// Removes from x (and its image) what lies in the span.
+    pub fn make_conjugate(&self, x: &mut [f64], mut image: Option<&mut [f64]>) {
+        for (direction, known) in self.directions.iter().zip(&self.images) {
+            let c = dot(known, x);
+            subtract(c, direction, x);
+            if let Some(image) = image.as_deref_mut() {
+                subtract(c, known, image);
+            }
+        }
+    }
+
+    /// Moves to the minimum of q over the span: λ −= W Wᵀr, r −= AW Wᵀr. No product with A is spent.
+    pub fn minimise(&self, lambda: &mut [f64], r: &mut [f64]) {
+        for (direction, image) in self.directions.iter().zip(&self.images) {
+            let c = dot(direction, r);
+            subtract(c, direction, lambda);
+            subtract(c, image, r);
+        }
+    }
+
+    /// The combinations that vanish on every held multiplier, as a subspace of their own.
+    ///
+    /// With W_H the rows of the held multipliers, they are W Z for the null space Z of W_H; Z has
+    /// orthonormal columns, so W Z is A-orthonormal again.
+    pub fn fitting(&self, sets: &Sets) -> Self {
+        let count = self.directions.len();
+        let held: Vec<usize> = (0..self.directions.first().map_or(0, Vec::len))
+            .filter(|&i| !sets.is_free(i) && self.directions.iter().any(|d| d[i] != 0.0))
+            .collect();
+        if held.is_empty() {
+            return self.clone();
+        }
+        let rows = Mat::from_fn(held.len(), count, |i, j| self.directions[j][held[i]]);
+        // A few rows leave a null space that only the full set of right singular vectors shows.
+        let (values, right) = if held.len() >= count {
+            match rows.thin_svd() {
+                Ok(svd) => (svd.S().column_vector().iter().copied().collect(), svd.V().to_owned()),
+                Err(_) => return Self::default(),
+            }
+        } else {
+            match rows.svd() {
+                Ok(svd) => (
+                    svd.S().column_vector().iter().copied().collect::<Vec<f64>>(),
+                    svd.V().to_owned(),
+                ),
+                Err(_) => return Self::default(),
+            }
+        };
+        let rank = values
+            .iter()
+            .take_while(|&&s| s > VANISHES * values[0])
+            .count();
+        let combine = |vectors: &[Vec<f64>], z: usize| {
+            let mut sum = vec![0.0; vectors[0].len()];
+            for (j, v) in vectors.iter().enumerate() {
+                subtract(-right[(j, z)], v, &mut sum);
+            }
+            sum
+        };
+        let mut fitting = Self::default();
+        for z in rank..count {
+            let mut direction = combine(&self.directions, z);
+            sets.mask(&mut direction);
+            fitting.push(direction, combine(&self.images, z));
+        }
+        fitting
+    }
+}
+
+/// y −= c x.
+fn subtract(c: f64, x: &[f64], y: &mut [f64]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y -= c * x;
+    }
+}
