@@ -205,37 +205,13 @@ pub fn solve(
     let mut point = newton.start(settings.initial);
     let err0 = newton.error(&point);
     let mut history: Vec<Step> = Vec::new();
-    let mut goal = Goal {
-        err: settings.tolerance * err0,
-        slack: f64::INFINITY,
-        work: f64::INFINITY,
-    };
-    let mut err = err0;
-    let mut checks = 0;
     let mut first_met = None;
-    let (u, kkt, status) = loop {
-        let status = newton.run(&mut point, &mut err, err0, &goal, settings, &mut history, &mut observer);
-        let u = newton.dual.displacement(&point.lambda);
-        let kkt = problem.kkt(&u, &point.lambda);
-        if status != Status::Converged {
-            break (u, kkt, status);
-        }
-        first_met.get_or_insert((history.len(), newton.n_a));
-        // r = d − Nu and −Tu afresh: the carried residual may have drifted.
-        newton.refresh(problem, &u, &mut point);
-        err = newton.error(&point);
-        if err <= settings.tolerance * err0 * (1.0 + 1e-6) && kkt.max() <= 10.0 * settings.tolerance {
-            break (u, kkt, status);
-        }
-        // Equilibrium does not depend on λ: no further step can mend it. A goal that was met and still
-        // fails the check is at the limit of rounding.
-        checks += 1;
-        if !(kkt.equilibrium <= 10.0 * settings.tolerance) || checks > 5 {
-            break (u, kkt, Status::Stagnated);
-        }
-        goal.slack = 9.0 * settings.tolerance * norm_max(&u);
-        goal.work = 9.0 * settings.tolerance * norm(&u);
-    };
+    let status = newton.run(&mut point, err0, settings, &mut history, &mut observer, |newton, point, goal, iter| {
+        first_met.get_or_insert((iter, newton.n_a));
+        newton.verify(problem, point, goal, err0, settings.tolerance)
+    });
+    let u = newton.dual.displacement(&point.lambda);
+    let kkt = problem.kkt(&u, &point.lambda);
     let sets = Sets::at_solution(&point.lambda, &point.r, newton.g);
     let info = Info {
         iter: history.len(),
@@ -267,6 +243,8 @@ struct Goal {
     slack: f64,
     /// |λνᵀ(Nu − d)| / ‖λ‖ at most; likewise.
     work: f64,
+    /// Final checks that failed.
+    checks: usize,
 }
 
 impl Goal {
@@ -393,40 +371,80 @@ impl<D: DualOperator> Newton<'_, D> {
         rt.iter_mut().for_each(|r| *r = -*r);
     }
 
-    /// Outer steps until err ≤ ε err⁰ or a reason to stop.
-    #[allow(clippy::too_many_arguments)]
+    /// The final check, with what the displacement says instead of the carried r: Converged, Stagnated, or
+    /// None if the goal has to be closer.
+    fn verify(
+        &mut self,
+        problem: &ContactProblem,
+        point: &mut Point,
+        goal: &mut Goal,
+        err0: f64,
+        tolerance: f64,
+    ) -> Option<Status> {
+        let u = self.dual.displacement(&point.lambda);
+        let kkt = problem.kkt(&u, &point.lambda);
+        self.refresh(problem, &u, point);
+        let err = self.error(point);
+        if err <= tolerance * err0 * (1.0 + 1e-6) && kkt.max() <= 10.0 * tolerance {
+            return Some(Status::Converged);
+        }
+        // Equilibrium does not depend on λ: no further step can mend it. A goal that was met again and
+        // again and still fails the check is at the limit of rounding.
+        goal.checks += 1;
+        if !(kkt.equilibrium <= 10.0 * tolerance) || goal.checks > 5 {
+            return Some(Status::Stagnated);
+        }
+        goal.slack = 9.0 * tolerance * norm_max(&u);
+        goal.work = 9.0 * tolerance * norm(&u);
+        None
+    }
+
+    /// Outer steps until `verify` is content with a point that meets the goal, or a reason to stop.
     fn run(
         &mut self,
         point: &mut Point,
-        err: &mut f64,
         err0: f64,
-        goal: &Goal,
         settings: &Settings,
         history: &mut Vec<Step>,
         observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
+        mut verify: impl FnMut(&mut Self, &mut Point, &mut Goal, usize) -> Option<Status>,
     ) -> Status {
+        let mut goal = Goal {
+            err: settings.tolerance * err0,
+            slack: f64::INFINITY,
+            work: f64::INFINITY,
+            checks: 0,
+        };
+        let mut err = err0;
         // Step 3.1 starts from tol⁰ = r_tol / c_fact.
         let mut tol = settings.r_tol / settings.c_fact;
         let mut cg: Option<Cg> = None;
         let mut previous: Option<Sets> = None;
         let mut set_rho = self.rho;
         // The point of lowest q, and what it took to find a better one.
-        let (mut best, mut best_err) = (point.clone(), *err);
+        let (mut best, mut best_err) = (point.clone(), err);
         let first = point.clone();
         let mut fruitless = 0;
         // Safeguarded steps still to make, and how many the next discarded steps will cost.
         let (mut guarded, mut penalty) = (0usize, 1usize);
         loop {
             // Step 1.
-            if goal.met(point, *err, self.g) {
-                return Status::Converged;
+            if goal.met(point, err, self.g) {
+                if let Some(status) = verify(self, point, &mut goal, history.len()) {
+                    return status;
+                }
+                // r is fresh now.
+                err = self.error(point);
+                best = point.clone();
+                cg = None;
+                continue;
             }
             let stop = self.stop.now();
             if stop.is_some() || history.len() >= settings.max_iterations {
                 *point = best;
                 return stop.unwrap_or(Status::IterationLimit);
             }
-            tol = (settings.r_tol * *err / err0).min(settings.c_fact * tol);
+            tol = (settings.r_tol * err / err0).min(settings.c_fact * tol);
             let target = match settings.method {
                 Method::Inexact => tol * err0,
                 Method::Exact => EXACT * err0,
@@ -434,16 +452,16 @@ impl<D: DualOperator> Newton<'_, D> {
             let safeguarded = guarded > 0;
             let (sets, inner) = if safeguarded {
                 guarded -= 1;
-                self.safeguarded_step(point, target, *err)
+                self.safeguarded_step(point, target, err)
             } else {
-                self.newton_step(point, &mut cg, set_rho, target, *err, settings.method)
+                self.newton_step(point, &mut cg, set_rho, target, err, settings.method)
             };
-            *err = self.error(point);
+            err = self.error(point);
             history.push(Step {
                 iter: history.len() + 1,
                 inner,
                 n_a: self.n_a,
-                err: *err / err0,
+                err: err / err0,
                 sets: sets.sizes(),
                 changes: previous.map_or(0, |old| old.differences(&sets)),
                 safeguarded,
@@ -452,7 +470,7 @@ impl<D: DualOperator> Newton<'_, D> {
             let stopped = observer(history.last().expect("just pushed")).is_break();
 
             let lower = best.q_change(point) < 0.0;
-            if lower || *err < best_err {
+            if lower || err < best_err {
                 fruitless = 0;
             } else {
                 fruitless += 1;
@@ -460,7 +478,7 @@ impl<D: DualOperator> Newton<'_, D> {
             if lower {
                 best = point.clone();
             }
-            best_err = best_err.min(*err);
+            best_err = best_err.min(err);
             if stopped {
                 *point = best;
                 return Status::Interrupted;
@@ -470,12 +488,12 @@ impl<D: DualOperator> Newton<'_, D> {
             let lost = best.q_change(point);
             if fruitless >= FRUITLESS || (safeguarded && fruitless > 0) || !(lost <= 0.5 * gained) {
                 *point = best.clone();
-                *err = self.error(point);
+                err = self.error(point);
                 if safeguarded {
                     // Not even a projected gradient step lowers q or the error: rounding.
                     return Status::Stagnated;
                 }
-                best_err = *err;
+                best_err = err;
                 fruitless = 0;
                 cg = None;
                 set_rho = set_rho.min(self.alpha);
