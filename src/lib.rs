@@ -1,6 +1,8 @@
+pub mod case;
 pub mod contact;
 pub mod dual;
 pub mod elasticity;
+pub mod matrix_market;
 pub mod mesh;
 pub mod problem;
 pub mod reference;
