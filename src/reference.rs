@@ -43,7 +43,7 @@ pub struct Loads {
 pub const TABLE1: Loads = Loads {
     top: |x| [0.0, -6e7 - 1e7 / 3.0 * x],
     right: |y| [2e7, 4e7 - 2e7 * y],
-    tresca: 6e6,
+    tresca: 2e6,
 };
 
 /// Reference case A: partial contact, nearly everything slips.

@@ -1,0 +1,145 @@
+//! The command line: arguments, progress, exit codes. No numerics.
+
+mod check;
+mod solve;
+mod table1;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Exit code for an error: bad input, no such adapter, out of memory.
+const ERROR: u8 = 1;
+/// Exit code for a stop without convergence; what was computed is written.
+const NOT_CONVERGED: u8 = 3;
+
+#[derive(Parser)]
+#[command(
+    version,
+    about = "Contact with friction between elastic bodies and rigid obstacles",
+    after_help = "Exit codes: 0 converged, 1 error, 2 wrong usage, 3 stopped without convergence."
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Solve a case and write report.json, solution.vtu and contact.csv
+    Solve(SolveArguments),
+    /// Validate and describe a case, solve nothing
+    Check {
+        /// The case file (TOML)
+        case: PathBuf,
+        /// Replace an entry of the case, e.g. --set solver.tolerance=1e-8
+        #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+        settings: Vec<String>,
+    },
+    /// Reproduce Table 1 of the paper: outer steps and products with A
+    Table1(Table1Arguments),
+}
+
+#[derive(clap::Args)]
+struct SolveArguments {
+    /// The case file (TOML)
+    case: PathBuf,
+    /// Where to write the results [default: beside the case, its name + "-out"]
+    #[arg(long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    engine: Engine,
+    /// Replace an entry of the case, e.g. --set solver.tolerance=1e-8 or --set contact.0.friction.tresca=2e6
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    settings: Vec<String>,
+    /// No progress, no summary: results go to files, errors to standard error
+    #[arg(long, short)]
+    quiet: bool,
+    /// More about sizes and phases
+    #[arg(long, short)]
+    verbose: bool,
+}
+
+#[derive(clap::Args)]
+struct Table1Arguments {
+    /// Which of the two geometries with the paper's sizes
+    #[arg(long, value_enum, default_value = "one-body")]
+    geometry: GeometryArgument,
+    /// Largest refinement: rows k = 1, 3, … up to this
+    #[arg(long, default_value_t = 13, value_name = "K")]
+    max_k: usize,
+    /// Values of β
+    #[arg(long, value_delimiter = ',', value_name = "B,…", default_values_t = signorini::table1::BETAS)]
+    beta: Vec<f64>,
+    #[command(flatten)]
+    engine: Engine,
+    /// Write the cells as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// What does the arithmetic.
+#[derive(clap::Args)]
+struct Engine {
+    /// Where to compute
+    #[arg(long, value_enum, default_value = "auto")]
+    backend: Backend,
+    /// How to solve with the stiffness matrix
+    #[arg(long, value_enum, default_value = "auto")]
+    stiffness: Stiffness,
+}
+
+impl Engine {
+    /// What this version cannot do is an error, not another computation under the same name.
+    fn check(&self) -> Result<(), String> {
+        if self.backend == Backend::Gpu {
+            return Err("--backend gpu: this version computes on the CPU only; use --backend auto or cpu".into());
+        }
+        if self.stiffness == Stiffness::Pcg {
+            return Err("--stiffness pcg: this version has the direct path only; use --stiffness auto or cholesky".into());
+        }
+        Ok(())
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Backend {
+    Auto,
+    Cpu,
+    Gpu,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Stiffness {
+    Auto,
+    Cholesky,
+    Pcg,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum GeometryArgument {
+    OneBody,
+    TwoBody,
+}
+
+/// Runs the program.
+pub fn run() -> ExitCode {
+    let outcome = match Cli::parse().command {
+        Command::Solve(arguments) => solve::run(&arguments),
+        Command::Check { case, settings } => check::run(&case, &settings),
+        Command::Table1(arguments) => table1::run(&arguments),
+    };
+    match outcome {
+        Ok(code) => ExitCode::from(code),
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::from(ERROR)
+        }
+    }
+}
+
+/// Writes to standard output; a reader that has gone away (`| head`) is no error.
+fn print(text: &str) {
+    use std::io::Write as _;
+    let _ = std::io::stdout().write_all(text.as_bytes());
+}
