@@ -284,8 +284,9 @@ impl Case {
             message,
         };
         if !settings.is_empty() {
-            let mut document: toml_edit::DocumentMut =
-                text.parse().map_err(|e: toml_edit::TomlError| syntax(e.to_string()))?;
+            let mut document: toml_edit::DocumentMut = text
+                .parse()
+                .map_err(|e: toml_edit::TomlError| syntax(e.to_string()))?;
             for setting in settings {
                 set(&mut document, setting).map_err(|message| CaseError::Setting {
                     setting: setting.clone(),
@@ -307,7 +308,11 @@ impl Case {
     }
 
     /// An error at the place of a span.
-    pub(crate) fn invalid<T>(&self, span: std::ops::Range<usize>, message: impl Into<String>) -> Result<T, CaseError> {
+    pub(crate) fn invalid<T>(
+        &self,
+        span: std::ops::Range<usize>,
+        message: impl Into<String>,
+    ) -> Result<T, CaseError> {
         let before = &self.text.as_bytes()[..span.start.min(self.text.len())];
         Err(CaseError::Invalid {
             path: self.path.clone(),
@@ -325,10 +330,16 @@ impl Case {
         let t = &self.tables;
         match (&t.mesh, &t.algebraic) {
             (None, None) => {
-                return self.invalid(0..0, "the case has neither [mesh] nor [algebraic]: say what to solve");
+                return self.invalid(
+                    0..0,
+                    "the case has neither [mesh] nor [algebraic]: say what to solve",
+                );
             }
             (Some(_), Some(both)) => {
-                return self.invalid(both.span(), "the case has both [mesh] and [algebraic]: keep one");
+                return self.invalid(
+                    both.span(),
+                    "the case has both [mesh] and [algebraic]: keep one",
+                );
             }
             (None, Some(algebraic)) => {
                 let elastic = [
@@ -355,9 +366,16 @@ impl Case {
                             || rectangle.cells.contains(&0)
                             || !rectangle.origin.iter().all(|o| o.is_finite())
                         {
-                            return self.invalid(span, "the rectangle needs positive sizes and numbers of cells");
+                            return self.invalid(
+                                span,
+                                "the rectangle needs positive sizes and numbers of cells",
+                            );
                         }
-                        let nodes = rectangle.cells.iter().map(|&c| c as f64 + 1.0).product::<f64>();
+                        let nodes = rectangle
+                            .cells
+                            .iter()
+                            .map(|&c| c as f64 + 1.0)
+                            .product::<f64>();
                         if nodes > 4e8 {
                             return self.invalid(span, "the rectangle has more than 4e8 nodes");
                         }
@@ -379,10 +397,19 @@ impl Case {
                 return self.invalid(span, format!("young is {}: it must be positive", m.young));
             }
             if !(m.poisson > -1.0 && m.poisson < 0.5) {
-                return self.invalid(span, format!("poisson is {}: it must lie between −1 and 0.5, both excluded", m.poisson));
+                return self.invalid(
+                    span,
+                    format!(
+                        "poisson is {}: it must lie between −1 and 0.5, both excluded",
+                        m.poisson
+                    ),
+                );
             }
             if !(m.density >= 0.0 && m.density.is_finite()) {
-                return self.invalid(span, format!("density is {}: it must not be negative", m.density));
+                return self.invalid(
+                    span,
+                    format!("density is {}: it must not be negative", m.density),
+                );
             }
         }
         let thickness = &t.analysis.thickness;
@@ -392,13 +419,22 @@ impl Case {
         for support in &t.support {
             let s = support.get_ref();
             if s.boundary.is_some() == s.point.is_some() {
-                return self.invalid(support.span(), "a support needs either a boundary or a point");
+                return self.invalid(
+                    support.span(),
+                    "a support needs either a boundary or a point",
+                );
             }
             if s.symmetry && (s.x.is_some() || s.y.is_some() || s.point.is_some()) {
-                return self.invalid(support.span(), "symmetry stands alone with a boundary: leave out x, y and point");
+                return self.invalid(
+                    support.span(),
+                    "symmetry stands alone with a boundary: leave out x, y and point",
+                );
             }
             if !s.symmetry && s.x.is_none() && s.y.is_none() {
-                return self.invalid(support.span(), "a support needs x, y or symmetry = true: it holds nothing");
+                return self.invalid(
+                    support.span(),
+                    "a support needs x, y or symmetry = true: it holds nothing",
+                );
             }
         }
         for traction in &t.traction {
@@ -420,10 +456,9 @@ impl Case {
                     (!point.iter().all(|v| v.is_finite()) || !(length > 0.0 && length.is_finite()))
                         .then_some("half_plane needs a finite point and a normal that is not zero")
                 }
-                ObstacleTable::Circle { center, radius } => {
-                    (!center.iter().all(|v| v.is_finite()) || !(radius > 0.0 && radius.is_finite()))
-                        .then_some("circle needs a finite center and a positive radius")
-                }
+                ObstacleTable::Circle { center, radius } => (!center.iter().all(|v| v.is_finite())
+                    || !(radius > 0.0 && radius.is_finite()))
+                .then_some("circle needs a finite center and a positive radius"),
             };
             if let Some(message) = bad {
                 return self.invalid(contact.span(), message);
@@ -484,7 +519,10 @@ fn set(document: &mut toml_edit::DocumentMut, setting: &str) -> Result<(), Strin
         .parse()
         .unwrap_or_else(|_| toml_edit::Value::from(value));
     let mut parts: Vec<&str> = key.trim().split('.').collect();
-    let last = parts.pop().filter(|k| !k.is_empty()).ok_or("the key is empty")?;
+    let last = parts
+        .pop()
+        .filter(|k| !k.is_empty())
+        .ok_or("the key is empty")?;
     let mut item = document.as_item_mut();
     for part in parts {
         item = match part.parse::<usize>() {
@@ -494,7 +532,9 @@ fn set(document: &mut toml_edit::DocumentMut, setting: &str) -> Result<(), Strin
                     other => other.as_array().map_or(0, toml_edit::Array::len),
                 };
                 if index >= length {
-                    return Err(format!("there is no entry {index} (they count from 0, and there are {length})"));
+                    return Err(format!(
+                        "there is no entry {index} (they count from 0, and there are {length})"
+                    ));
                 }
                 &mut item[index]
             }

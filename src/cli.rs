@@ -93,7 +93,10 @@ impl Engine {
     /// What this version cannot do is an error, not another computation under the same name.
     fn check(&self) -> Result<(), String> {
         if self.backend == Backend::Gpu {
-            return Err("--backend gpu: this version computes on the CPU only; use --backend auto or cpu".into());
+            return Err(
+                "--backend gpu: this version computes on the CPU only; use --backend auto or cpu"
+                    .into(),
+            );
         }
         if self.stiffness == Stiffness::Pcg {
             return Err("--stiffness pcg: this version has the direct path only; use --stiffness auto or cholesky".into());

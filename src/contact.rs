@@ -22,10 +22,7 @@ impl Obstacle {
             Self::HalfPlane { point, normal } => {
                 let length = normal[0].hypot(normal[1]);
                 let [a, b] = normal.map(|v| v / length);
-                (
-                    (x[0] - point[0]) * a + (x[1] - point[1]) * b,
-                    [-a, -b],
-                )
+                ((x[0] - point[0]) * a + (x[1] - point[1]) * b, [-a, -b])
             }
             Self::Circle { center, radius } => {
                 let (dx, dy) = (center[0] - x[0], center[1] - x[1]);

@@ -69,7 +69,11 @@ pub fn sigma_max(dual: &mut impl DualOperator, len: usize) -> (f64, usize) {
 fn largest_eigenvalue(diagonal: &[f64], off: &[f64]) -> f64 {
     let radius = |i: usize| {
         let left = if i > 0 { off[i - 1] } else { 0.0 };
-        left + off.get(i).copied().filter(|_| i + 1 < diagonal.len()).unwrap_or(0.0)
+        left + off
+            .get(i)
+            .copied()
+            .filter(|_| i + 1 < diagonal.len())
+            .unwrap_or(0.0)
     };
     let mut high = (0..diagonal.len())
         .map(|i| diagonal[i] + radius(i))
@@ -79,7 +83,11 @@ fn largest_eigenvalue(diagonal: &[f64], off: &[f64]) -> f64 {
         let x = 0.5 * (low + high);
         let mut pivot = 1.0;
         let all_below = diagonal.iter().enumerate().all(|(i, d)| {
-            let coupling = if i > 0 { off[i - 1] * off[i - 1] / pivot } else { 0.0 };
+            let coupling = if i > 0 {
+                off[i - 1] * off[i - 1] / pivot
+            } else {
+                0.0
+            };
             pivot = d - x - coupling;
             pivot < 0.0
         });

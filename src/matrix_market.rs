@@ -35,7 +35,10 @@ impl Matrix {
     pub fn into_vector(self) -> Result<Vec<f64>, MatrixMarketError> {
         if self.rows != 1 && self.cols != 1 {
             return Err(MatrixMarketError::Shape {
-                message: format!("expected a vector, found a {} × {} matrix", self.rows, self.cols),
+                message: format!(
+                    "expected a vector, found a {} × {} matrix",
+                    self.rows, self.cols
+                ),
                 path: self.path,
             });
         }
@@ -76,12 +79,19 @@ pub fn read(path: &Path) -> Result<Matrix, MatrixMarketError> {
 }
 
 fn parse(text: &str, path: &Path) -> Result<Matrix, (usize, String)> {
-    let mut lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
+    let mut lines = text
+        .lines()
+        .enumerate()
+        .map(|(i, line)| (i + 1, line.trim()));
     let (_, header) = lines.next().ok_or((1, "the file is empty".to_owned()))?;
     let words: Vec<String> = header.split_whitespace().map(str::to_lowercase).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let ["%%matrixmarket", "matrix", form, field, symmetry] = words[..] else {
-        return Err((1, "the first line must be: %%MatrixMarket matrix coordinate|array real general|symmetric".to_owned()));
+        return Err((
+            1,
+            "the first line must be: %%MatrixMarket matrix coordinate|array real general|symmetric"
+                .to_owned(),
+        ));
     };
     let coordinate = match form {
         "coordinate" => true,
@@ -89,33 +99,51 @@ fn parse(text: &str, path: &Path) -> Result<Matrix, (usize, String)> {
         _ => return Err((1, format!("form \"{form}\" is not coordinate or array"))),
     };
     if !matches!(field, "real" | "integer" | "double") {
-        return Err((1, format!("field \"{field}\" is not supported: only real numbers are")));
+        return Err((
+            1,
+            format!("field \"{field}\" is not supported: only real numbers are"),
+        ));
     }
     let symmetric = match symmetry {
         "general" => false,
         "symmetric" => true,
-        _ => return Err((1, format!("symmetry \"{symmetry}\" is not general or symmetric"))),
+        _ => {
+            return Err((
+                1,
+                format!("symmetry \"{symmetry}\" is not general or symmetric"),
+            ));
+        }
     };
     let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('%'));
-    let (line, sizes) = lines.next().ok_or((2, "the line with the sizes is missing".to_owned()))?;
+    let (line, sizes) = lines
+        .next()
+        .ok_or((2, "the line with the sizes is missing".to_owned()))?;
     let parsed: Option<Vec<usize>> = sizes.split_whitespace().map(|w| w.parse().ok()).collect();
     let (rows, cols, count) = match (parsed.as_deref(), coordinate) {
         (Some(&[rows, cols, count]), true) => (rows, cols, count),
         (Some(&[rows, cols]), false) => (rows, cols, rows.saturating_mul(cols)),
         _ => {
-            let expected = if coordinate { "rows columns entries" } else { "rows columns" };
+            let expected = if coordinate {
+                "rows columns entries"
+            } else {
+                "rows columns"
+            };
             return Err((line, format!("\"{sizes}\" is not: {expected}")));
         }
     };
     if symmetric && rows != cols {
-        return Err((line, format!("a symmetric matrix cannot be {rows} × {cols}")));
+        return Err((
+            line,
+            format!("a symmetric matrix cannot be {rows} × {cols}"),
+        ));
     }
     if rows >= u32::MAX as usize || cols >= u32::MAX as usize {
         return Err((line, format!("{rows} × {cols} is too large")));
     }
     let number = |line: usize, word: Option<&str>| -> Result<f64, (usize, String)> {
         let word = word.ok_or((line, "a value is missing".to_owned()))?;
-        word.parse().map_err(|_| (line, format!("\"{word}\" is not a number")))
+        word.parse()
+            .map_err(|_| (line, format!("\"{word}\" is not a number")))
     };
     let mut entries = Vec::with_capacity(count.min(text.len() / 2) * if symmetric { 2 } else { 1 });
     let mut push = |i: usize, j: usize, value: f64| {
@@ -130,29 +158,44 @@ fn parse(text: &str, path: &Path) -> Result<Matrix, (usize, String)> {
         for (line, text) in lines {
             last = line;
             if read == count {
-                return Err((line, format!("there are more than the {count} announced entries")));
+                return Err((
+                    line,
+                    format!("there are more than the {count} announced entries"),
+                ));
             }
             let mut words = text.split_whitespace();
             let mut index = |name: &str, limit: usize| -> Result<usize, (usize, String)> {
-                let word = words.next().ok_or((line, format!("the {name} is missing")))?;
+                let word = words
+                    .next()
+                    .ok_or((line, format!("the {name} is missing")))?;
                 match word.parse::<usize>() {
                     Ok(i) if (1..=limit).contains(&i) => Ok(i - 1),
-                    _ => Err((line, format!("{name} \"{word}\" is not between 1 and {limit}"))),
+                    _ => Err((
+                        line,
+                        format!("{name} \"{word}\" is not between 1 and {limit}"),
+                    )),
                 }
             };
             let (i, j) = (index("row", rows)?, index("column", cols)?);
             if symmetric && j > i {
-                return Err((line, "a symmetric file holds the lower triangle only".to_owned()));
+                return Err((
+                    line,
+                    "a symmetric file holds the lower triangle only".to_owned(),
+                ));
             }
             push(i, j, number(line, words.next())?);
             read += 1;
         }
         if read < count {
-            return Err((last, format!("the file ends after {read} of {count} entries")));
+            return Err((
+                last,
+                format!("the file ends after {read} of {count} entries"),
+            ));
         }
     } else {
         // Column by column; of a symmetric matrix the lower triangle.
-        let mut values = lines.flat_map(|(line, text)| text.split_whitespace().map(move |w| (line, w)));
+        let mut values =
+            lines.flat_map(|(line, text)| text.split_whitespace().map(move |w| (line, w)));
         for j in 0..cols {
             for i in if symmetric { j } else { 0 }..rows {
                 let (line, word) = values
@@ -163,7 +206,10 @@ fn parse(text: &str, path: &Path) -> Result<Matrix, (usize, String)> {
             }
         }
         if let Some((line, _)) = values.next() {
-            return Err((line, "there are more values than the matrix has entries".to_owned()));
+            return Err((
+                line,
+                "there are more values than the matrix has entries".to_owned(),
+            ));
         }
     }
     Ok(Matrix {
@@ -176,7 +222,10 @@ fn parse(text: &str, path: &Path) -> Result<Matrix, (usize, String)> {
 
 /// A vector as the text of an array file with one column.
 pub fn vector_text(values: &[f64]) -> String {
-    let mut text = format!("%%MatrixMarket matrix array real general\n{} 1\n", values.len());
+    let mut text = format!(
+        "%%MatrixMarket matrix array real general\n{} 1\n",
+        values.len()
+    );
     for value in values {
         writeln!(text, "{value:e}").expect("writing to a string cannot fail");
     }

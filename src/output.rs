@@ -136,19 +136,26 @@ pub fn write_solution(
             let text = vtu::text(elastic, &displacement, &at_nodes, &in_elements, &fields);
             Ok(vec![
                 write(directory.join("solution.vtu"), text.as_bytes())?,
-                write(directory.join("contact.csv"), fields.csv(elastic).as_bytes())?,
+                write(
+                    directory.join("contact.csv"),
+                    fields.csv(elastic).as_bytes(),
+                )?,
             ])
         }
         None => {
             let (normal, tangential) = solution.lambda.split_at(build.problem.m());
             let u = &solution.u[..build.problem.n()];
-            [("u", u), ("lambda_normal", normal), ("lambda_tangential", tangential)]
-                .into_iter()
-                .map(|(name, values)| {
-                    let path = directory.join(format!("{name}.mtx"));
-                    write(path, vector_text(values).as_bytes())
-                })
-                .collect()
+            [
+                ("u", u),
+                ("lambda_normal", normal),
+                ("lambda_tangential", tangential),
+            ]
+            .into_iter()
+            .map(|(name, values)| {
+                let path = directory.join(format!("{name}.mtx"));
+                write(path, vector_text(values).as_bytes())
+            })
+            .collect()
         }
     }
 }
@@ -192,7 +199,11 @@ impl ContactFields {
         let per_area = |forces: &[f64], sign: f64| -> Vec<f64> {
             let areas = elastic.contact.iter().map(|node| node.area);
             // + 0.0 turns −0 into 0.
-            forces.iter().zip(areas).map(|(f, a)| sign * f / a + 0.0).collect()
+            forces
+                .iter()
+                .zip(areas)
+                .map(|(f, a)| sign * f / a + 0.0)
+                .collect()
         };
         Self {
             gap,

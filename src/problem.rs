@@ -55,7 +55,9 @@ pub enum ProblemError {
         expected: usize,
         reason: &'static str,
     },
-    #[error("{name} is {rows} × {cols}, expected {m} × {n} (one row per entry of d, one column per unknown)")]
+    #[error(
+        "{name} is {rows} × {cols}, expected {m} × {n} (one row per entry of d, one column per unknown)"
+    )]
     Shape {
         name: &'static str,
         rows: usize,
@@ -82,7 +84,9 @@ pub enum ProblemError {
         "the stiffness matrix K is not positive definite: its diagonal entry {row} is {value:e}, must be > 0"
     )]
     Diagonal { row: usize, value: f64 },
-    #[error("the gap d has the negative entry d({row}) = {value:e}: the bodies overlap before loading; move them apart")]
+    #[error(
+        "the gap d has the negative entry d({row}) = {value:e}: the bodies overlap before loading; move them apart"
+    )]
     NegativeGap { row: usize, value: f64 },
     #[error("the slip bound g has the negative entry g({row}) = {value:e}")]
     NegativeSlipBound { row: usize, value: f64 },
@@ -178,14 +182,24 @@ impl ContactProblem {
             }),
             None => Ok(()),
         };
-        if data.stiffness.values().par_iter().flatten_iter().flatten().any(|v| !v.is_finite()) {
+        if data
+            .stiffness
+            .values()
+            .par_iter()
+            .flatten_iter()
+            .flatten()
+            .any(|v| !v.is_finite())
+        {
             matrix_entry(
                 "the stiffness matrix K",
                 data.stiffness.triplets().find(|(_, _, v)| !v.is_finite()),
             )?;
         }
         matrix_entry("N", data.normal.triplets().find(|(_, _, v)| !v.is_finite()))?;
-        matrix_entry("T", data.tangential.triplets().find(|(_, _, v)| !v.is_finite()))?;
+        matrix_entry(
+            "T",
+            data.tangential.triplets().find(|(_, _, v)| !v.is_finite()),
+        )?;
 
         if n % 2 == 1 {
             data = pad(data);
@@ -213,11 +227,7 @@ impl ContactProblem {
             });
         }
         check_rows(&data, n)?;
-        Ok(Self {
-            n,
-            n_free: n,
-            data,
-        })
+        Ok(Self { n, n_free: n, data })
     }
 
     /// Says how many of the unknowns are free, where some rows of K only hold a prescribed component.
@@ -295,7 +305,8 @@ impl ContactProblem {
         let (lambda_n, lambda_t) = lambda.split_at(m);
         let mut residual = vec![0.0; u.len()];
         self.stiffness().mul(u, &mut residual);
-        self.normal().mul_transpose_add(1.0, lambda_n, &mut residual);
+        self.normal()
+            .mul_transpose_add(1.0, lambda_n, &mut residual);
         self.tangential()
             .mul_transpose_add(1.0, lambda_t, &mut residual);
         for (r, f) in residual.iter_mut().zip(self.load()) {
@@ -308,19 +319,18 @@ impl ContactProblem {
             *nu -= d;
         }
         let positive = |values: &mut dyn Iterator<Item = f64>| {
-            values.fold(0.0, |acc: f64, v| if v > acc || v.is_nan() { v } else { acc })
+            values.fold(
+                0.0,
+                |acc: f64, v| if v > acc || v.is_nan() { v } else { acc },
+            )
         };
         let u_max = norm_max(u);
-        let slip = positive(&mut (0..m).map(|i| {
-            slip_violation(lambda_t[i], tu[i], self.slip_bound()[i])
-        }));
+        let slip =
+            positive(&mut (0..m).map(|i| slip_violation(lambda_t[i], tu[i], self.slip_bound()[i])));
         Kkt {
             equilibrium: ratio(norm(&residual), norm(self.load())),
             penetration: ratio(positive(&mut nu.iter().copied()), u_max),
-            tension: ratio(
-                positive(&mut lambda_n.iter().map(|v| -v)),
-                norm_max(lambda),
-            ),
+            tension: ratio(positive(&mut lambda_n.iter().map(|v| -v)), norm_max(lambda)),
             complementarity: ratio(dot(lambda_n, &nu).abs(), norm(lambda) * norm(u)),
             friction_bound: ratio(
                 positive(&mut (0..m).map(|i| lambda_t[i].abs() - self.slip_bound()[i])),
@@ -382,9 +392,7 @@ fn ratio(a: f64, b: f64) -> f64 {
 /// Completes the last block for odd n: a decoupled unknown with the equation 1 · u = 0.
 fn pad(data: ContactData) -> ContactData {
     let n = data.load.len();
-    let resize = |matrix: &Csr| {
-        Csr::from_triplets(matrix.n_rows(), n + 1, matrix.triplets())
-    };
+    let resize = |matrix: &Csr| Csr::from_triplets(matrix.n_rows(), n + 1, matrix.triplets());
     let mut load = data.load;
     load.push(0.0);
     ContactData {

@@ -48,7 +48,12 @@ pub const TABLE1: Loads = Loads {
 
 /// Reference case A: partial contact, nearly everything slips.
 pub const CASE_A: Loads = Loads {
-    top: |x| [0.0, -2e7 * (1.0 - x / 1.5).max(0.0) + 6e6 * (x - 2.0).max(0.0)],
+    top: |x| {
+        [
+            0.0,
+            -2e7 * (1.0 - x / 1.5).max(0.0) + 6e6 * (x - 2.0).max(0.0),
+        ]
+    },
     right: |_| [4e6, 0.0],
     tresca: 1.5e6,
 };
@@ -108,7 +113,11 @@ pub fn problem(
     let bottom = &mesh.boundaries["bottom"];
     let base = mesh.nodes[bottom[0][0] as usize][1];
     let mut forces = vec![[0.0; 2]; mesh.nodes.len()];
-    body.add_traction(&mesh.boundaries["top"], |x, _| (loads.top)(x[0]), &mut forces);
+    body.add_traction(
+        &mesh.boundaries["top"],
+        |x, _| (loads.top)(x[0]),
+        &mut forces,
+    );
     body.add_traction(
         &mesh.boundaries["right"],
         |x, _| (loads.right)(x[1] - base),

@@ -16,7 +16,7 @@
 //! - **The safeguard.** The iterates are feasible and the change of q between them is known for nothing.
 //!   Steps that lower neither the best q nor the best error are discarded: from the best point a
 //!   projected gradient step with ρ = 1/σ_max < 2/σ_max lowers q by at least a fixed part of ‖r̃‖²
-//!   (Kučera 2008, [2] of the paper), the best part of a Newton step lowers it further, and the set
+//!   (Kučera 2008, reference 2 of the paper), the best part of a Newton step lowers it further, and the set
 //!   prediction uses no more than that ρ from then on. Each time it acts it stays for twice as many
 //!   steps, hence q decreases to its minimum whatever β was.
 
@@ -29,9 +29,9 @@ use crate::dual::{DualOperator, sigma_max};
 use crate::problem::{ContactProblem, Kkt, slip_violation};
 use crate::sparse::{dot, norm, norm_max};
 use std::ops::ControlFlow;
-use subspace::Subspace;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use subspace::Subspace;
 
 /// How exactly the inner problems (11) are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Deserialize, serde::Serialize)]
@@ -192,7 +192,11 @@ pub fn solve(
         g: problem.slip_bound(),
         b,
         // Without contact, or with a B that K makes infinitely stiff, any ρ will do.
-        rho: if sigma > 0.0 { settings.beta / sigma } else { 1.0 },
+        rho: if sigma > 0.0 {
+            settings.beta / sigma
+        } else {
+            1.0
+        },
         alpha: if sigma > 0.0 { 1.0 / sigma } else { 1.0 },
         dual,
         n_a: 0,
@@ -206,10 +210,17 @@ pub fn solve(
     let err0 = newton.error(&point);
     let mut history: Vec<Step> = Vec::new();
     let mut first_met = None;
-    let status = newton.run(&mut point, err0, settings, &mut history, &mut observer, |newton, point, goal, iter| {
-        first_met.get_or_insert((iter, newton.n_a));
-        newton.verify(problem, point, goal, err0, settings.tolerance)
-    });
+    let status = newton.run(
+        &mut point,
+        err0,
+        settings,
+        &mut history,
+        &mut observer,
+        |newton, point, goal, iter| {
+            first_met.get_or_insert((iter, newton.n_a));
+            newton.verify(problem, point, goal, err0, settings.tolerance)
+        },
+    );
     let u = newton.dual.displacement(&point.lambda);
     let kkt = problem.kkt(&u, &point.lambda);
     let sets = Sets::at_solution(&point.lambda, &point.r, newton.g);
@@ -220,7 +231,11 @@ pub fn solve(
         n_a_sigma,
         rho: newton.rho,
         sigma_max: sigma,
-        err_relative: if err0 > 0.0 { newton.error(&point) / err0 } else { 0.0 },
+        err_relative: if err0 > 0.0 {
+            newton.error(&point) / err0
+        } else {
+            0.0
+        },
         kkt,
         history,
         setup_seconds,
@@ -257,9 +272,12 @@ impl Goal {
         let (ln, lt) = point.lambda.split_at(m);
         let (rn, rt) = point.r.split_at(m);
         let penetration = rn.iter().fold(0.0, |acc: f64, r| acc.max(-r));
-        let slip = (0..m).fold(0.0, |acc: f64, i| acc.max(slip_violation(lt[i], -rt[i], g[i])));
+        let slip = (0..m).fold(0.0, |acc: f64, i| {
+            acc.max(slip_violation(lt[i], -rt[i], g[i]))
+        });
         let length = norm(&point.lambda);
-        penetration.max(slip) <= self.slack && (length == 0.0 || dot(ln, rn).abs() / length <= self.work)
+        penetration.max(slip) <= self.slack
+            && (length == 0.0 || dot(ln, rn).abs() / length <= self.work)
     }
 }
 
@@ -289,7 +307,10 @@ struct Stop<'a> {
 
 impl Stop<'_> {
     fn now(&self) -> Option<Status> {
-        if self.interrupt.is_some_and(|flag| flag.load(Ordering::Relaxed)) {
+        if self
+            .interrupt
+            .is_some_and(|flag| flag.load(Ordering::Relaxed))
+        {
             Some(Status::Interrupted)
         } else if self.deadline.is_some_and(|end| Instant::now() >= end) {
             Some(Status::TimeLimit)
@@ -344,7 +365,11 @@ impl<D: DualOperator> Newton<'_, D> {
 
     /// Moves to λ = `target`, carrying r along: one product, or none if it is there already.
     fn move_to(&mut self, point: &mut Point, target: Vec<f64>) -> bool {
-        let jump: Vec<f64> = target.iter().zip(&point.lambda).map(|(t, l)| t - l).collect();
+        let jump: Vec<f64> = target
+            .iter()
+            .zip(&point.lambda)
+            .map(|(t, l)| t - l)
+            .collect();
         if jump.iter().all(|&v| v == 0.0) {
             return false;
         }
@@ -367,7 +392,9 @@ impl<D: DualOperator> Newton<'_, D> {
         let (rn, rt) = point.r.split_at_mut(m);
         problem.normal().mul(u, rn);
         problem.tangential().mul(u, rt);
-        rn.iter_mut().zip(problem.gap()).for_each(|(r, d)| *r = d - *r);
+        rn.iter_mut()
+            .zip(problem.gap())
+            .for_each(|(r, d)| *r = d - *r);
         rt.iter_mut().for_each(|r| *r = -*r);
     }
 
@@ -620,10 +647,19 @@ impl<D: DualOperator> Newton<'_, D> {
         let (sets, inner) =
             self.newton_step(point, &mut None, self.alpha, target, err, Method::Inexact);
         // Both ends are feasible and their gradients known: the minimum of q between them is free.
-        let step: Vec<f64> = point.lambda.iter().zip(&feasible.lambda).map(|(z, y)| z - y).collect();
+        let step: Vec<f64> = point
+            .lambda
+            .iter()
+            .zip(&feasible.lambda)
+            .map(|(z, y)| z - y)
+            .collect();
         let slope = dot(&step, &feasible.r);
         let curvature = dot(&step, &point.r) - slope;
-        let t = if curvature > 0.0 { (-slope / curvature).clamp(0.0, 1.0) } else { 0.0 };
+        let t = if curvature > 0.0 {
+            (-slope / curvature).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
         if t < 1.0 {
             let between = |y: &[f64], z: &[f64]| -> Vec<f64> {
                 y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect()

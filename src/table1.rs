@@ -86,7 +86,12 @@ pub fn row(
             beta,
             ..Default::default()
         };
-        let solution = ssnm::solve(&problem, &mut dual, &settings, |_| ControlFlow::Continue(()));
+        let solution = ssnm::solve(
+            &problem,
+            &mut dual,
+            &settings,
+            |_| ControlFlow::Continue(()),
+        );
         let info = &solution.info;
         let (iter, n_a) = info.first_met.unwrap_or((info.iter, info.n_a));
         let row = SIZES.iter().position(|&size| size == k);

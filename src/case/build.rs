@@ -77,7 +77,12 @@ impl Case {
 
     fn build_algebraic(&self) -> Result<Build, BuildError> {
         let start = Instant::now();
-        let table = self.tables.algebraic.as_ref().expect("checked by the caller").get_ref();
+        let table = self
+            .tables
+            .algebraic
+            .as_ref()
+            .expect("checked by the caller")
+            .get_ref();
         let matrix = |path| matrix_market::read(&self.beside(path));
         let vector = |path| matrix(path)?.into_vector();
         let stiffness = matrix(&table.stiffness)?;
@@ -123,7 +128,12 @@ impl Case {
 
     fn build_elastic(&self) -> Result<Build, BuildError> {
         let start = Instant::now();
-        let table = self.tables.mesh.as_ref().expect("checked when it was read").get_ref();
+        let table = self
+            .tables
+            .mesh
+            .as_ref()
+            .expect("checked when it was read")
+            .get_ref();
         let mesh = match (&table.file, &table.rectangle) {
             (Some(file), _) => gmsh::read(&self.beside(file), table.scale.unwrap_or(1.0))?,
             (None, Some(r)) => {
@@ -146,7 +156,10 @@ impl Case {
         let unknowns = Unknowns::new(prescribed);
         if unknowns.n_free() == 0 {
             let span = self.tables.support.first().map_or(0..0, |s| s.span());
-            return Ok(self.invalid(span, "the supports hold every node: nothing is left to solve")?);
+            return Ok(self.invalid(
+                span,
+                "the supports hold every node: nothing is left to solve",
+            )?);
         }
         let forces = self.forces(&body)?;
         let mut total_load = [0.0; 2];
@@ -192,12 +205,20 @@ impl Case {
         })
     }
 
-    fn edges<'m>(&self, mesh: &'m Mesh, name: &str, span: Range<usize>) -> Result<&'m [[u32; 2]], CaseError> {
+    fn edges<'m>(
+        &self,
+        mesh: &'m Mesh,
+        name: &str,
+        span: Range<usize>,
+    ) -> Result<&'m [[u32; 2]], CaseError> {
         match mesh.boundaries.get(name) {
             Some(edges) => Ok(edges),
             None => self.invalid(
                 span,
-                format!("there is no boundary \"{name}\"; the mesh has {}", listed(mesh.boundaries.keys())),
+                format!(
+                    "there is no boundary \"{name}\"; the mesh has {}",
+                    listed(mesh.boundaries.keys())
+                ),
             ),
         }
     }
@@ -207,7 +228,10 @@ impl Case {
             Some(region) => Ok(region as u32),
             None => self.invalid(
                 span,
-                format!("there is no region \"{name}\"; the mesh has {}", listed(mesh.regions.iter())),
+                format!(
+                    "there is no region \"{name}\"; the mesh has {}",
+                    listed(mesh.regions.iter())
+                ),
             ),
         }
     }
@@ -226,14 +250,18 @@ impl Case {
                 Some(name) => {
                     let place = &mut materials[self.region(mesh, name, table.span())? as usize];
                     if place.replace(material).is_some() {
-                        return self.invalid(table.span(), format!("region \"{name}\" has two materials"));
+                        return self
+                            .invalid(table.span(), format!("region \"{name}\" has two materials"));
                     }
                 }
                 None if tables.len() == 1 => materials.fill(Some(material)),
                 None => {
                     return self.invalid(
                         table.span(),
-                        format!("with several materials each needs its region: {}", listed(mesh.regions.iter())),
+                        format!(
+                            "with several materials each needs its region: {}",
+                            listed(mesh.regions.iter())
+                        ),
                     );
                 }
             }
@@ -264,7 +292,9 @@ impl Case {
                     let edges = self.edges(mesh, name, span.clone())?;
                     if s.symmetry {
                         let along = |axis: usize| {
-                            edges.iter().all(|&e| mesh.edge_normal(e).1[axis].abs() > 1.0 - 1e-9)
+                            edges
+                                .iter()
+                                .all(|&e| mesh.edge_normal(e).1[axis].abs() > 1.0 - 1e-9)
                         };
                         components = match (along(0), along(1)) {
                             (true, _) => [Some(&ZERO), None],
@@ -282,7 +312,9 @@ impl Case {
                 (None, Some(point)) => {
                     let distance = |x: &[f64; 2]| (x[0] - point[0]).hypot(x[1] - point[1]);
                     let nearest = (0..mesh.nodes.len())
-                        .min_by(|&a, &b| distance(&mesh.nodes[a]).total_cmp(&distance(&mesh.nodes[b])))
+                        .min_by(|&a, &b| {
+                            distance(&mesh.nodes[a]).total_cmp(&distance(&mesh.nodes[b]))
+                        })
                         .expect("a mesh has nodes");
                     let far = distance(&mesh.nodes[nearest]);
                     if !(far <= 0.05 * size) {
@@ -301,10 +333,18 @@ impl Case {
                     let Some(quantity) = quantity else { continue };
                     let value = quantity.at(x);
                     if !value.is_finite() {
-                        return self.invalid(span, format!("the displacement is {value} at ({:.6e}, {:.6e})", x[0], x[1]));
+                        return self.invalid(
+                            span,
+                            format!(
+                                "the displacement is {value} at ({:.6e}, {:.6e})",
+                                x[0], x[1]
+                            ),
+                        );
                     }
                     let place = &mut prescribed[node as usize][c];
-                    if place.is_some_and(|old: f64| (old - value).abs() > 1e-12 * old.abs().max(value.abs())) {
+                    if place.is_some_and(|old: f64| {
+                        (old - value).abs() > 1e-12 * old.abs().max(value.abs())
+                    }) {
                         return self.invalid(
                             span,
                             format!(
@@ -321,7 +361,11 @@ impl Case {
     }
 
     /// Every body needs supports that leave it no motion as a whole: contact alone makes K singular.
-    fn check_supported(&self, mesh: &Mesh, prescribed: &[[Option<f64>; 2]]) -> Result<(), CaseError> {
+    fn check_supported(
+        &self,
+        mesh: &Mesh,
+        prescribed: &[[Option<f64>; 2]],
+    ) -> Result<(), CaseError> {
         let (count, body) = mesh.bodies();
         let mut first = vec![usize::MAX; count];
         let mut held: Vec<Vec<(usize, [f64; 2])>> = vec![Vec::new(); count];
@@ -342,7 +386,9 @@ impl Case {
             // constraint lines is left: x-constraints lie at its height, y-constraints at its abscissa.
             let spread = |c: usize| {
                 let at = held[b].iter().filter(|h| h.0 == c).map(|h| h.1[1 - c]);
-                let (min, max) = at.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), v| (min.min(v), max.max(v)));
+                let (min, max) = at.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), v| {
+                    (min.min(v), max.max(v))
+                });
                 max - min > 1e-9 * size
             };
             let motion = match (holds(0), holds(1)) {
@@ -372,14 +418,18 @@ impl Case {
     fn forces(&self, body: &Body) -> Result<Vec<[f64; 2]>, CaseError> {
         let mut forces = vec![[0.0; 2]; body.mesh.nodes.len()];
         let at = |quantity: &Option<Quantity>, x| quantity.as_ref().map_or(0.0, |q| q.at(x));
-        let finite = |forces: &[[f64; 2]], span, what: &str| {
-            match forces.iter().position(|f| !f.iter().all(|v| v.is_finite())) {
-                Some(node) => {
-                    let [x, y] = body.mesh.nodes[node];
-                    self.invalid(span, format!("the {what} has no finite value near ({x:.6e}, {y:.6e})"))
-                }
-                None => Ok(()),
+        let finite = |forces: &[[f64; 2]], span, what: &str| match forces
+            .iter()
+            .position(|f| !f.iter().all(|v| v.is_finite()))
+        {
+            Some(node) => {
+                let [x, y] = body.mesh.nodes[node];
+                self.invalid(
+                    span,
+                    format!("the {what} has no finite value near ({x:.6e}, {y:.6e})"),
+                )
             }
+            None => Ok(()),
         };
         for table in &self.tables.traction {
             let t = table.get_ref();
@@ -428,7 +478,12 @@ impl Case {
             };
             match obstacle_contact(body, edges, &obstacle, &tresca) {
                 Ok(found) => nodes.extend(found),
-                Err(error @ (ContactError::Overlap { .. } | ContactError::SlipBound { .. } | ContactError::NoNormal { .. } | ContactError::Twice { .. })) => {
+                Err(
+                    error @ (ContactError::Overlap { .. }
+                    | ContactError::SlipBound { .. }
+                    | ContactError::NoNormal { .. }
+                    | ContactError::Twice { .. }),
+                ) => {
                     return self.invalid(span, format!("contact on \"{}\": {error}", t.boundary));
                 }
             }

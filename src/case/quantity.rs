@@ -28,7 +28,10 @@ pub struct Expression {
 
 /// The two spellings in the file.
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "expected a number or an expression of x and y in quotes")]
+#[serde(
+    untagged,
+    expecting = "expected a number or an expression of x and y in quotes"
+)]
 enum Text {
     Number(f64),
     Expression(String),
@@ -42,8 +45,9 @@ impl TryFrom<Text> for Quantity {
             Text::Number(value) if value.is_finite() => Ok(Self::Constant(value)),
             Text::Number(value) => Err(format!("{value} is not a finite number")),
             Text::Expression(text) => {
-                let parsed = FlatEx::<f64, FloatOpsFactory<f64>, DecimalNumber>::parse(&spell_signs(&text)?)
-                    .map_err(|error| format!("cannot understand \"{text}\": {error}"))?;
+                let parsed =
+                    FlatEx::<f64, FloatOpsFactory<f64>, DecimalNumber>::parse(&spell_signs(&text)?)
+                        .map_err(|error| format!("cannot understand \"{text}\": {error}"))?;
                 let variables = parsed
                     .var_names()
                     .iter()
@@ -81,7 +85,9 @@ fn spell_signs(text: &str) -> Result<String, String> {
             match before {
                 '(' | ',' => spelled.push('0'),
                 '*' | '/' | '+' | '-' if !exponent => {
-                    return Err(format!("\"{text}\" has two operators in a row: put the signed part in brackets"));
+                    return Err(format!(
+                        "\"{text}\" has two operators in a row: put the signed part in brackets"
+                    ));
                 }
                 _ => {}
             }

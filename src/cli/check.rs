@@ -9,7 +9,8 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
     let build = case.build().map_err(|e| e.to_string())?;
     let mut text = String::new();
     let mut say = |line: std::fmt::Arguments| {
-        text.write_fmt(line).expect("writing to a string cannot fail");
+        text.write_fmt(line)
+            .expect("writing to a string cannot fail");
         text.push('\n');
     };
     let tables = &case.tables;
@@ -20,16 +21,28 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
     if let Some(elastic) = &build.elastic {
         let mesh = &elastic.mesh;
         let (low, high) = mesh.bounding_box();
-        let triangles = mesh.elements.iter().filter(|e| e.nodes().len() == 3).count();
+        let triangles = mesh
+            .elements
+            .iter()
+            .filter(|e| e.nodes().len() == 3)
+            .count();
         let (bodies, _) = mesh.bodies();
         say(format_args!(
             "mesh          {} nodes, {triangles} triangles, {} quadrilaterals, {bodies} {}; [{:.4e}, {:.4e}] × [{:.4e}, {:.4e}] m",
             mesh.nodes.len(),
             mesh.elements.len() - triangles,
             if bodies == 1 { "body" } else { "bodies" },
-            low[0], high[0], low[1], high[1],
+            low[0],
+            high[0],
+            low[1],
+            high[1],
         ));
-        for ((name, area), material) in mesh.regions.iter().zip(mesh.areas()).zip(&elastic.materials) {
+        for ((name, area), material) in mesh
+            .regions
+            .iter()
+            .zip(mesh.areas())
+            .zip(&elastic.materials)
+        {
             say(format_args!(
                 "region        \"{name}\": area {area:.4e} m², E = {:.4e} Pa, ν = {}, density {} kg/m³",
                 material.young, material.poisson, material.density
@@ -37,13 +50,19 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
         }
         for (name, edges) in &mesh.boundaries {
             let length: f64 = edges.iter().map(|&e| mesh.edge_normal(e).0).sum();
-            say(format_args!("boundary      \"{name}\": {} edges, {length:.4e} m", edges.len()));
+            say(format_args!(
+                "boundary      \"{name}\": {} edges, {length:.4e} m",
+                edges.len()
+            ));
         }
         let plane = match elastic.plane {
             signorini::elasticity::Plane::PlaneStrain => "plane strain",
             signorini::elasticity::Plane::PlaneStress => "plane stress",
         };
-        say(format_args!("analysis      {plane}, thickness {} m", elastic.thickness));
+        say(format_args!(
+            "analysis      {plane}, thickness {} m",
+            elastic.thickness
+        ));
         say(format_args!(
             "total load    ({:.6e}, {:.6e}) N",
             elastic.total_load[0], elastic.total_load[1]
@@ -65,7 +84,11 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
             "algebraic     n = {}, m = {}, {} coordinates",
             problem.n(),
             problem.m(),
-            if problem.coordinates().is_some() { "with" } else { "without" }
+            if problem.coordinates().is_some() {
+                "with"
+            } else {
+                "without"
+            }
         ));
     }
     // The factor of a plane problem has about 31 n log₂ n entries in nested-dissection order, a third of

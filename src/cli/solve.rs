@@ -91,7 +91,9 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
 fn describe(status: Status) -> &'static str {
     match status {
         Status::Converged => "converged",
-        Status::IterationLimit => "NOT converged: the limit of outer steps is reached (solver.max_iterations)",
+        Status::IterationLimit => {
+            "NOT converged: the limit of outer steps is reached (solver.max_iterations)"
+        }
         Status::Stagnated => "NOT converged: rounding stops all progress; loosen solver.tolerance",
         Status::TimeLimit => "NOT converged: the time limit is reached (solver.time_limit)",
         Status::Interrupted => "NOT converged: interrupted",
@@ -222,7 +224,11 @@ impl Log {
         }
         eprintln!("{HEADER}");
         for step in history {
-            let met = if step.err <= tolerance { "  err met" } else { "" };
+            let met = if step.err <= tolerance {
+                "  err met"
+            } else {
+                ""
+            };
             eprintln!("{}{met}", row(step, nodes(step)));
         }
     }

@@ -9,7 +9,11 @@ use std::ops::ControlFlow;
 
 pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
     arguments.engine.check()?;
-    if let Some(beta) = arguments.beta.iter().find(|b| !(**b > 0.0 && b.is_finite())) {
+    if let Some(beta) = arguments
+        .beta
+        .iter()
+        .find(|b| !(**b > 0.0 && b.is_finite()))
+    {
         return Err(format!("--beta {beta}: β must be positive"));
     }
     if arguments.max_k < 1 {
@@ -49,8 +53,14 @@ pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
             print(&format!("{:>12}", format!("{}/{m}", first.n)));
         }
         for cell in &found {
-            let paper = cell.paper.map_or("      ".to_owned(), |(i, n)| format!("{i:2}/{n:3}"));
-            let mark = if cell.status == Status::Converged { ' ' } else { '!' };
+            let paper = cell
+                .paper
+                .map_or("      ".to_owned(), |(i, n)| format!("{i:2}/{n:3}"));
+            let mark = if cell.status == Status::Converged {
+                ' '
+            } else {
+                '!'
+            };
             print(&format!(
                 "  {paper} | {:2}/{:3} ({:2}/{:3}){mark}",
                 cell.iter, cell.n_a, cell.iter_checked, cell.n_a_checked
@@ -59,7 +69,10 @@ pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
         print("\n");
         cells.extend(found);
     }
-    let failed = cells.iter().filter(|c| c.status != Status::Converged).count();
+    let failed = cells
+        .iter()
+        .filter(|c| c.status != Status::Converged)
+        .count();
     let above = cells
         .iter()
         .filter(|c| c.paper.is_some_and(|(_, n)| c.n_a > n))

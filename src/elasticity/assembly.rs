@@ -139,8 +139,7 @@ pub fn assemble(body: &Body, unknowns: &Unknowns, forces: &[[f64; 2]]) -> (Block
                             }
                         }
                         if let Some(column) = unknowns.block(other) {
-                            let place =
-                                cols.partition_point(|&c| c < column);
+                            let place = cols.partition_point(|&c| c < column);
                             for a in 0..2 {
                                 for b in 0..2 {
                                     let decoupled = fixed[a].is_some() || given[b].is_some();

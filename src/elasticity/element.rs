@@ -41,10 +41,7 @@ pub(super) fn integration_points(n: usize, x: &[[f64; 2]; 4]) -> impl Iterator<I
 
 /// The points that integrate the stiffness exactly enough: one for a triangle, 2 × 2 for a quadrilateral.
 #[inline]
-pub(super) fn stiffness_points(
-    n: usize,
-    x: &[[f64; 2]; 4],
-) -> impl Iterator<Item = Point> + '_ {
+pub(super) fn stiffness_points(n: usize, x: &[[f64; 2]; 4]) -> impl Iterator<Item = Point> + '_ {
     let count = if n == 3 { 1 } else { 4 };
     (0..count).map(move |i| {
         if n == 3 {
@@ -105,8 +102,7 @@ pub(super) fn edge_points(ends: [[f64; 2]; 2]) -> [([f64; 2], [f64; 2], f64); 3]
     const OUTER: f64 = 0.774_596_669_241_483_4; // √(3/5)
     [(-OUTER, 5.0 / 18.0), (0.0, 8.0 / 18.0), (OUTER, 5.0 / 18.0)].map(|(s, weight)| {
         let shape = [0.5 * (1.0 - s), 0.5 * (1.0 + s)];
-        let place =
-            std::array::from_fn(|c| shape[0] * ends[0][c] + shape[1] * ends[1][c]);
+        let place = std::array::from_fn(|c| shape[0] * ends[0][c] + shape[1] * ends[1][c]);
         (place, shape, weight)
     })
 }

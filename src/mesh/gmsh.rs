@@ -108,7 +108,9 @@ impl<'a> Reader<'a> {
             Ok(token) if !token.starts_with('$') => Ok(token),
             Ok(token) => {
                 self.at -= end;
-                self.fail(format!("found {token} where a number was expected: the section is cut short"))
+                self.fail(format!(
+                    "found {token} where a number was expected: the section is cut short"
+                ))
             }
             Err(_) => self.fail("not text: is this a binary file with an ASCII header?"),
         }
@@ -154,7 +156,10 @@ impl<'a> Reader<'a> {
         usize::try_from(value)
             .ok()
             .filter(|&v| v < (1 << 48))
-            .map_or_else(|| self.fail(format!("{value} is not a sensible number")), Ok)
+            .map_or_else(
+                || self.fail(format!("{value} is not a sensible number")),
+                Ok,
+            )
     }
 
     fn float(&mut self) -> Result_<f64> {
@@ -232,7 +237,8 @@ fn parse(bytes: &[u8], scale: f64) -> Result<Mesh, Failure> {
             ("Elements", Some(4)) => read_elements_4(&mut reader, &mut raw)?,
             ("Elements", _) => read_elements_2(&mut reader, &mut raw)?,
             ("PartitionedEntities", _) => {
-                return reader.fail("partitioned meshes are not supported: save the mesh unpartitioned");
+                return reader
+                    .fail("partitioned meshes are not supported: save the mesh unpartitioned");
             }
             _ => {}
         }
@@ -345,7 +351,10 @@ impl Raw {
         for tag in tags {
             match self.number.get(tag) {
                 Some(&node) => nodes.push(node),
-                None => return reader.fail(format!("an element names node {tag}, which does not exist")),
+                None => {
+                    return reader
+                        .fail(format!("an element names node {tag}, which does not exist"));
+                }
             }
         }
         match kind {
@@ -364,13 +373,14 @@ fn nodes_of(reader: &Reader, kind: i64) -> Result_<usize> {
         1 => Ok(2),
         2 => Ok(3),
         3 => Ok(4),
-        8..=10 | 16 | 20..=28 => reader.fail(
-            "elements of higher order are not supported: set Mesh.ElementOrder = 1 in Gmsh",
-        ),
+        8..=10 | 16 | 20..=28 => reader
+            .fail("elements of higher order are not supported: set Mesh.ElementOrder = 1 in Gmsh"),
         4..=7 | 11..=14 | 17..=19 => {
             reader.fail("volume elements are not supported: the mesh must be plane")
         }
-        _ => reader.fail(format!("element type {kind} is not supported: use triangles and quadrilaterals")),
+        _ => reader.fail(format!(
+            "element type {kind} is not supported: use triangles and quadrilaterals"
+        )),
     }
 }
 
@@ -459,7 +469,12 @@ fn read_elements_2(reader: &mut Reader, raw: &mut Raw) -> Result_<()> {
                 nodes.push(reader.int()? as usize);
             }
             // The first tag is the physical group; 0 means none.
-            let groups: Vec<i64> = tags.first().copied().filter(|&t| t != 0).into_iter().collect();
+            let groups: Vec<i64> = tags
+                .first()
+                .copied()
+                .filter(|&t| t != 0)
+                .into_iter()
+                .collect();
             raw.add_element(reader, kind, &groups, &nodes)?;
         }
         read += count as usize;
@@ -484,7 +499,11 @@ fn build(raw: Raw, reader: &Reader, scale: f64) -> Result<Mesh, Failure> {
             .unwrap_or_else(|| tag.to_string())
     };
     let z: Vec<f64> = raw.nodes.iter().map(|x| x[2]).collect();
-    let extent = raw.nodes.iter().flatten().fold(0.0, |a: f64, v| a.max(v.abs()));
+    let extent = raw
+        .nodes
+        .iter()
+        .flatten()
+        .fold(0.0, |a: f64, v| a.max(v.abs()));
     if let Some(first) = z.first()
         && z.iter().any(|z| (z - first).abs() > 1e-9 * extent)
     {

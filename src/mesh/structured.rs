@@ -97,11 +97,12 @@ pub fn join(mut a: Mesh, b: Mesh) -> Mesh {
     assert!(b.regions.iter().all(|name| !a.regions.contains(name)));
     a.nodes.extend(b.nodes);
     a.regions.extend(b.regions);
-    a.elements.extend(b.elements.into_iter().map(|element| Element {
-        nodes: element.nodes.map(|node| node + nodes),
-        region: element.region + regions,
-        ..element
-    }));
+    a.elements
+        .extend(b.elements.into_iter().map(|element| Element {
+            nodes: element.nodes.map(|node| node + nodes),
+            region: element.region + regions,
+            ..element
+        }));
     for (name, edges) in b.boundaries {
         let edges = edges
             .into_iter()

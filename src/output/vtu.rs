@@ -74,7 +74,14 @@ pub(super) fn text(
         .iter()
         .flat_map(|e| e.nodes().iter().map(|&node| i64::from(node)))
         .collect();
-    data_array(t, "Int64", "connectivity", 1, &connectivity, i64::to_le_bytes);
+    data_array(
+        t,
+        "Int64",
+        "connectivity",
+        1,
+        &connectivity,
+        i64::to_le_bytes,
+    );
     let mut end = 0;
     let offsets: Vec<i64> = mesh
         .elements

@@ -82,13 +82,20 @@ impl Subspace {
         // A few rows leave a null space that only the full set of right singular vectors shows.
         let (values, right) = if held.len() >= count {
             match rows.thin_svd() {
-                Ok(svd) => (svd.S().column_vector().iter().copied().collect(), svd.V().to_owned()),
+                Ok(svd) => (
+                    svd.S().column_vector().iter().copied().collect(),
+                    svd.V().to_owned(),
+                ),
                 Err(_) => return Self::default(),
             }
         } else {
             match rows.svd() {
                 Ok(svd) => (
-                    svd.S().column_vector().iter().copied().collect::<Vec<f64>>(),
+                    svd.S()
+                        .column_vector()
+                        .iter()
+                        .copied()
+                        .collect::<Vec<f64>>(),
                     svd.V().to_owned(),
                 ),
                 Err(_) => return Self::default(),

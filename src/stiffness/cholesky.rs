@@ -18,11 +18,11 @@ use crate::problem::ContactProblem;
 use crate::sparse::{BlockCsr, Csr, norm};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
+use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
-use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Par, Side};
 use std::time::Instant;
@@ -100,8 +100,7 @@ impl CholeskyDual {
         let position = inverse(&order);
 
         let (col_ptr, row_idx, values) = lower_columns(k);
-        let pattern =
-            SymbolicSparseColMatRef::new_unsorted_checked(n, n, &col_ptr, None, &row_idx);
+        let pattern = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &col_ptr, None, &row_idx);
         let perm = faer::perm::PermRef::new_checked(&order, &position, n);
         let symbolic = factorize_symbolic_cholesky(
             pattern,
@@ -117,17 +116,15 @@ impl CholeskyDual {
             _ => FactorError::TooLarge,
         })?;
 
-
         let out_of_memory = || FactorError::OutOfMemory {
-            mib: symbolic.len_val() * 8 >> 20,
+            mib: (symbolic.len_val() * 8) >> 20,
         };
         let mut factor: Vec<f64> = Vec::new();
         factor
             .try_reserve_exact(symbolic.len_val())
             .map_err(|_| out_of_memory())?;
         factor.resize(symbolic.len_val(), 0.0);
-        let scratch =
-            symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
+        let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
         let mut memory = MemBuffer::try_new(scratch).map_err(|_| out_of_memory())?;
         let not_definite = |position: usize| {
             let unknown = order[position] as usize;
@@ -166,9 +163,12 @@ impl CholeskyDual {
         let blocks = trailing_blocks(&symbolic, &factor, n_leading, &sizes);
         let factor_seconds = start.elapsed().as_secs_f64();
 
-        let rows = problem.normal().triplets().map(|(i, j, v)| (i, j, v));
+        let rows = problem.normal().triplets();
         let m = problem.m();
-        let tangential = problem.tangential().triplets().map(|(i, j, v)| (i + m, j, v));
+        let tangential = problem
+            .tangential()
+            .triplets()
+            .map(|(i, j, v)| (i + m, j, v));
         let b = Csr::from_triplets(
             2 * m,
             n - n_leading,
@@ -420,7 +420,11 @@ impl DoubleEndedIterator for Panels<'_> {
 /// Whether B touches each block of K.
 fn contact_blocks(problem: &ContactProblem) -> Vec<bool> {
     let mut touched = vec![false; problem.stiffness().n_block_rows()];
-    for (_, j, v) in problem.normal().triplets().chain(problem.tangential().triplets()) {
+    for (_, j, v) in problem
+        .normal()
+        .triplets()
+        .chain(problem.tangential().triplets())
+    {
         if v != 0.0 {
             touched[j / 2] = true;
         }

@@ -35,7 +35,11 @@ pub(super) fn contact_last(
     let mut interior: Vec<Vec<u32>> = vec![Vec::new(); n_components];
     for i in 0..k.n_block_rows() {
         let body = component[i] as usize;
-        let list = if touched[i] { &mut contact } else { &mut interior };
+        let list = if touched[i] {
+            &mut contact
+        } else {
+            &mut interior
+        };
         list[body].push(i as u32);
     }
     // A triangular block of c² · 2 entries against a fill that is several times the entries of K.
