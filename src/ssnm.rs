@@ -16,7 +16,7 @@
 //! - **The safeguard.** The iterates are feasible and the change of q between them is known for nothing.
 //!   Steps that lower neither the best q nor the best error are discarded: from the best point a
 //!   projected gradient step with ρ = 1/σ_max < 2/σ_max lowers q by at least a fixed part of ‖r̃‖²
-//!   (Kučera 2008, reference 2 of the paper), the best part of a Newton step lowers it further, and the set
+//!   (Kučera 2008, reference 2 of the paper), a projected Newton step lowers it further, and the set
 //!   prediction uses no more than that ρ from then on. Each time it acts it stays for twice as many
 //!   steps, hence q decreases to its minimum whatever β was.
 
@@ -47,7 +47,7 @@ pub enum Method {
 /// Settings of the method; the defaults are those of the case file.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a> {
-    /// ε: the error err = ‖r̃_ρ(P_Λ(λ))‖ to reach, relative to err⁰.
+    /// ε: the error err = ‖r̃_ρ(P_Λ(λ))‖ to reach, relative to err⁰ at λ = 0.
     pub tolerance: f64,
     /// β: ρ = β / σ_max.
     pub beta: f64,
@@ -61,7 +61,7 @@ pub struct Settings<'a> {
     pub max_iterations: usize,
     /// Wall time at most.
     pub time_limit: Option<Duration>,
-    /// λ⁰, length 2m; zero if None.
+    /// λ⁰, length 2m, e.g. the multipliers of an earlier solve; zero if None.
     pub initial: Option<&'a [f64]>,
     /// Set from outside to stop at the next product with A.
     pub interrupt: Option<&'a AtomicBool>,
@@ -164,6 +164,9 @@ pub struct Solution {
 
 /// Newton steps in a row without progress in q or err before the safeguard acts.
 const FRUITLESS: usize = 3;
+/// The part of α‖r̃_α‖² by which a step has to lower q to count as progress; a projected gradient step
+/// gains at least half of it.
+const GAIN: f64 = 0.05;
 /// The residual of the inner problems in Algorithm SSNM, relative to err⁰.
 const EXACT: f64 = 1e-12;
 /// CG may stop early, on sets that have changed, once its residual is below this part of err.
@@ -206,8 +209,9 @@ pub fn solve(
             interrupt: settings.interrupt,
         },
     };
+    // err⁰ at λ = 0 even for a warm start: a good start must not make the same tolerance harder.
+    let err0 = newton.error(&newton.origin());
     let mut point = newton.start(settings.initial);
-    let err0 = newton.error(&point);
     let mut history: Vec<Step> = Vec::new();
     let mut first_met = None;
     let status = newton.run(
@@ -297,6 +301,30 @@ impl Point {
         }
         0.5 * sum
     }
+
+    /// The point of lowest q between this one and `end`.
+    fn lowest_towards(&self, end: &Self) -> Self {
+        let (mut slope, mut curvature) = (0.0, 0.0);
+        for i in 0..self.r.len() {
+            let step = end.lambda[i] - self.lambda[i];
+            slope += step * self.r[i];
+            curvature += step * (end.r[i] - self.r[i]);
+        }
+        let t = if curvature > 0.0 {
+            (-slope / curvature).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let between =
+            |y: &[f64], z: &[f64]| y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect();
+        if t == 1.0 {
+            return end.clone();
+        }
+        Self {
+            lambda: between(&self.lambda, &end.lambda),
+            r: between(&self.r, &end.r),
+        }
+    }
 }
 
 /// When to stop in the middle of an inner solve.
@@ -348,12 +376,17 @@ impl<D: DualOperator> Newton<'_, D> {
         self.n_a += 1;
     }
 
-    /// λ⁰ projected on Λ, and r there.
-    fn start(&mut self, initial: Option<&[f64]>) -> Point {
-        let mut point = Point {
+    /// λ = 0, where r = −b.
+    fn origin(&self) -> Point {
+        Point {
             lambda: vec![0.0; self.b.len()],
             r: self.b.iter().map(|b| -b).collect(),
-        };
+        }
+    }
+
+    /// λ⁰ projected on Λ, and r there.
+    fn start(&mut self, initial: Option<&[f64]>) -> Point {
+        let mut point = self.origin();
         if let Some(initial) = initial {
             assert_eq!(initial.len(), self.b.len(), "λ⁰ needs 2m entries");
             let mut target = initial.to_vec();
@@ -442,7 +475,7 @@ impl<D: DualOperator> Newton<'_, D> {
             work: f64::INFINITY,
             checks: 0,
         };
-        let mut err = err0;
+        let mut err = self.error(point);
         // Step 3.1 starts from tol⁰ = r_tol / c_fact.
         let mut tol = settings.r_tol / settings.c_fact;
         let mut cg: Option<Cg> = None;
@@ -460,8 +493,11 @@ impl<D: DualOperator> Newton<'_, D> {
                 if let Some(status) = verify(self, point, &mut goal, history.len()) {
                     return status;
                 }
-                // r is fresh now.
+                // r is fresh now. Where it had drifted, so have the images of the known directions.
                 err = self.error(point);
+                if err > goal.err {
+                    self.known = Subspace::default();
+                }
                 best = point.clone();
                 cg = None;
                 continue;
@@ -496,23 +532,28 @@ impl<D: DualOperator> Newton<'_, D> {
             previous = Some(sets);
             let stopped = observer(history.last().expect("just pushed")).is_break();
 
-            let lower = best.q_change(point) < 0.0;
-            if lower || err < best_err {
+            // Progress is a real part of what a projected gradient step from the best point would gain,
+            // or a clearly smaller error: rounding must not pass for it.
+            let lost = best.q_change(point);
+            let least = self.alpha * norm(&reduced_gradient(&best, self.alpha, self.g)).powi(2);
+            let progress = -lost >= GAIN * least && lost < 0.0 || err <= 0.9 * best_err;
+            if progress {
                 fruitless = 0;
             } else {
                 fruitless += 1;
             }
-            if lower {
-                best = point.clone();
-            }
             best_err = best_err.min(err);
             if stopped {
-                *point = best;
+                if !(lost < 0.0) {
+                    *point = best;
+                }
                 return Status::Interrupted;
             }
             // More than half of all progress lost counts at once. Written so that NaN does, too.
             let gained = -first.q_change(&best);
-            let lost = best.q_change(point);
+            if lost < 0.0 {
+                best = point.clone();
+            }
             if fruitless >= FRUITLESS || (safeguarded && fruitless > 0) || !(lost <= 0.5 * gained) {
                 *point = best.clone();
                 err = self.error(point);
@@ -625,8 +666,8 @@ impl<D: DualOperator> Newton<'_, D> {
         self.move_to(point, target)
     }
 
-    /// A step that lowers q: projected gradient from `point`, then a Newton step from there, of which
-    /// the part is taken that lowers q most.
+    /// A step that lowers q: projected gradient from `point`, then a projected Newton step from there, of
+    /// the length that lowers q most.
     fn safeguarded_step(&mut self, point: &mut Point, target: f64, err: f64) -> (Sets, usize) {
         let gradient = point.clone();
         for _ in 0..60 {
@@ -644,44 +685,57 @@ impl<D: DualOperator> Newton<'_, D> {
             self.alpha *= 0.5;
         }
         let feasible = point.clone();
-        let (sets, inner) =
-            self.newton_step(point, &mut None, self.alpha, target, err, Method::Inexact);
-        // Both ends are feasible and their gradients known: the minimum of q between them is free.
-        let step: Vec<f64> = point
+        let sets = Sets::predict(&point.lambda, &point.r, self.alpha, self.g);
+        let mut bounded = point.lambda.clone();
+        sets.set_bounds(&mut bounded, self.g);
+        self.move_to(point, bounded);
+        let mut cg = self.cg_on(sets.clone(), point);
+        let inner = self.cg(point, &mut cg, target, |_, _, residual| {
+            residual <= SETS_CHANGED * err
+        });
+        // Along the projected arc from the feasible point to the Newton point, and on the chord to each
+        // point tried there (both ends feasible, both gradients known: its minimum costs nothing).
+        let newton: Vec<f64> = point
             .lambda
             .iter()
             .zip(&feasible.lambda)
             .map(|(z, y)| z - y)
             .collect();
-        let slope = dot(&step, &feasible.r);
-        let curvature = dot(&step, &point.r) - slope;
-        let t = if curvature > 0.0 {
-            (-slope / curvature).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        if t < 1.0 {
-            let between = |y: &[f64], z: &[f64]| -> Vec<f64> {
-                y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect()
-            };
-            *point = Point {
-                lambda: between(&feasible.lambda, &point.lambda),
-                r: between(&feasible.r, &point.r),
-            };
+        let mut best = feasible.clone();
+        for t in [1.0, 0.25, 0.0625] {
+            let mut target = feasible.lambda.clone();
+            for (l, d) in target.iter_mut().zip(&newton) {
+                *l += t * d;
+            }
+            project(&mut target, self.g);
+            let mut end = point.clone();
+            self.move_to(&mut end, target);
+            let whole = feasible.q_change(&end);
+            let chord = feasible.lowest_towards(&end);
+            if best.q_change(&chord) < 0.0 {
+                best = chord;
+            }
+            *point = end;
+            // A point of the arc with a real decrease: no shorter step is needed.
+            if whole < 0.0 && whole <= 0.5 * feasible.q_change(&best) {
+                break;
+            }
         }
+        *point = best;
         (sets, inner)
     }
 }
 
 /// P_Λ: the projections (4) on λν ≥ 0 and (5) on |λτ| ≤ g.
+///
+/// The sum of max-functions in (5) is the clamp to [−g, g]; written as such it leaves what is inside
+/// exactly as it was.
 pub fn project(lambda: &mut [f64], g: &[f64]) {
     let (normal, tangential) = lambda.split_at_mut(g.len());
     for l in normal {
         *l = l.max(0.0);
     }
     for (l, &g) in tangential.iter_mut().zip(g) {
-        *l = (*l + g).max(0.0) - (*l - g).max(0.0) - g;
-        // The sum above rounds: the bound must hold exactly.
         *l = l.clamp(-g, g);
     }
 }

@@ -7,7 +7,7 @@ use faer::Mat;
 /// Directions kept at most: 2 · 2m numbers each.
 const MAX_DIRECTIONS: usize = 120;
 /// A direction whose part outside the span is smaller than this (in the norm of A) adds nothing but rounding.
-const INDEPENDENT: f64 = 1e-7;
+const INDEPENDENT: f64 = 1e-4;
 /// A combination is zero on the held multipliers if its singular value is below this part of the largest.
 const VANISHES: f64 = 1e-11;
 

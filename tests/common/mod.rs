@@ -1,0 +1,167 @@
+//! What several test files need.
+#![allow(dead_code)]
+
+use signorini::problem::{ContactData, ContactProblem};
+use signorini::sparse::{BlockCsr, Csr};
+use signorini::ssnm::{self, Settings, Solution};
+use signorini::stiffness::cholesky::CholeskyDual;
+use std::ops::ControlFlow;
+
+/// A small generator of pseudo-random numbers: the tests must not change from run to run.
+pub struct Random(pub u64);
+
+impl Random {
+    /// Uniform in [0, 1).
+    pub fn unit(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.unit() * n as f64) as usize
+    }
+}
+
+/// What a contact node of a manufactured problem does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Node {
+    pub separated: bool,
+    /// −1, 0 (stick), +1.
+    pub slip: i8,
+}
+
+/// A contact problem with its solution (validation by construction).
+pub struct Manufactured {
+    pub problem: ContactProblem,
+    pub u: Vec<f64>,
+    pub lambda: Vec<f64>,
+    pub nodes: Vec<Node>,
+}
+
+/// Chooses u*, λ* and the sets, then f, d and g so that (1)–(3) hold with strict complementarity.
+///
+/// K is the matrix of a random network of springs, held to the ground here and there, on `n` unknowns;
+/// B selects unknowns, or has general sparse rows.
+pub fn manufactured(n: usize, nodes: &[Node], general: bool, random: &mut Random) -> Manufactured {
+    let m = nodes.len();
+    assert!(2 * m <= n);
+    let mut entries = Vec::new();
+    for i in 0..n {
+        entries.push((i, i, if random.unit() < 0.1 { 1.0 } else { 1e-2 }));
+        for _ in 0..3 {
+            let j = random.below(n);
+            if i != j {
+                let k = random.between(0.1, 2.0);
+                entries.extend([(i, i, k), (j, j, k), (i, j, -k), (j, i, -k)]);
+            }
+        }
+    }
+    let k = BlockCsr::<2>::from_triplets(n, n, entries);
+    let mut u: Vec<f64> = (0..n).map(|_| random.between(-1.0, 1.0)).collect();
+    // Any m + m different unknowns.
+    let mut order: Vec<usize> = (0..n).collect();
+    for i in 0..n {
+        order.swap(i, i + random.below(n - i));
+    }
+    let mut row = |pivot: usize| -> Vec<(usize, f64)> {
+        let mut row = vec![(pivot, 1.0)];
+        if general {
+            // The pivots are dominant, so that B has full row rank.
+            for _ in 0..3 {
+                let j = random.below(n);
+                if row.iter().all(|&(i, _)| i != j) {
+                    row.push((j, random.between(-0.2, 0.2)));
+                }
+            }
+        }
+        row
+    };
+    let normal: Vec<_> = (0..m).map(|i| row(order[i])).collect();
+    let tangential: Vec<_> = (0..m).map(|i| row(order[m + i])).collect();
+    let times = |row: &[(usize, f64)], u: &[f64]| row.iter().map(|&(j, v)| v * u[j]).sum::<f64>();
+    // d ≥ 0 asks for N u* ≥ 0 in contact, sticking for T u* = 0: sweeps over the pivots arrange both.
+    for _ in 0..200 {
+        for (i, node) in nodes.iter().enumerate() {
+            let now = times(&normal[i], &u);
+            if now < 0.1 {
+                u[order[i]] += 0.1 + 0.5 * (i % 3) as f64 - now;
+            }
+            let now = times(&tangential[i], &u);
+            match node.slip {
+                0 => u[order[m + i]] -= now,
+                s if now * f64::from(s) < 0.1 => u[order[m + i]] += 0.3 * f64::from(s) - now,
+                _ => {}
+            }
+        }
+    }
+    let mut lambda = vec![0.0; 2 * m];
+    let (mut d, mut g) = (vec![0.0; m], vec![0.0; m]);
+    for (i, node) in nodes.iter().enumerate() {
+        d[i] = times(&normal[i], &u);
+        if node.separated {
+            d[i] += random.between(0.1, 1.0);
+        } else {
+            lambda[i] = random.between(0.2, 2.0);
+        }
+        g[i] = random.between(0.2, 2.0);
+        lambda[m + i] = match node.slip {
+            0 => random.between(-0.8, 0.8) * g[i],
+            s => f64::from(s) * g[i],
+        };
+    }
+    let size = k.n_rows();
+    let mut f = vec![0.0; size];
+    let mut padded = u.clone();
+    padded.resize(size, 0.0);
+    k.mul(&padded, &mut f);
+    f.truncate(n);
+    for (i, rows) in normal.iter().chain(&tangential).enumerate() {
+        for &(j, v) in rows {
+            f[j] += v * lambda[i];
+        }
+    }
+    let matrix = |rows: &[Vec<(usize, f64)>]| {
+        let entries = rows
+            .iter()
+            .enumerate()
+            .flat_map(|(i, row)| row.iter().map(move |&(j, v)| (i, j, v)));
+        Csr::from_triplets(m, n, entries)
+    };
+    let problem = ContactProblem::new(ContactData {
+        stiffness: k,
+        load: f,
+        normal: matrix(&normal),
+        tangential: matrix(&tangential),
+        gap: d,
+        slip_bound: g,
+        coordinates: None,
+    })
+    .unwrap_or_else(|error| panic!("{error}"));
+    Manufactured {
+        problem,
+        u,
+        lambda,
+        nodes: nodes.to_vec(),
+    }
+}
+
+/// Solves on the direct path.
+pub fn solve(problem: &ContactProblem, settings: &Settings) -> Solution {
+    let mut dual = CholeskyDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
+    ssnm::solve(problem, &mut dual, settings, |_| ControlFlow::Continue(()))
+}
+
+/// max |a − b| / max |b|.
+pub fn distance(a: &[f64], b: &[f64]) -> f64 {
+    let scale = b.iter().fold(1e-300, |s: f64, v| s.max(v.abs()));
+    a.iter()
+        .zip(b)
+        .fold(0.0, |d: f64, (a, b)| d.max((a - b).abs()))
+        / scale
+}
