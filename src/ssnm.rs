@@ -5,21 +5,23 @@
 //! with the inactive multipliers on their bounds by conjugate gradients (Step 3), and measures the
 //! reduced gradient (10) at the projection of the result (Step 3.4).
 //!
-//! Four things go beyond the text of the paper, none of which changes the limit:
+//! Five things go beyond the text of the paper, none of which changes the limit:
 //!
 //! - **Products are carried.** r = Aλ − b is updated along with λ, so a product with A is spent only on
 //!   a direction of CG, on the jump of the multipliers that change to a bound, and on P_Λ(λ) − λ.
 //! - **CG is continued, not restarted,** where the next step has the same sets, and it is cut short once
 //!   its residual is below a part of the last error and the sets that it would lead to have changed.
+//! - **Multipliers are scaled** where the stiffness under the contact varies by more than a factor of four.
 //! - **Known products are used again.** All directions with a known product span a subspace; its part that
 //!   vanishes on the held multipliers is minimised over for nothing before CG starts on new sets.
 //! - **The safeguard.** The iterates are feasible and the change of q between them is known for nothing.
 //!   Steps that lower neither the best q nor the best error are discarded: from the best point a
 //!   projected gradient step with ρ = 1/σ_max < 2/σ_max lowers q by at least a fixed part of ‖r̃‖²
-//!   (Kučera 2008, reference 2 of the paper), a projected Newton step lowers it further, and the set
-//!   prediction uses no more than that ρ from then on. Each time it acts it stays for twice as many
-//!   steps, hence q decreases to its minimum whatever β was.
+//!   (Kučera 2008, reference 2 of the paper), minimising over the face of Λ reached lowers it further,
+//!   and the set prediction uses no more than that ρ from then on. Each time it acts it stays for twice
+//!   as many steps, hence q decreases to its minimum whatever β was.
 
+mod scaling;
 mod sets;
 mod subspace;
 
@@ -28,6 +30,7 @@ pub use sets::{SetSizes, Sets};
 use crate::dual::{DualOperator, sigma_max};
 use crate::problem::{ContactProblem, Kkt, slip_violation};
 use crate::sparse::{dot, norm, norm_max};
+use scaling::Scaled;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -169,6 +172,9 @@ const FRUITLESS: usize = 3;
 const GAIN: f64 = 0.05;
 /// The residual of the inner problems in Algorithm SSNM, relative to err⁰.
 const EXACT: f64 = 1e-12;
+/// Faces of Λ that a safeguarded step may visit: one at first, four times as many each time that the
+/// safeguard has to act again, up to this.
+const MAX_FACES: usize = 64;
 /// CG may stop early, on sets that have changed, once its residual is below this part of err.
 const SETS_CHANGED: f64 = 0.3;
 
@@ -186,13 +192,14 @@ pub fn solve(
 ) -> Solution {
     let start = Instant::now();
     let len = 2 * problem.m();
+    let mut dual = Scaled::new(problem, dual);
     let mut b = vec![0.0; len];
     dual.right_hand_side(&mut b);
-    let (sigma, n_a_sigma) = sigma_max(dual, len);
+    let (sigma, n_a_sigma) = sigma_max(&mut dual, len);
     let setup_seconds = start.elapsed().as_secs_f64();
 
     let mut newton = Newton {
-        g: problem.slip_bound(),
+        g: &dual.slip_bound(problem.slip_bound()),
         b,
         // Without contact, or with a B that K makes infinitely stiff, any ρ will do.
         rho: if sigma > 0.0 {
@@ -203,6 +210,7 @@ pub fn solve(
         alpha: if sigma > 0.0 { 1.0 / sigma } else { 1.0 },
         dual,
         n_a: 0,
+        checked: None,
         known: Subspace::default(),
         stop: Stop {
             deadline: settings.time_limit.map(|limit| start + limit),
@@ -225,8 +233,10 @@ pub fn solve(
             newton.verify(problem, point, goal, err0, settings.tolerance)
         },
     );
-    let u = newton.dual.displacement(&point.lambda);
-    let kkt = problem.kkt(&u, &point.lambda);
+    let (u, kkt) = match newton.checked.take() {
+        Some(checked) => checked,
+        None => newton.optimality(problem, &point),
+    };
     let sets = Sets::at_solution(&point.lambda, &point.r, newton.g);
     let info = Info {
         iter: history.len(),
@@ -245,10 +255,12 @@ pub fn solve(
         setup_seconds,
         solve_seconds: start.elapsed().as_secs_f64() - setup_seconds,
     };
+    let mut lambda = point.lambda;
+    newton.dual.times(&mut lambda);
     Solution {
         status,
         u,
-        lambda: point.lambda,
+        lambda,
         sets,
         info,
     }
@@ -267,19 +279,22 @@ struct Goal {
 }
 
 impl Goal {
-    /// Written so that NaN never passes.
-    fn met(&self, point: &Point, err: f64, g: &[f64]) -> bool {
+    /// Whether a point with gradient r (not scaled) and error err meets it. Written so that NaN never passes.
+    fn met(&self, lambda: &[f64], r: &[f64], err: f64, g: &[f64]) -> bool {
         if !(err <= self.err) {
             return false;
         }
+        if self.checks == 0 {
+            return true;
+        }
         let m = g.len();
-        let (ln, lt) = point.lambda.split_at(m);
-        let (rn, rt) = point.r.split_at(m);
+        let (ln, lt) = lambda.split_at(m);
+        let (rn, rt) = r.split_at(m);
         let penetration = rn.iter().fold(0.0, |acc: f64, r| acc.max(-r));
         let slip = (0..m).fold(0.0, |acc: f64, i| {
             acc.max(slip_violation(lt[i], -rt[i], g[i]))
         });
-        let length = norm(&point.lambda);
+        let length = norm(lambda);
         penetration.max(slip) <= self.slack
             && (length == 0.0 || dot(ln, rn).abs() / length <= self.work)
     }
@@ -315,15 +330,61 @@ impl Point {
         } else {
             0.0
         };
-        let between =
-            |y: &[f64], z: &[f64]| y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect();
         if t == 1.0 {
             return end.clone();
         }
+        let between =
+            |y: &[f64], z: &[f64]| y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect();
         Self {
             lambda: between(&self.lambda, &end.lambda),
             r: between(&self.r, &end.r),
         }
+    }
+
+    /// From this point of Λ towards `end` as far as Λ goes; what stops there lies exactly on its bound.
+    fn until_bound(&self, end: &Self, g: &[f64]) -> Self {
+        let m = g.len();
+        let bounds = |i: usize| {
+            if i < m {
+                (0.0, f64::INFINITY)
+            } else {
+                (-g[i - m], g[i - m])
+            }
+        };
+        let reach = |i: usize| {
+            let step = end.lambda[i] - self.lambda[i];
+            let (low, high) = bounds(i);
+            let room = if step < 0.0 {
+                low - self.lambda[i]
+            } else {
+                high - self.lambda[i]
+            };
+            if step == 0.0 {
+                f64::INFINITY
+            } else {
+                (room / step).max(0.0)
+            }
+        };
+        let t = (0..self.r.len()).map(reach).fold(1.0, f64::min);
+        let between = |y: &[f64], z: &[f64]| -> Vec<f64> {
+            y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect()
+        };
+        let mut cut = Self {
+            lambda: between(&self.lambda, &end.lambda),
+            r: between(&self.r, &end.r),
+        };
+        for (i, l) in cut.lambda.iter_mut().enumerate() {
+            let (low, high) = bounds(i);
+            if reach(i) <= t {
+                *l = if end.lambda[i] < self.lambda[i] {
+                    low
+                } else {
+                    high
+                };
+            }
+            *l = l.clamp(low, high);
+        }
+        cut
     }
 }
 
@@ -363,8 +424,10 @@ struct Newton<'a, D> {
     rho: f64,
     /// The length of safeguarding projected gradient steps, < 2/σ_max.
     alpha: f64,
-    dual: &'a mut D,
+    dual: Scaled<'a, D>,
     n_a: usize,
+    /// u and the optimality conditions of the last final check.
+    checked: Option<(Vec<f64>, Kkt)>,
     /// All directions whose product is known.
     known: Subspace,
     stop: Stop<'a>,
@@ -390,6 +453,7 @@ impl<D: DualOperator> Newton<'_, D> {
         if let Some(initial) = initial {
             assert_eq!(initial.len(), self.b.len(), "λ⁰ needs 2m entries");
             let mut target = initial.to_vec();
+            self.dual.divide(&mut target);
             project(&mut target, self.g);
             self.move_to(&mut point, target);
         }
@@ -429,6 +493,27 @@ impl<D: DualOperator> Newton<'_, D> {
             .zip(problem.gap())
             .for_each(|(r, d)| *r = d - *r);
         rt.iter_mut().for_each(|r| *r = -*r);
+        self.dual.times(&mut point.r);
+    }
+
+    /// u at a point, and the optimality conditions there.
+    fn optimality(&mut self, problem: &ContactProblem, point: &Point) -> (Vec<f64>, Kkt) {
+        let u = self.dual.displacement(&point.lambda);
+        let mut lambda = point.lambda.clone();
+        self.dual.times(&mut lambda);
+        let kkt = problem.kkt(&u, &lambda);
+        (u, kkt)
+    }
+
+    /// Whether a point meets the goal, in the units of the problem.
+    fn meets(&self, goal: &Goal, point: &Point, err: f64) -> bool {
+        let (mut lambda, mut r, mut g) = (point.lambda.clone(), point.r.clone(), point.r.clone());
+        self.dual.times(&mut lambda);
+        self.dual.divide(&mut r);
+        let m = self.g.len();
+        g[m..].copy_from_slice(self.g);
+        self.dual.times(&mut g);
+        goal.met(&lambda, &r, err, &g[m..])
     }
 
     /// The final check, with what the displacement says instead of the carried r: Converged, Stagnated, or
@@ -441,22 +526,23 @@ impl<D: DualOperator> Newton<'_, D> {
         err0: f64,
         tolerance: f64,
     ) -> Option<Status> {
-        let u = self.dual.displacement(&point.lambda);
-        let kkt = problem.kkt(&u, &point.lambda);
+        let (u, kkt) = self.optimality(problem, point);
         self.refresh(problem, &u, point);
         let err = self.error(point);
-        if err <= tolerance * err0 * (1.0 + 1e-6) && kkt.max() <= 10.0 * tolerance {
-            return Some(Status::Converged);
-        }
         // Equilibrium does not depend on λ: no further step can mend it. A goal that was met again and
         // again and still fails the check is at the limit of rounding.
-        goal.checks += 1;
-        if !(kkt.equilibrium <= 10.0 * tolerance) || goal.checks > 5 {
-            return Some(Status::Stagnated);
-        }
-        goal.slack = 9.0 * tolerance * norm_max(&u);
-        goal.work = 9.0 * tolerance * norm(&u);
-        None
+        let status = if err <= tolerance * err0 * (1.0 + 1e-6) && kkt.max() <= 10.0 * tolerance {
+            Status::Converged
+        } else if !(kkt.equilibrium <= 10.0 * tolerance) || goal.checks >= 5 {
+            Status::Stagnated
+        } else {
+            goal.checks += 1;
+            goal.slack = 9.0 * tolerance * norm_max(&u);
+            goal.work = 9.0 * tolerance * norm(&u);
+            return None;
+        };
+        self.checked = Some((u, kkt));
+        Some(status)
     }
 
     /// Outer steps until `verify` is content with a point that meets the goal, or a reason to stop.
@@ -486,10 +572,10 @@ impl<D: DualOperator> Newton<'_, D> {
         let first = point.clone();
         let mut fruitless = 0;
         // Safeguarded steps still to make, and how many the next discarded steps will cost.
-        let (mut guarded, mut penalty) = (0usize, 1usize);
+        let (mut guarded, mut penalty, mut faces) = (0usize, 1usize, 0usize);
         loop {
             // Step 1.
-            if goal.met(point, err, self.g) {
+            if self.meets(&goal, point, err) {
                 if let Some(status) = verify(self, point, &mut goal, history.len()) {
                     return status;
                 }
@@ -515,7 +601,7 @@ impl<D: DualOperator> Newton<'_, D> {
             let safeguarded = guarded > 0;
             let (sets, inner) = if safeguarded {
                 guarded -= 1;
-                self.safeguarded_step(point, target, err)
+                self.safeguarded_step(point, target, err, faces)
             } else {
                 self.newton_step(point, &mut cg, set_rho, target, err, settings.method)
             };
@@ -567,6 +653,7 @@ impl<D: DualOperator> Newton<'_, D> {
                 set_rho = set_rho.min(self.alpha);
                 guarded = penalty;
                 penalty *= 2;
+                faces = (4 * faces).clamp(1, MAX_FACES);
             }
         }
     }
@@ -666,9 +753,15 @@ impl<D: DualOperator> Newton<'_, D> {
         self.move_to(point, target)
     }
 
-    /// A step that lowers q: projected gradient from `point`, then a projected Newton step from there, of
-    /// the length that lowers q most.
-    fn safeguarded_step(&mut self, point: &mut Point, target: f64, err: f64) -> (Sets, usize) {
+    /// A step that lowers q: projected gradient from `point`, then the minimum over the face of Λ that it
+    /// has reached, over the smaller face where that minimum lies outside Λ, and so on.
+    fn safeguarded_step(
+        &mut self,
+        point: &mut Point,
+        target: f64,
+        err: f64,
+        faces: usize,
+    ) -> (Sets, usize) {
         let gradient = point.clone();
         for _ in 0..60 {
             *point = gradient.clone();
@@ -684,44 +777,33 @@ impl<D: DualOperator> Newton<'_, D> {
             // σ_max was underestimated.
             self.alpha *= 0.5;
         }
-        let feasible = point.clone();
-        let sets = Sets::predict(&point.lambda, &point.r, self.alpha, self.g);
-        let mut bounded = point.lambda.clone();
-        sets.set_bounds(&mut bounded, self.g);
-        self.move_to(point, bounded);
-        let mut cg = self.cg_on(sets.clone(), point);
-        let inner = self.cg(point, &mut cg, target, |_, _, residual| {
-            residual <= SETS_CHANGED * err
-        });
-        // Along the projected arc from the feasible point to the Newton point, and on the chord to each
-        // point tried there (both ends feasible, both gradients known: its minimum costs nothing).
-        let newton: Vec<f64> = point
-            .lambda
-            .iter()
-            .zip(&feasible.lambda)
-            .map(|(z, y)| z - y)
-            .collect();
-        let mut best = feasible.clone();
-        for t in [1.0, 0.25, 0.0625] {
-            let mut target = feasible.lambda.clone();
-            for (l, d) in target.iter_mut().zip(&newton) {
-                *l += t * d;
-            }
-            project(&mut target, self.g);
+        // From here on multipliers only join the held ones, so that the loop ends.
+        let mut sets = Sets::binding(&point.lambda, &point.r, self.g);
+        let mut inner = 0;
+        for face in 1..=faces {
             let mut end = point.clone();
-            self.move_to(&mut end, target);
-            let whole = feasible.q_change(&end);
-            let chord = feasible.lowest_towards(&end);
-            if best.q_change(&chord) < 0.0 {
-                best = chord;
+            let mut cg = self.cg_on(sets.clone(), &mut end);
+            inner += self.cg(&mut end, &mut cg, target, |_, _, residual| {
+                residual <= SETS_CHANGED * err
+            });
+            let mut projected = end.lambda.clone();
+            project(&mut projected, self.g);
+            if projected == end.lambda {
+                *point = end;
+                break;
             }
-            *point = end;
-            // A point of the arc with a real decrease: no shorter step is needed.
-            if whole < 0.0 && whole <= 0.5 * feasible.q_change(&best) {
+            // Up to the first bound q falls and its gradient is known; beyond, the projection is tried.
+            let cut = point.until_bound(&end, self.g);
+            self.move_to(&mut end, projected);
+            // What is left inside Λ by the last face need not lie on a bound: the best of the chord.
+            if face == faces {
+                end = point.lowest_towards(&end);
+            }
+            *point = if cut.q_change(&end) < 0.0 { end } else { cut };
+            if !sets.hold_at_bounds(&point.lambda, self.g) || self.stop.now().is_some() {
                 break;
             }
         }
-        *point = best;
         (sets, inner)
     }
 }

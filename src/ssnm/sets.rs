@@ -55,6 +55,54 @@ impl Sets {
         )
     }
 
+    /// The multipliers of λ ∈ Λ that lie on a bound and that a step against the gradient would push out.
+    pub(super) fn binding(lambda: &[f64], r: &[f64], g: &[f64]) -> Self {
+        let m = g.len();
+        Self(
+            (0..lambda.len())
+                .map(|i| {
+                    let (l, r) = (lambda[i], r[i]);
+                    if i < m {
+                        if l <= 0.0 && r >= 0.0 {
+                            Held::Zero
+                        } else {
+                            Held::Free
+                        }
+                    } else if l >= g[i - m] && (r <= 0.0 || g[i - m] == 0.0) {
+                        Held::Plus
+                    } else if l <= -g[i - m] && r >= 0.0 {
+                        Held::Minus
+                    } else {
+                        Held::Free
+                    }
+                })
+                .collect(),
+        )
+    }
+
+    /// Holds the free multipliers that lie on a bound; says whether there were any.
+    pub(super) fn hold_at_bounds(&mut self, lambda: &[f64], g: &[f64]) -> bool {
+        let m = g.len();
+        let mut any = false;
+        for (i, held) in self.0.iter_mut().enumerate() {
+            if *held != Held::Free {
+                continue;
+            }
+            let l = lambda[i];
+            *held = if i < m {
+                if l <= 0.0 { Held::Zero } else { Held::Free }
+            } else if l >= g[i - m] {
+                Held::Plus
+            } else if l <= -g[i - m] {
+                Held::Minus
+            } else {
+                Held::Free
+            };
+            any |= *held != Held::Free;
+        }
+        any
+    }
+
     /// The sets at a solution λ ∈ Λ: by the multipliers themselves; where g = 0 by the direction of slip.
     pub(super) fn at_solution(lambda: &[f64], r: &[f64], g: &[f64]) -> Self {
         let m = g.len();

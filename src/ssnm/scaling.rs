@@ -1,0 +1,109 @@
+//! Scaling of the multipliers where the stiffness under the contact varies widely.
+
+use crate::dual::DualOperator;
+use crate::problem::ContactProblem;
+use crate::sparse::Csr;
+
+/// The dual operator in scaled multipliers λ̂ with λ = S λ̂: Â = S A S, b̂ = S b, ĝ = S⁻¹ g.
+///
+/// One ρ for all multipliers suits contact nodes of similar stiffness. Where materials differ, the
+/// diagonal of A varies as much, and the sets that one ρ predicts are wild on one side or slow to move
+/// on the other. S evens out the estimate Σⱼ Bᵢⱼ²/Kⱼⱼ of Aᵢᵢ, in powers of two, so that scaling back
+/// and forth is exact, and only beyond a factor of four from the median: a homogeneous problem is left
+/// exactly as it is.
+pub(super) struct Scaled<'a, D> {
+    dual: &'a mut D,
+    /// S, or None for the identity.
+    scale: Option<Vec<f64>>,
+    buffer: Vec<f64>,
+}
+
+impl<'a, D: DualOperator> Scaled<'a, D> {
+    pub fn new(problem: &ContactProblem, dual: &'a mut D) -> Self {
+        let diagonal = problem.stiffness().diagonal();
+        let estimate = |matrix: &Csr, i: usize| {
+            let (cols, values) = matrix.row(i);
+            cols.iter()
+                .zip(values)
+                .map(|(&j, v)| v[0][0] * v[0][0] / diagonal[j as usize])
+                .sum::<f64>()
+        };
+        let m = problem.m();
+        let estimates: Vec<f64> = (0..2 * m)
+            .map(|i| {
+                if i < m {
+                    estimate(problem.normal(), i)
+                } else {
+                    estimate(problem.tangential(), i - m)
+                }
+            })
+            .collect();
+        // Rows of T may be empty.
+        let mut sorted: Vec<f64> = estimates.iter().copied().filter(|&e| e > 0.0).collect();
+        sorted.sort_by(f64::total_cmp);
+        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
+        let scale: Vec<f64> = estimates
+            .iter()
+            .map(|&e| {
+                if e > 0.0 {
+                    (0.5 * (median / e).log2())
+                        .trunc()
+                        .clamp(-60.0, 60.0)
+                        .exp2()
+                } else {
+                    1.0
+                }
+            })
+            .collect();
+        let needed = scale.iter().any(|&s| s != 1.0);
+        Self {
+            dual,
+            scale: needed.then_some(scale),
+            buffer: vec![0.0; 2 * m],
+        }
+    }
+
+    /// x ← S x: from λ̂ to λ, from a gradient r to r̂.
+    pub fn times(&self, x: &mut [f64]) {
+        if let Some(scale) = &self.scale {
+            x.iter_mut().zip(scale).for_each(|(x, s)| *x *= s);
+        }
+    }
+
+    /// x ← S⁻¹ x: from λ to λ̂, from r̂ to r.
+    pub fn divide(&self, x: &mut [f64]) {
+        if let Some(scale) = &self.scale {
+            x.iter_mut().zip(scale).for_each(|(x, s)| *x /= s);
+        }
+    }
+
+    /// ĝ, for the tangential multipliers.
+    pub fn slip_bound(&self, g: &[f64]) -> Vec<f64> {
+        let mut all = vec![0.0; 2 * g.len()];
+        all[g.len()..].copy_from_slice(g);
+        self.divide(&mut all);
+        all.split_off(g.len())
+    }
+}
+
+impl<D: DualOperator> DualOperator for Scaled<'_, D> {
+    fn apply(&mut self, p: &[f64], y: &mut [f64]) {
+        let mut scaled = std::mem::take(&mut self.buffer);
+        scaled.copy_from_slice(p);
+        self.times(&mut scaled);
+        self.dual.apply(&scaled, y);
+        self.times(y);
+        self.buffer = scaled;
+    }
+
+    fn right_hand_side(&mut self, b: &mut [f64]) {
+        self.dual.right_hand_side(b);
+        self.times(b);
+    }
+
+    fn displacement(&mut self, lambda: &[f64]) -> Vec<f64> {
+        let mut lambda = lambda.to_vec();
+        self.times(&mut lambda);
+        self.dual.displacement(&lambda)
+    }
+}

@@ -1,0 +1,388 @@
+//! Elasticity and contact against closed forms and published figures.
+
+mod common;
+
+use common::solve;
+use signorini::case::{Build, Case};
+use signorini::output::ContactFields;
+use signorini::problem::{ContactData, ContactProblem};
+use signorini::ssnm::{self, Settings, Solution, Status};
+use signorini::stiffness::cholesky::CholeskyDual;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+fn build(text: &str) -> Build {
+    let case = Case::parse(Path::new("tests/case.toml"), text.to_owned(), &[])
+        .unwrap_or_else(|error| panic!("{error}"));
+    case.build().unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn run(text: &str, tolerance: f64) -> (Build, Solution) {
+    let build = build(text);
+    let settings = Settings {
+        tolerance,
+        ..Default::default()
+    };
+    let solution = solve(&build.problem, &settings);
+    assert_eq!(solution.status, Status::Converged);
+    (build, solution)
+}
+
+/// A block pressed on a rigid plane: the contact pressure is the load, to rounding, on any mesh.
+#[test]
+fn patch_test_against_an_obstacle() {
+    let meshes = [
+        "rectangle = { size = [2, 1], cells = [7, 3] }",
+        "rectangle = { size = [2, 1], cells = [5, 4], shape = \"triangle\" }",
+        "file = \"meshes/b41a.msh\"",
+    ];
+    for (i, mesh) in meshes.iter().enumerate() {
+        let material = if i < 2 {
+            "[[material]]\nyoung = 3000\npoisson = 0.4"
+        } else {
+            "[[material]]\nregion = \"steel\"\nyoung = 3000\npoisson = 0.4\n\
+             [[material]]\nregion = \"soft rubber\"\nyoung = 3000\npoisson = 0.4"
+        };
+        // The corner that holds the height lies on the plane already; it sees its share of the load.
+        let text = format!(
+            "[mesh]\n{mesh}\n{material}\n[[support]]\nboundary = \"left\"\nx = 0\n\
+             [[support]]\npoint = [0, 0]\ny = 0\n[[traction]]\nboundary = \"top\"\npressure = 10\n\
+             [[contact]]\nboundary = \"bottom\"\n\
+             obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 3] }} }}\n"
+        );
+        let (build, solution) = run(&text, 1e-13);
+        let elastic = build.elastic.as_ref().expect("an elastic case");
+        let fields = ContactFields::new(&build, elastic, &solution);
+        assert!(fields.pressure.len() > 4);
+        for p in &fields.pressure {
+            assert!((p - 10.0).abs() < 1e-9, "mesh {i}: {p}");
+        }
+        let u = elastic.unknowns.displacements(&solution.u);
+        let (e, nu) = (3000.0, 0.4);
+        for (x, u) in elastic.mesh.nodes.iter().zip(&u) {
+            assert!((u[1] + 10.0 * (1.0 - nu * nu) / e * x[1]).abs() < 1e-12);
+            assert!((u[0] - 10.0 * nu * (1.0 + nu) / e * x[0]).abs() < 1e-12);
+        }
+        let (nodes, elements) = signorini::elasticity::stresses(&elastic.body(), &u);
+        for s in nodes.iter().chain(&elements) {
+            assert!((s.yy + 10.0).abs() < 1e-8 && s.xx.abs() < 1e-8 && s.xy.abs() < 1e-8);
+            assert!((s.zz + 4.0).abs() < 1e-8);
+        }
+    }
+}
+
+/// The same in a turned frame and against discs of huge radius: the direction of the plane is no special case.
+#[test]
+fn patch_test_on_the_left_side() {
+    for obstacle in [
+        "{ half_plane = { point = [0, 0], normal = [2, 0] } }",
+        "{ circle = { center = [-1e9, 0.5], radius = 1e9 } }",
+    ] {
+        let text = format!(
+            "[mesh]\nrectangle = {{ size = [1, 1], cells = [4, 6] }}\n[[material]]\nyoung = 1\npoisson = 0.3\n\
+             [[support]]\nboundary = \"bottom\"\nsymmetry = true\n[[support]]\npoint = [0, 0]\nx = 0\n\
+             [[traction]]\nboundary = \"right\"\nx = -1e-3\n\
+             [[contact]]\nboundary = \"left\"\nobstacle = {obstacle}\n"
+        );
+        let (build, solution) = run(&text, 1e-10);
+        let elastic = build.elastic.as_ref().expect("an elastic case");
+        for p in ContactFields::new(&build, elastic, &solution).pressure {
+            assert!((p - 1e-3).abs() < 1e-8, "{p}");
+        }
+    }
+}
+
+/// Pushed sideways below the bound everything sticks, above it everything slips, without friction the
+/// bound 0 gives the same as no law.
+#[test]
+fn stick_and_slip_of_a_block() {
+    let text = |friction: &str| {
+        format!(
+            "[mesh]\nrectangle = {{ size = [4, 1], cells = [16, 4] }}\n[[material]]\nyoung = 1e5\npoisson = 0.3\n\
+             [[support]]\nboundary = \"left\"\nx = 0\n[[support]]\npoint = [0, 1]\ny = -1e-2\n\
+             [[traction]]\nboundary = \"top\"\npressure = 100\n[[traction]]\nboundary = \"right\"\nx = 20\n\
+             [[contact]]\nboundary = \"bottom\"\nfriction = {friction}\n\
+             obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}\n"
+        )
+    };
+    let (_, stick) = run(&text("{ tresca = 1e4 }"), 1e-9);
+    let sizes = stick.sets.sizes();
+    assert_eq!((sizes.slip_plus, sizes.slip_minus), (0, 0));
+    let (_, slip) = run(&text("{ tresca = 0.01 }"), 1e-9);
+    // But for the corner, which the support keeps from sliding.
+    assert_eq!(slip.sets.sizes().stick, 1);
+    let (_, zero) = run(&text("{ tresca = 0 }"), 1e-9);
+    let (_, none) = run(&text("\"none\""), 1e-9);
+    assert_eq!(zero.u, none.u);
+    assert!(common::distance(&slip.u, &none.u) < 1e-2);
+}
+
+/// Pure bending of a cantilever in plane stress: u = (C x y, −C (x² + ν y²)/2) / E; the error of the
+/// tip falls with h² for both elements.
+#[test]
+fn bending_converges_with_h_squared() {
+    let (nu, c) = (0.3, 1.0);
+    let tip = -c * 9.0 / 2.0;
+    for (shape, order) in [("quad", 1.85), ("triangle", 1.7)] {
+        let errors: Vec<f64> = [4, 8, 16]
+            .iter()
+            .map(|&cells| {
+                let text = format!(
+                    "[mesh]\nrectangle = {{ origin = [0, -0.5], size = [3, 1], cells = [{}, {cells}], shape = \"{shape}\" }}\n\
+                     [analysis]\nplane = \"plane_stress\"\n[[material]]\nyoung = 1\npoisson = {nu}\n\
+                     [[support]]\nboundary = \"left\"\nx = 0\ny = \"-{nu} * y^2 / 2\"\n\
+                     [[traction]]\nboundary = \"right\"\nx = \"{c} * y\"\n",
+                    3 * cells
+                );
+                let (build, solution) = run(&text, 1e-9);
+                let elastic = build.elastic.as_ref().expect("an elastic case");
+                let u = elastic.unknowns.displacements(&solution.u);
+                let node = elastic
+                    .mesh
+                    .nodes
+                    .iter()
+                    .position(|x| (x[0] - 3.0).abs() < 1e-12 && x[1].abs() < 1e-12)
+                    .expect("a node at the tip");
+                (u[node][1] - tip).abs() / tip.abs()
+            })
+            .collect();
+        let rate = (errors[1] / errors[2]).log2();
+        assert!(rate > order, "{shape}: errors {errors:?}, order {rate}");
+        assert!(errors[2] < 0.02, "{shape}: {errors:?}");
+    }
+}
+
+/// Weight: the reaction of the ground is the weight of the body.
+#[test]
+fn gravity_and_body_forces_balance() {
+    let text = "[mesh]\nrectangle = { size = [2, 3], cells = [4, 6] }\n[analysis]\ngravity = [0, -9.81]\nthickness = 0.5\n\
+        [[material]]\nyoung = 1e9\npoisson = 0.2\ndensity = 1000\n\
+        [[support]]\nboundary = \"left\"\nx = 0\n[[support]]\npoint = [0, 0]\ny = 0\n\
+        [[body_force]]\nregion = \"body\"\ny = \"-1000 * y\"\n\
+        [[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
+    let (build, solution) = run(text, 1e-11);
+    let elastic = build.elastic.as_ref().expect("an elastic case");
+    // ρ g V = 1000 · 9.81 · 3 and ∫ 1000 y = 1000 · 0.5 · 2 · 4.5.
+    let weight = 29430.0 + 4500.0;
+    assert!((elastic.total_load[1] + weight).abs() < 1e-8 * weight);
+    // The held corner bears what the contact nodes do not.
+    let reaction: f64 = solution.lambda[..build.problem.m()].iter().sum();
+    assert!(reaction > 0.8 * weight && reaction < weight);
+}
+
+/// Prescribed displacements press the body on the obstacle as a traction would.
+#[test]
+fn prescribed_displacement_closes_the_gap() {
+    let text = "[mesh]\nrectangle = { size = [1, 1], cells = [4, 4] }\n[[material]]\nyoung = 1000\npoisson = 0\n\
+        [[support]]\nboundary = \"top\"\nx = 0\ny = -0.03\n\
+        [[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, -0.01], normal = [0, 1] } }\n";
+    let (build, solution) = run(text, 1e-11);
+    let elastic = build.elastic.as_ref().expect("an elastic case");
+    // With ν = 0 a column of stiffness E: 0.02 of shortening.
+    for p in ContactFields::new(&build, elastic, &solution).pressure {
+        assert!((p - 20.0).abs() < 1e-6, "{p}");
+    }
+}
+
+/// The GRECO plate (SSNV128): Coulomb friction with μ = 1 as a sequence of Tresca problems, each with the
+/// bound frozen at the contact forces before it. The reference is an independent 128 × 128 computation.
+#[test]
+fn greco_plate() {
+    let text = "[mesh]\nrectangle = { size = [0.04, 0.04], cells = [128, 128] }\n\
+        [[material]]\nyoung = 1.3e11\npoisson = 0.2\n\
+        [[support]]\nboundary = \"right\"\nx = 0\n[[support]]\npoint = [0.04, 0]\ny = 0\n\
+        [[traction]]\nboundary = \"left\"\npressure = 15e7\n[[traction]]\nboundary = \"top\"\npressure = 5e7\n\
+        [[contact]]\nboundary = \"bottom\"\nfriction = { tresca = 1e8 }\n\
+        obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
+    let build = build(text);
+    let p = &build.problem;
+    let mut dual = CholeskyDual::new(p).unwrap_or_else(|error| panic!("{error}"));
+    let mut bound = p.slip_bound().to_vec();
+    let mut start: Option<Vec<f64>> = None;
+    let mut solution = None;
+    for _ in 0..40 {
+        let frozen = ContactProblem::new(ContactData {
+            stiffness: p.stiffness().clone(),
+            load: p.load().to_vec(),
+            normal: p.normal().clone(),
+            tangential: p.tangential().clone(),
+            gap: p.gap().to_vec(),
+            slip_bound: bound.clone(),
+            coordinates: None,
+        })
+        .unwrap_or_else(|error| panic!("{error}"));
+        let settings = Settings {
+            tolerance: 1e-8,
+            initial: start.as_deref(),
+            ..Default::default()
+        };
+        let found = ssnm::solve(&frozen, &mut dual, &settings, |_| ControlFlow::Continue(()));
+        assert_eq!(found.status, Status::Converged);
+        let next = found.lambda[..p.m()].to_vec();
+        let change = common::distance(&next, &bound);
+        bound = next;
+        start = Some(found.lambda.clone());
+        solution = Some(found);
+        if change < 1e-6 {
+            break;
+        }
+    }
+    let solution = solution.expect("at least one step");
+    let elastic = build.elastic.as_ref().expect("an elastic case");
+    let u = elastic.unknowns.displacements(&solution.u);
+    for (x, expected) in [
+        (0.0, 2.860),
+        (0.00125, 2.723),
+        (0.005, 2.287),
+        (0.0075, 1.981),
+        (0.01125, 1.541),
+    ] {
+        let node = elastic
+            .mesh
+            .nodes
+            .iter()
+            .position(|p| (p[0] - x).abs() < 1e-9 && p[1] == 0.0)
+            .expect("a node of the contact line");
+        let ux = u[node][0] * 1e5;
+        println!("x = {x}: {ux:.4}, reference {expected}");
+        assert!(
+            (ux / expected - 1.0).abs() < 0.005,
+            "x = {x}: {ux} {expected}"
+        );
+    }
+    // Separation up to x ≈ 0.0031.
+    let separated = (0..p.m()).filter(|&i| solution.sets.is_separated(i));
+    let last = separated
+        .map(|i| elastic.mesh.nodes[elastic.contact[i].node as usize][0])
+        .fold(0.0, f64::max);
+    assert!((last - 0.0031).abs() < 0.0005, "{last}");
+}
+
+/// A rigid disc pressed into a half-plane-like block: the pressure is Hertz's where the mesh resolves it.
+#[test]
+fn disc_on_a_block() {
+    let text = "[mesh]\nrectangle = { origin = [0, -8], size = [8, 8], cells = [160, 160] }\n\
+        [[material]]\nyoung = 1000\npoisson = 0.3\n[[support]]\nboundary = \"left\"\nx = 0\n\
+        [[support]]\nboundary = \"bottom\"\ny = 0.05\n\
+        [[contact]]\nboundary = \"top\"\nobstacle = { circle = { center = [0, 20], radius = 20 } }\n";
+    let (build, solution) = run(text, 1e-8);
+    let elastic = build.elastic.as_ref().expect("an elastic case");
+    let fields = ContactFields::new(&build, elastic, &solution);
+    let half: f64 = solution.lambda[..build.problem.m()].iter().sum();
+    // Half model: P = 2 Σ λν; a = √(4PR/(πE*)), p₀ = 2P/(πa).
+    let e_star = 1000.0 / (1.0 - 0.09);
+    let a = (4.0 * 2.0 * half * 20.0 / (std::f64::consts::PI * e_star)).sqrt();
+    let p0 = 4.0 * half / (std::f64::consts::PI * a);
+    let top = fields.pressure.iter().copied().fold(0.0, f64::max);
+    println!("a = {a:.4}, p0 = {p0:.3}, computed {top:.3}");
+    assert!((top / p0 - 1.0).abs() < 0.04, "{top} {p0}");
+    let edge = (0..fields.pressure.len())
+        .filter(|&i| fields.pressure[i] > 0.0)
+        .map(|i| elastic.mesh.nodes[elastic.contact[i].node as usize][0])
+        .fold(0.0, f64::max);
+    assert!((edge - a).abs() < 0.1, "{edge} {a}");
+}
+
+/// The four formats of Gmsh hold the same mesh and give the same answer.
+#[test]
+fn gmsh_formats_agree() {
+    let solutions: Vec<(Build, Solution)> = ["b22a", "b22b", "b41a", "b41b"]
+        .iter()
+        .map(|name| {
+            run(
+                &format!(
+                    "[mesh]\nfile = \"meshes/{name}.msh\"\nscale = 1e-3\n\
+                     [[material]]\nregion = \"steel\"\nyoung = 2.1e11\npoisson = 0.3\n\
+                     [[material]]\nregion = \"soft rubber\"\nyoung = 1e9\npoisson = 0.45\n\
+                     [[support]]\nboundary = \"left\"\nx = 0\ny = 0\n[[traction]]\nboundary = \"77\"\ny = -1e5\n\
+                     [[contact]]\nboundary = \"bottom\"\nfriction = {{ tresca = 1e4 }}\n\
+                     obstacle = {{ half_plane = {{ point = [0, -1e-8], normal = [0, 1] }} }}\n"
+                ),
+                1e-9,
+            )
+        })
+        .collect();
+    let mesh = |i: usize| {
+        &solutions[i]
+            .0
+            .elastic
+            .as_ref()
+            .expect("an elastic case")
+            .mesh
+    };
+    assert_eq!(mesh(0).regions.len(), 2);
+    assert_eq!(mesh(0).boundaries.len(), 4);
+    let areas = mesh(0).areas();
+    assert!(areas.iter().all(|a| (a - 1e-6).abs() < 1e-15));
+    for i in 1..4 {
+        assert_eq!(mesh(i).elements.len(), mesh(0).elements.len());
+        assert_eq!(
+            mesh(i).boundaries.keys().collect::<Vec<_>>(),
+            mesh(0).boundaries.keys().collect::<Vec<_>>()
+        );
+        assert_eq!(solutions[i].1.sets.sizes(), solutions[0].1.sets.sizes());
+        let norm = |s: &Solution| s.u.iter().map(|u| u * u).sum::<f64>().sqrt();
+        let (a, b) = (norm(&solutions[i].1), norm(&solutions[0].1));
+        assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
+    }
+    let sizes = solutions[0].1.sets.sizes();
+    assert!(sizes.separated > 0 && sizes.separated < solutions[0].0.problem.m());
+}
+
+#[test]
+fn broken_gmsh_files_say_where() {
+    let directory = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+    let path = directory.path().join("broken.msh");
+    let message = |bytes: &[u8]| -> String {
+        std::fs::write(&path, bytes).unwrap_or_else(|error| panic!("{error}"));
+        match signorini::mesh::gmsh::read(&path, 1.0) {
+            Ok(_) => panic!("it was read"),
+            Err(error) => error.to_string(),
+        }
+    };
+    for name in ["b22a", "b22b", "b41a", "b41b"] {
+        let whole = std::fs::read(format!("tests/meshes/{name}.msh"))
+            .unwrap_or_else(|error| panic!("{error}"));
+        // Cut anywhere, it must be an error or, behind the last element, a mesh: never a panic.
+        for end in (0..whole.len()).step_by(37) {
+            std::fs::write(&path, &whole[..end]).unwrap_or_else(|error| panic!("{error}"));
+            if let Err(error) = signorini::mesh::gmsh::read(&path, 1.0) {
+                assert!(error.to_string().contains("broken.msh"));
+            }
+        }
+        // Likewise with bytes changed.
+        let mut random = common::Random(11);
+        for _ in 0..300 {
+            let mut bytes = whole.clone();
+            for _ in 0..3 {
+                let place = random.below(bytes.len());
+                bytes[place] = random.below(256) as u8;
+            }
+            std::fs::write(&path, &bytes).unwrap_or_else(|error| panic!("{error}"));
+            let _ = signorini::mesh::gmsh::read(&path, 1.0);
+        }
+    }
+    let head = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n";
+    assert!(message(b"").contains("empty"));
+    assert!(message(b"solid cube\n").contains("does not begin with $MeshFormat"));
+    assert!(message(b"$MeshFormat\n4.0 0 8\n$EndMeshFormat\n").contains("4.0 is not supported"));
+    assert!(
+        message(format!("{head}$Nodes\n2\n1 0 0 0\n2 0 zero 0\n$EndNodes\n").as_bytes())
+            .contains("line 7: \"zero\" is not a number")
+    );
+    assert!(message(
+        format!("{head}$Nodes\n1\n1 0 0 0\n$EndNodes\n$Elements\n1\n1 9 2 1 1 1 1 1 1 1 1\n$EndElements\n")
+            .as_bytes()
+    )
+    .contains("Mesh.ElementOrder = 1"));
+    assert!(message(
+        format!("{head}$Nodes\n3\n1 0 0 0\n2 1 0 0\n3 0 1 0.5\n$EndNodes\n$Elements\n1\n1 2 2 1 1 1 2 3\n$EndElements\n")
+            .as_bytes()
+    )
+    .contains("not plane"));
+    assert!(message(
+        format!("{head}$Nodes\n3\n1 0 0 0\n2 1 0 0\n3 2 0 0\n$EndNodes\n$Elements\n1\n1 2 2 1 1 1 2 3\n$EndElements\n")
+            .as_bytes()
+    )
+    .contains("no area"));
+}
