@@ -1,0 +1,543 @@
+//! The program as a user meets it: exit codes, files, messages.
+
+mod common;
+
+use signorini::case::Case;
+use signorini::matrix_market;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn signorini(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_signorini"))
+        .args(arguments)
+        .output()
+        .unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn directory() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn write(path: &Path, contents: &str) {
+    std::fs::write(path, contents).unwrap_or_else(|error| panic!("{error}"));
+}
+
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+fn report(directory: &Path) -> serde_json::Value {
+    serde_json::from_str(&read(&directory.join("report.json")))
+        .unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn the_example_of_the_readme() {
+    let out = directory();
+    let path = out.path().to_string_lossy().into_owned();
+    let run = signorini(&["solve", "examples/press.toml", "--output", &path, "-v"]);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    assert!(text(&run.stdout).starts_with("converged\n"));
+    // No terminal, no control characters.
+    for stream in [&run.stdout, &run.stderr] {
+        assert!(!stream.iter().any(|&b| b == 0x1b || b == b'\r'));
+    }
+    let report = report(out.path());
+    for key in [
+        "status",
+        "n",
+        "m",
+        "iter",
+        "n_A",
+        "err_relative",
+        "rho",
+        "sigma_max",
+        "v_cycles",
+        "v_cycles_linear",
+        "work_ratio",
+        "backend",
+        "adapter",
+        "precision",
+        "stiffness",
+        "sets",
+        "kkt",
+        "timings",
+        "peak_memory_mib",
+        "version",
+        "history",
+    ] {
+        assert!(report.get(key).is_some(), "{key} is missing");
+    }
+    assert_eq!(report["status"], "converged");
+    assert_eq!(
+        report["history"].as_array().map(Vec::len),
+        report["iter"].as_u64().map(|i| i as usize)
+    );
+    for (name, value) in report["kkt"].as_object().into_iter().flatten() {
+        assert!(value.as_f64().is_some_and(|v| v < 1e-7), "{name}: {value}");
+    }
+    let total = report["timings"]["total"].as_f64().unwrap_or(f64::NAN);
+    let parts: f64 = ["mesh", "assembly", "setup", "factor", "ssnm", "output"]
+        .iter()
+        .map(|p| report["timings"][p].as_f64().unwrap_or(f64::NAN))
+        .sum();
+    assert!(parts <= total && parts > 0.5 * total, "{parts} of {total}");
+    // Part of the base lifts off, part sticks, part slips in contact.
+    let csv = read(&out.path().join("contact.csv"));
+    let mut lines = csv.lines();
+    assert_eq!(
+        lines.next(),
+        Some("x,y,gap,normal_pressure,tangential_traction,slip,status")
+    );
+    let count = |what: &str| csv.lines().filter(|line| line.ends_with(what)).count();
+    assert!(count("separated") > 10 && count("stick") > 3 && count(",slip") > 10);
+    assert_eq!(lines.count() as u64, report["m"].as_u64().unwrap_or(0));
+    let vtu = read(&out.path().join("solution.vtu"));
+    for field in [
+        "displacement",
+        "stress",
+        "von_mises",
+        "contact_pressure",
+        "tangential_traction",
+        "contact_status",
+    ] {
+        assert!(vtu.contains(&format!("Name=\"{field}\"")), "{field}");
+    }
+}
+
+#[test]
+fn quiet_is_quiet() {
+    let out = directory();
+    let path = out.path().to_string_lossy().into_owned();
+    let run = signorini(&["solve", "examples/press.toml", "--output", &path, "--quiet"]);
+    assert_eq!(run.status.code(), Some(0));
+    assert!(run.stdout.is_empty() && run.stderr.is_empty());
+}
+
+#[test]
+fn limits_write_what_there_is_and_exit_with_3() {
+    for (setting, status) in [
+        ("solver.max_iterations=2", "iteration_limit"),
+        ("solver.time_limit=0s", "time_limit"),
+        ("solver.tolerance=1e-17", "stagnated"),
+    ] {
+        let out = directory();
+        let path = out.path().to_string_lossy().into_owned();
+        let run = signorini(&[
+            "solve",
+            "examples/press.toml",
+            "--output",
+            &path,
+            "--set",
+            setting,
+        ]);
+        assert_eq!(
+            run.status.code(),
+            Some(3),
+            "{setting}: {}",
+            text(&run.stdout)
+        );
+        assert!(text(&run.stdout).starts_with("NOT converged"));
+        assert_eq!(report(out.path())["status"], status);
+        assert!(out.path().join("solution.vtu").exists());
+    }
+}
+
+#[test]
+fn wrong_usage_exits_with_2() {
+    for arguments in [
+        &["solve"][..],
+        &["solv", "x.toml"],
+        &["table1", "--beta", "fast"],
+    ] {
+        assert_eq!(signorini(arguments).status.code(), Some(2), "{arguments:?}");
+    }
+    assert_eq!(signorini(&["--help"]).status.code(), Some(0));
+}
+
+#[test]
+fn what_this_version_cannot_do_is_said() {
+    let run = signorini(&["solve", "examples/press.toml", "--backend", "gpu"]);
+    assert_eq!(run.status.code(), Some(1));
+    assert!(text(&run.stderr).contains("--backend"));
+}
+
+#[test]
+fn check_describes_the_case() {
+    let run = signorini(&["check", "examples/press.toml"]);
+    assert_eq!(run.status.code(), Some(0));
+    let said = text(&run.stdout);
+    for part in [
+        "4492 triangles",
+        "\"steel\"",
+        "\"base\": 116 edges",
+        "117 nodes",
+        "9.0",
+        "-8.0",
+    ] {
+        assert!(said.contains(part), "{part} in\n{said}");
+    }
+}
+
+#[test]
+fn table1_prints_paper_and_ours() {
+    let out = directory();
+    let json = out.path().join("t.json").to_string_lossy().into_owned();
+    let run = signorini(&["table1", "--max-k", "3", "--beta", "1,20", "--json", &json]);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    let said = text(&run.stdout);
+    assert!(said.contains("1320/60") && said.contains("11160/180") && said.contains(" 7/ 35"));
+    assert!(said.contains("Assumed here"));
+    let document: serde_json::Value =
+        serde_json::from_str(&read(Path::new(&json))).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(document["cells"].as_array().map(Vec::len), Some(4));
+}
+
+/// A small algebraic case on disk: two springs against a wall (the example of the library's front page).
+fn algebraic(directory: &Path) -> PathBuf {
+    let file = |name: &str, contents: &str| write(&directory.join(name), contents);
+    file(
+        "K.mtx",
+        "%%MatrixMarket matrix coordinate real symmetric\n% two springs\n2 2 3\n1 1 2\n2 1 -1\n2 2 1\n",
+    );
+    file(
+        "f.mtx",
+        "%%MatrixMarket matrix array real general\n2 1\n0\n1\n",
+    );
+    file(
+        "N.mtx",
+        "%%MatrixMarket matrix coordinate integer general\n1 2 1\n1 2 1\n",
+    );
+    file(
+        "T.mtx",
+        "%%MatrixMarket matrix array real general\n1 2\n1.0\n0.0\n",
+    );
+    file(
+        "d.mtx",
+        "%%MatrixMarket matrix array real general\n1 1\n1\n",
+    );
+    file(
+        "g.mtx",
+        "%%MatrixMarket matrix coordinate real general\n1 1 1\n1 1 1e-1\n",
+    );
+    let case = directory.join("springs.toml");
+    write(
+        &case,
+        "[algebraic]\nstiffness = \"K.mtx\"\nload = \"f.mtx\"\nnormal = \"N.mtx\"\ntangential = \"T.mtx\"\n\
+         gap = \"d.mtx\"\nslip_bound = \"g.mtx\"\n[solver]\ntolerance = 1e-9\n",
+    );
+    case
+}
+
+#[test]
+fn algebraic_case_from_files() {
+    let place = directory();
+    let case = algebraic(place.path()).to_string_lossy().into_owned();
+    let run = signorini(&["solve", &case]);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    // The default output lies beside the case.
+    let out = place.path().join("springs-out");
+    assert_eq!(report(&out)["status"], "converged");
+    let vector = |name: &str| {
+        matrix_market::read(&out.join(name))
+            .and_then(matrix_market::Matrix::into_vector)
+            .unwrap_or_else(|error| panic!("{error}"))
+    };
+    let u = vector("u.mtx");
+    assert!(
+        (u[0] - 0.45).abs() < 1e-8 && (u[1] - 1.0).abs() < 1e-8,
+        "{u:?}"
+    );
+    assert!((vector("lambda_normal.mtx")[0] - 0.45).abs() < 1e-8);
+    assert!((vector("lambda_tangential.mtx")[0] - 0.1).abs() < 1e-8);
+    let check = signorini(&["check", &case]);
+    assert!(text(&check.stdout).contains("n = 2, m = 1"));
+}
+
+/// Every claim about the matrices has its own message, and it names the file or the entry.
+#[test]
+fn broken_matrices_are_explained() {
+    let array = |entries: &str, size: &str| {
+        format!("%%MatrixMarket matrix array real general\n{size}\n{entries}\n")
+    };
+    let coordinate = |entries: &str, size: &str| {
+        format!("%%MatrixMarket matrix coordinate real general\n{size}\n{entries}\n")
+    };
+    let cases: Vec<(&str, String, &str)> = vec![
+        (
+            "K.mtx",
+            coordinate("1 1 2\n1 2 -1\n2 1 -1.1\n2 2 1", "2 2 4"),
+            "not symmetric: K(1, 2) = -1e0 but K(2, 1) = -1.1e0",
+        ),
+        (
+            "K.mtx",
+            coordinate("1 1 2\n2 2 -1", "2 2 2"),
+            "diagonal entry 2 is -1e0",
+        ),
+        (
+            "K.mtx",
+            coordinate("1 1 1\n1 2 -1\n2 1 -1\n2 2 1", "2 2 4"),
+            "add supports",
+        ),
+        (
+            "K.mtx",
+            coordinate("1 1 1\n1 2 -2\n2 1 -2\n2 2 1", "2 2 4"),
+            "not positive definite",
+        ),
+        (
+            "K.mtx",
+            coordinate("1 1 1", "2 3 1"),
+            "2 × 3: it must be square",
+        ),
+        (
+            "K.mtx",
+            coordinate("1 1 nan\n2 2 1", "2 2 2"),
+            "(1, 1) is NaN",
+        ),
+        (
+            "K.mtx",
+            coordinate("1 1 2\n3 2 1", "2 2 2"),
+            "K.mtx, line 4: row \"3\" is not between 1 and 2",
+        ),
+        (
+            "K.mtx",
+            coordinate("1 1 2", "2 2 2"),
+            "ends after 1 of 2 entries",
+        ),
+        ("K.mtx", "hello\n".into(), "K.mtx, line 1"),
+        (
+            "f.mtx",
+            array("0\n1\n2", "3 1"),
+            "load f has length 3, expected 2",
+        ),
+        ("f.mtx", array("0\ninf", "2 1"), "load f: entry 2 is inf"),
+        ("f.mtx", array("0\n1\n2\n3", "2 2"), "expected a vector"),
+        (
+            "f.mtx",
+            array("0\nx", "2 1"),
+            "f.mtx, line 4: \"x\" is not a number",
+        ),
+        (
+            "N.mtx",
+            coordinate("1 2 0", "1 2 1"),
+            "row 1 of N has no nonzero entry",
+        ),
+        (
+            "N.mtx",
+            coordinate("1 2 1", "1 3 1"),
+            "N is 1 × 3, expected 1 × 2",
+        ),
+        (
+            "T.mtx",
+            coordinate("", "1 2 0"),
+            "row 1 of T has no nonzero entry",
+        ),
+        (
+            "T.mtx",
+            coordinate("1 2 -3", "1 2 1"),
+            "rows 1 and 2 of (N; T) are parallel",
+        ),
+        ("d.mtx", array("-1", "1 1"), "d(1) = -1e0"),
+        (
+            "d.mtx",
+            array("1\n1", "2 1"),
+            "slip bound g has length 1, expected 2",
+        ),
+        ("g.mtx", array("-1", "1 1"), "g(1) = -1e0"),
+    ];
+    for (file, contents, expected) in cases {
+        let place = directory();
+        let case = algebraic(place.path());
+        write(&place.path().join(file), &contents);
+        let run = signorini(&["solve", &case.to_string_lossy()]);
+        let said = text(&run.stderr);
+        assert_eq!(run.status.code(), Some(1), "{file}: {contents}\n{said}");
+        assert!(
+            said.starts_with("error: ") && said.contains(expected),
+            "{expected}\n{said}"
+        );
+    }
+    let place = directory();
+    let case = algebraic(place.path());
+    std::fs::remove_file(place.path().join("g.mtx")).unwrap_or_else(|error| panic!("{error}"));
+    let run = signorini(&["solve", &case.to_string_lossy()]);
+    assert!(text(&run.stderr).contains("cannot read") && text(&run.stderr).contains("g.mtx"));
+}
+
+/// A sound case, to be broken in one place.
+const SOUND: &str = "\
+[mesh]
+rectangle = { size = [2, 1], cells = [4, 2] }
+
+[[material]]
+young = 1e6
+poisson = 0.3
+
+[[support]]
+boundary = \"left\"
+x = 0
+y = 0
+
+[[traction]]
+boundary = \"top\"
+y = \"-1e3 * x\"
+
+[[contact]]
+boundary = \"bottom\"
+obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }
+friction = { tresca = 10 }
+";
+
+#[test]
+fn broken_cases_are_explained_with_their_line() {
+    let cases = [
+        ("[mesh]", "[mash]", "unknown field `mash`"),
+        (
+            "rectangle = { size = [2, 1], cells = [4, 2] }",
+            "",
+            "either file or rectangle",
+        ),
+        (
+            "size = [2, 1]",
+            "size = [2, -1]",
+            "line 1: the rectangle needs positive sizes",
+        ),
+        (
+            "cells = [4, 2]",
+            "cells = [4, 0]",
+            "positive sizes and numbers of cells",
+        ),
+        ("young = 1e6", "young = 0", "line 4: young is 0"),
+        ("poisson = 0.3", "poisson = 0.5", "poisson is 0.5"),
+        ("young = 1e6", "yuong = 1e6", "unknown field `yuong`"),
+        (
+            "young = 1e6",
+            "region = \"iron\"\nyoung = 1e6",
+            "no region \"iron\"; the mesh has \"body\"",
+        ),
+        (
+            "boundary = \"left\"",
+            "boundary = \"lift\"",
+            "line 8: there is no boundary \"lift\"",
+        ),
+        ("x = 0\ny = 0", "", "it holds nothing"),
+        ("x = 0\ny = 0", "y = 0", "can move in x as a whole"),
+        ("x = 0\ny = 0", "x = 0", "can move in y as a whole"),
+        (
+            "boundary = \"left\"",
+            "point = [0, 0]",
+            "can rotate as a whole",
+        ),
+        (
+            "x = 0\ny = 0",
+            "symmetry = true\nx = 0",
+            "symmetry stands alone",
+        ),
+        ("y = \"-1e3 * x\"", "", "a traction needs x, y or pressure"),
+        ("\"-1e3 * x\"", "\"-1e3 * z\"", "unknown name \"z\""),
+        ("\"-1e3 * x\"", "\"-1e3 *\"", "cannot understand"),
+        ("\"-1e3 * x\"", "\"1 / (x - x)\"", "no finite value"),
+        ("\"-1e3 * x\"", "true", "expected a number or an expression"),
+        (
+            "normal = [0, 1]",
+            "normal = [0, 0]",
+            "line 17: half_plane needs",
+        ),
+        (
+            "point = [0, 0], normal",
+            "point = [0, 0.1], normal",
+            "inside the obstacle",
+        ),
+        ("tresca = 10", "tresca = -10", "must be a finite number ≥ 0"),
+        ("tresca = 10", "coulomb = 0.3", "unknown variant `coulomb`"),
+        (
+            "half_plane = { point = [0, 0], normal = [0, 1] }",
+            "circle = { center = [0, 0], radius = 0 }",
+            "positive radius",
+        ),
+        ("[[traction]]", "[[traction]\n", "line 13"),
+        (
+            "[[contact]]",
+            "[solver]\ntolerance = 2\n[[contact]]",
+            "tolerance must lie between 0 and 1",
+        ),
+        (
+            "[[contact]]",
+            "[solver]\nbeta = 0\n[[contact]]",
+            "beta must be positive",
+        ),
+        (
+            "[[contact]]",
+            "[solver]\ntime_limit = \"soon\"\n[[contact]]",
+            "is not a duration",
+        ),
+        (
+            "[[contact]]",
+            "[analysis]\ngravity = [0, -9.81]\n[[contact]]",
+            "no material has a density",
+        ),
+        (
+            "[[contact]]",
+            "[analysis]\nthickness = 0\n[[contact]]",
+            "thickness must be positive",
+        ),
+        (
+            "[[contact]]\nboundary = \"bottom\"",
+            "[[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n[[contact]]\nboundary = \"bottom\"",
+            "belongs to two contacts",
+        ),
+    ];
+    let sound = Case::parse(Path::new("case.toml"), SOUND.to_owned(), &[])
+        .map_err(|e| e.to_string())
+        .and_then(|case| case.build().map_err(|e| e.to_string()));
+    assert!(sound.is_ok(), "{:?}", sound.err());
+    for (old, new, expected) in cases {
+        assert!(SOUND.contains(old), "{old}");
+        let broken = SOUND.replacen(old, new, 1);
+        let error = match Case::parse(Path::new("case.toml"), broken.clone(), &[]) {
+            Err(error) => error.to_string(),
+            Ok(case) => match case.build() {
+                Err(error) => error.to_string(),
+                Ok(_) => panic!("accepted:\n{broken}"),
+            },
+        };
+        assert!(
+            error.starts_with("case.toml") && error.contains(expected),
+            "expected \"{expected}\" in\n{error}"
+        );
+    }
+}
+
+#[test]
+fn settings_replace_and_add() {
+    let parse = |settings: &[&str]| {
+        let settings: Vec<String> = settings.iter().map(|&s| s.to_owned()).collect();
+        Case::parse(Path::new("case.toml"), SOUND.to_owned(), &settings).map_err(|e| e.to_string())
+    };
+    let case = parse(&[
+        "solver.tolerance=1e-9",
+        "contact.0.friction.tresca=x*2",
+        "title=a b",
+    ])
+    .unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(case.settings().tolerance, 1e-9);
+    assert_eq!(case.tables.title, "a b");
+    for (setting, expected) in [
+        ("solver.tolerance", "key.path=value"),
+        ("contact.3.boundary=top", "there is no entry 3"),
+        ("solver.tolerence=1", "unknown field"),
+        ("title.deep=1", "unknown"),
+    ] {
+        match parse(&[setting]) {
+            Ok(case) => panic!("{setting}: {case:?}"),
+            Err(error) => assert!(
+                error.contains(expected) || setting.starts_with("title"),
+                "{setting}: {error}"
+            ),
+        }
+    }
+}
