@@ -57,7 +57,8 @@ fn main() {
                     &mut dual,
                     &settings,
                     |_| ControlFlow::Continue(()),
-                );
+                )
+                .expect("the direct path does not fail");
             let whole = start.elapsed().as_secs_f64();
             let one = dual.factor_seconds + dual.solve_seconds;
             println!(

@@ -1,10 +1,13 @@
 //! The command line: arguments, progress, exit codes. No numerics.
 
+mod adapters;
 mod check;
 mod solve;
 mod table1;
 
 use clap::{Parser, Subcommand, ValueEnum};
+use signorini::backend::gpu;
+use signorini::engine;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -38,6 +41,8 @@ enum Command {
     },
     /// Reproduce Table 1 of the paper: outer steps and products with A
     Table1(Table1Arguments),
+    /// List the GPUs and software adapters, the one that would be taken first
+    Adapters,
 }
 
 #[derive(clap::Args)]
@@ -48,7 +53,7 @@ struct SolveArguments {
     #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
     #[command(flatten)]
-    engine: Engine,
+    engine: EngineArguments,
     /// Replace an entry of the case, e.g. --set solver.tolerance=1e-8 or --set contact.0.friction.tresca=2e6
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     settings: Vec<String>,
@@ -72,7 +77,7 @@ struct Table1Arguments {
     #[arg(long, value_delimiter = ',', value_name = "B,…", default_values_t = signorini::table1::BETAS)]
     beta: Vec<f64>,
     #[command(flatten)]
-    engine: Engine,
+    engine: EngineArguments,
     /// Write the cells as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -80,43 +85,75 @@ struct Table1Arguments {
 
 /// What does the arithmetic.
 #[derive(clap::Args)]
-struct Engine {
+struct EngineArguments {
     /// Where to compute
     #[arg(long, value_enum, default_value = "auto")]
     backend: Backend,
     /// How to solve with the stiffness matrix
     #[arg(long, value_enum, default_value = "auto")]
     stiffness: Stiffness,
+    /// Arithmetic of the GPU kernels; the answer is f64-accurate in any case
+    #[arg(long, value_enum, default_value = "auto")]
+    precision: Precision,
+    /// A part of the adapter's name, or its number in the list of `signorini adapters`
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
 }
 
-impl Engine {
-    /// What this version cannot do is an error, not another computation under the same name.
-    fn check(&self) -> Result<(), String> {
-        if self.backend == Backend::Gpu {
-            return Err(
-                "--backend gpu: this version computes on the CPU only; use --backend auto or cpu"
-                    .into(),
-            );
+impl EngineArguments {
+    fn options(&self) -> engine::Options {
+        engine::Options {
+            place: match self.backend {
+                Backend::Auto => engine::Place::Auto,
+                Backend::Cpu => engine::Place::Cpu,
+                Backend::Gpu => engine::Place::Gpu,
+            },
+            stiffness: match self.stiffness {
+                Stiffness::Auto => engine::Stiffness::Auto,
+                Stiffness::Cholesky => engine::Stiffness::Cholesky,
+                Stiffness::Pcg => engine::Stiffness::Pcg,
+            },
+            gpu: gpu::Options {
+                adapter: self.adapter.clone(),
+                precision: match self.precision {
+                    Precision::Auto => None,
+                    Precision::F64 => Some(gpu::Precision::F64),
+                    Precision::F32 => Some(gpu::Precision::F32),
+                },
+                ..Default::default()
+            },
         }
-        if self.stiffness == Stiffness::Pcg {
-            return Err("--stiffness pcg: this version has the direct path only; use --stiffness auto or cholesky".into());
-        }
-        Ok(())
     }
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Backend {
+    /// A real GPU where that gains time, the CPU otherwise
     Auto,
+    /// The CPU
     Cpu,
+    /// A GPU or, if there is no other, a software adapter
     Gpu,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Stiffness {
+    /// The direct path on the CPU, the iterative one on a GPU
     Auto,
+    /// Sparse Cholesky factor, on the CPU
     Cholesky,
+    /// Preconditioned conjugate gradients
     Pcg,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Precision {
+    /// f64 where the adapter has it
+    Auto,
+    /// f64
+    F64,
+    /// f32 inside f64 refinement
+    F32,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -131,6 +168,7 @@ pub fn run() -> ExitCode {
         Command::Solve(arguments) => solve::run(&arguments),
         Command::Check { case, settings } => check::run(&case, &settings),
         Command::Table1(arguments) => table1::run(&arguments),
+        Command::Adapters => adapters::run(),
     };
     match outcome {
         Ok(code) => ExitCode::from(code),

@@ -1,18 +1,102 @@
 //! The dual operator A = B K⁻¹ Bᵀ and what belongs to it.
 
+mod nested;
+
+pub use nested::{INNER_TOLERANCE, NestedDual};
+
+use crate::backend::Counters;
 use crate::sparse::{dot, norm};
+use crate::stiffness::cholesky::FactorError;
+use crate::stiffness::pcg::{PcgError, SolveCounts};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Why a product with A could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum DualError {
+    /// Not an error of the problem: somebody asked to stop.
+    #[error("{0}")]
+    Stopped(Stopped),
+    #[error(transparent)]
+    Pcg(PcgError),
+    #[error(transparent)]
+    Factor(#[from] FactorError),
+}
+
+impl From<PcgError> for DualError {
+    fn from(error: PcgError) -> Self {
+        match error {
+            PcgError::Stopped(stopped) => Self::Stopped(stopped),
+            error => Self::Pcg(error),
+        }
+    }
+}
+
+/// Why a computation was stopped from outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Stopped {
+    #[error("the time limit is reached")]
+    TimeLimit,
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// When to stop; looked at between products and inside long ones.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Stop<'a> {
+    /// No later than this.
+    pub deadline: Option<Instant>,
+    /// As soon as this is set.
+    pub interrupt: Option<&'a AtomicBool>,
+}
+
+impl Stop<'_> {
+    /// The reason to stop now, if there is one.
+    pub fn now(&self) -> Option<Stopped> {
+        if self
+            .interrupt
+            .is_some_and(|flag| flag.load(Ordering::Relaxed))
+        {
+            Some(Stopped::Interrupted)
+        } else if self.deadline.is_some_and(|end| Instant::now() >= end) {
+            Some(Stopped::TimeLimit)
+        } else {
+            None
+        }
+    }
+}
 
 /// What the semi-smooth Newton method needs of the linear algebra behind the contact problem.
 ///
-/// Implemented by the Cholesky path, by explicit small matrices in tests, and by whatever else can
-/// apply K⁻¹; the algorithms are written once over it.
+/// Implemented by the Cholesky path, by the nested path on any backend, and by whatever else can apply
+/// K⁻¹; the algorithms are written once over it. Where K⁻¹ is a matter of many iterations, they end with
+/// [`DualError::Stopped`] once `stop` says so.
 pub trait DualOperator {
     /// y = A p; both have length 2m, normal part first.
-    fn apply(&mut self, p: &[f64], y: &mut [f64]);
+    fn apply(&mut self, p: &[f64], y: &mut [f64], stop: &Stop) -> Result<(), DualError>;
     /// b = B K⁻¹ f − c with c = (d, 0).
-    fn right_hand_side(&mut self, b: &mut [f64]);
-    /// u = K⁻¹(f − Bᵀλ).
-    fn displacement(&mut self, lambda: &[f64]) -> Vec<f64>;
+    fn right_hand_side(&mut self, b: &mut [f64], stop: &Stop) -> Result<(), DualError>;
+    /// u = K⁻¹(f − Bᵀλ), as exactly as this operator can; or, for a solve that has ended without
+    /// convergence, only `roughly`, for pictures.
+    fn displacement(
+        &mut self,
+        lambda: &[f64],
+        roughly: bool,
+        stop: &Stop,
+    ) -> Result<Vec<f64>, DualError>;
+    /// What it has cost so far, where K⁻¹ is applied by iterations.
+    fn costs(&self) -> Option<Costs> {
+        None
+    }
+}
+
+/// What the nested path has cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Costs {
+    /// Systems with K and their iterations.
+    pub solves: SolveCounts,
+    /// Kernel launches and read-backs.
+    pub device: Counters,
 }
 
 /// An estimate of the largest eigenvalue of A, not below the true one beyond its margin, and the number
@@ -20,7 +104,11 @@ pub trait DualOperator {
 ///
 /// Lanczos with full reorthogonalisation; the Ritz value is taken when it has settled to 0.1 %, and
 /// raised by 2 % since it approaches σ_max from below.
-pub fn sigma_max(dual: &mut impl DualOperator, len: usize) -> (f64, usize) {
+pub fn sigma_max(
+    dual: &mut impl DualOperator,
+    len: usize,
+    stop: &Stop,
+) -> Result<(f64, usize), DualError> {
     const MAX_STEPS: usize = 30;
     const SETTLED: f64 = 1e-3;
     const MARGIN: f64 = 1.02;
@@ -44,7 +132,7 @@ pub fn sigma_max(dual: &mut impl DualOperator, len: usize) -> (f64, usize) {
             break;
         }
         q.iter_mut().for_each(|v| *v /= length);
-        dual.apply(&q, &mut w);
+        dual.apply(&q, &mut w, stop)?;
         alpha.push(dot(&q, &w));
         basis.push(std::mem::replace(&mut q, w.clone()));
         // Twice is enough.
@@ -62,7 +150,7 @@ pub fn sigma_max(dual: &mut impl DualOperator, len: usize) -> (f64, usize) {
         }
         beta.push(next);
     }
-    (MARGIN * ritz, basis.len())
+    Ok((MARGIN * ritz, basis.len()))
 }
 
 /// Largest eigenvalue of the symmetric tridiagonal matrix, by bisection on the signs of its pivots.

@@ -22,11 +22,13 @@
 //!
 //! ```text
 //! case ─▶ mesh ─▶ elasticity (K, f) ─┐
-//!                 contact (N, T, d, g) ┴▶ ContactProblem ─▶ CholeskyDual (A, b) ─▶ ssnm ─▶ Solution ─▶ output
+//!                 contact (N, T, d, g) ┴▶ ContactProblem ─▶ dual (A, b) ─▶ ssnm ─▶ Solution ─▶ output
+//!                                                                        └─ stiffness: Cholesky | PCG
+//!                                                                             └─ backend: Cpu | Gpu
 //! ```
 //!
 //! Each stage can be entered from outside: [`problem::ContactProblem`] is the door for matrices of your
-//! own, [`case::Case`] that for a case file.
+//! own, [`case::Case`] that for a case file. [`engine::Engine`] chooses between the ways to apply K⁻¹.
 //!
 //! # A first solve
 //!
@@ -52,7 +54,7 @@
 //! let solution = ssnm::solve(&problem, &mut dual, &Settings::default(), |step| {
 //!     println!("step {}: err {:e}", step.iter, step.err);
 //!     ControlFlow::Continue(())
-//! });
+//! })?;
 //! assert_eq!(solution.status, Status::Converged);
 //! // The wall holds the second spring at 1, friction holds back the first: 2 u₁ − 1 = −0.1.
 //! assert!((solution.u[1] - 1.0).abs() < 1e-6);
@@ -60,10 +62,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod backend;
 pub mod case;
 pub mod contact;
 pub mod dual;
 pub mod elasticity;
+pub mod engine;
 pub mod matrix_market;
 pub mod mesh;
 pub mod output;

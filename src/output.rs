@@ -3,8 +3,11 @@
 
 mod vtu;
 
+use crate::backend::gpu::Precision;
 use crate::case::{Build, Elastic};
+use crate::dual::{Costs, DualOperator as _};
 use crate::elasticity::stresses;
+use crate::engine::Engine;
 use crate::matrix_market::vector_text;
 use crate::ssnm::{Sets, Solution};
 use serde::Serialize;
@@ -28,7 +31,7 @@ pub struct Timings {
     pub assembly: f64,
     /// b and σ_max.
     pub setup: f64,
-    /// Ordering, symbolic and numeric factorisation, and the probe solve.
+    /// Ordering, symbolic and numeric factorisation, and the probe solve; or moving K to where PCG runs.
     pub factor: f64,
     /// Outer steps and the final check.
     pub ssnm: f64,
@@ -36,8 +39,32 @@ pub struct Timings {
     pub output: f64,
     /// All of the above.
     pub total: f64,
-    /// The factorisation and one solve with K, measured in this run.
-    pub linear_reference: f64,
+    /// The factorisation and one solve with K, measured in this run; None without a factor.
+    pub linear_reference: Option<f64>,
+}
+
+/// Which arithmetic has made a solution.
+#[derive(Clone, Debug, Serialize)]
+pub struct EnginePath {
+    pub backend: &'static str,
+    pub adapter: Option<String>,
+    pub precision: Precision,
+    pub stiffness: &'static str,
+    /// Systems with K, PCG iterations, dispatches; None on the direct path.
+    pub costs: Option<Costs>,
+}
+
+impl EnginePath {
+    /// That of an engine, as it is after a solve.
+    pub fn of(engine: &Engine) -> Self {
+        Self {
+            backend: engine.backend(),
+            adapter: engine.adapter(),
+            precision: engine.precision(),
+            stiffness: engine.stiffness(),
+            costs: engine.costs(),
+        }
+    }
 }
 
 /// Everything `report.json` says; see the README for the meaning of each entry.
@@ -55,14 +82,12 @@ pub struct Report<'a> {
     pub err_relative: f64,
     pub rho: f64,
     pub sigma_max: f64,
-    /// The last three are those of the iterative path: null here.
+    /// Applications of the preconditioner; null on the direct path.
     pub v_cycles: Option<usize>,
     pub v_cycles_linear: Option<usize>,
     pub work_ratio: Option<f64>,
-    pub backend: &'static str,
-    pub adapter: Option<String>,
-    pub precision: &'static str,
-    pub stiffness: &'static str,
+    #[serde(flatten)]
+    pub path: EnginePath,
     pub sets: crate::ssnm::SetSizes,
     pub kkt: crate::problem::Kkt,
     pub timings: Timings,
@@ -72,8 +97,14 @@ pub struct Report<'a> {
 }
 
 impl<'a> Report<'a> {
-    /// The report of a solution on the direct path; the timings of its output are still to come.
-    pub fn new(title: &'a str, build: &Build, solution: &'a Solution, timings: Timings) -> Self {
+    /// The report of a solution.
+    pub fn new(
+        title: &'a str,
+        build: &Build,
+        solution: &'a Solution,
+        path: EnginePath,
+        timings: Timings,
+    ) -> Self {
         let info = &solution.info;
         Self {
             title,
@@ -86,13 +117,10 @@ impl<'a> Report<'a> {
             err_relative: info.err_relative,
             rho: info.rho,
             sigma_max: info.sigma_max,
-            v_cycles: None,
+            v_cycles: path.costs.map(|costs| costs.solves.iterations),
             v_cycles_linear: None,
             work_ratio: None,
-            backend: "cpu",
-            adapter: None,
-            precision: "f64",
-            stiffness: "cholesky",
+            path,
             sets: solution.sets.sizes(),
             kkt: info.kkt,
             timings,

@@ -4,6 +4,7 @@
 use crate::sparse::{BlockCsr, Csr, dot, norm, norm_max};
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// The data of a [`ContactProblem`], not yet checked.
 ///
@@ -38,7 +39,14 @@ pub struct ContactData {
 pub struct ContactProblem {
     n: usize,
     n_free: usize,
-    data: ContactData,
+    /// Shared, since backends on the CPU work on it where it is.
+    stiffness: Arc<BlockCsr<2>>,
+    load: Vec<f64>,
+    normal: Csr,
+    tangential: Csr,
+    gap: Vec<f64>,
+    slip_bound: Vec<f64>,
+    coordinates: Option<Vec<[f64; 2]>>,
 }
 
 /// A claim of [`ContactProblem::new`] that the data breaks. Rows and columns count from 1.
@@ -227,7 +235,17 @@ impl ContactProblem {
             });
         }
         check_rows(&data, n)?;
-        Ok(Self { n, n_free: n, data })
+        Ok(Self {
+            n,
+            n_free: n,
+            stiffness: Arc::new(data.stiffness),
+            load: data.load,
+            normal: data.normal,
+            tangential: data.tangential,
+            gap: data.gap,
+            slip_bound: data.slip_bound,
+            coordinates: data.coordinates,
+        })
     }
 
     /// Says how many of the unknowns are free, where some rows of K only hold a prescribed component.
@@ -248,47 +266,61 @@ impl ContactProblem {
 
     /// Number of contact nodes m.
     pub fn m(&self) -> usize {
-        self.data.gap.len()
+        self.gap.len()
     }
 
     /// K; for odd n with one decoupled unknown more.
-    pub fn stiffness(&self) -> &BlockCsr<2> {
-        &self.data.stiffness
+    pub fn stiffness(&self) -> &Arc<BlockCsr<2>> {
+        &self.stiffness
+    }
+
+    /// B = (N; T): 2m rows, and as many columns as K.
+    pub fn contact_matrix(&self) -> Csr {
+        let m = self.m();
+        let tangential = self.tangential.triplets().map(|(i, j, v)| (i + m, j, v));
+        Csr::from_triplets(
+            2 * m,
+            self.stiffness.n_cols(),
+            self.normal
+                .triplets()
+                .chain(tangential)
+                .filter(|&(_, _, v)| v != 0.0),
+        )
     }
 
     /// f, as long as K has rows.
     pub fn load(&self) -> &[f64] {
-        &self.data.load
+        &self.load
     }
 
     /// N.
     pub fn normal(&self) -> &Csr {
-        &self.data.normal
+        &self.normal
     }
 
     /// T.
     pub fn tangential(&self) -> &Csr {
-        &self.data.tangential
+        &self.tangential
     }
 
     /// d.
     pub fn gap(&self) -> &[f64] {
-        &self.data.gap
+        &self.gap
     }
 
     /// g.
     pub fn slip_bound(&self) -> &[f64] {
-        &self.data.slip_bound
+        &self.slip_bound
     }
 
     /// The points that the pairs of unknowns belong to, if known.
     pub fn coordinates(&self) -> Option<&[[f64; 2]]> {
-        self.data.coordinates.as_deref()
+        self.coordinates.as_deref()
     }
 
     /// " at (x, y)" for an unknown whose place is known.
     pub(crate) fn place_of(&self, unknown: usize) -> String {
-        match &self.data.coordinates {
+        match &self.coordinates {
             Some(points) if unknown / 2 < points.len() => {
                 let [x, y] = points[unknown / 2];
                 format!(" at ({x:.6e}, {y:.6e})")

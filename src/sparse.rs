@@ -149,13 +149,34 @@ impl<const B: usize> BlockCsr<B> {
     /// # Panics
     /// If the lengths do not fit.
     pub fn mul(&self, x: &[f64], y: &mut [f64]) {
+        self.for_rows(x, y, |y, _, sum| {
+            y.copy_from_slice(&sum);
+            0.0
+        });
+    }
+
+    /// Hands each block row of y, with the same rows of x (where there are such) and of M x, to `finish`;
+    /// returns the sum of what that returns, made in tasks of a fixed size so that the number of threads
+    /// does not change it.
+    ///
+    /// # Panics
+    /// If the lengths do not fit.
+    pub(crate) fn for_rows(
+        &self,
+        x: &[f64],
+        y: &mut [f64],
+        finish: impl Fn(&mut [f64], &[f64], [f64; B]) -> f64 + Sync,
+    ) -> f64 {
         assert_eq!(x.len(), self.n_cols());
         assert_eq!(y.len(), self.n_rows());
-        y.par_chunks_mut(ROWS_PER_TASK * B)
+        let partials: Vec<f64> = y
+            .par_chunks_mut(ROWS_PER_TASK * B)
             .enumerate()
-            .for_each(|(chunk, y)| {
+            .map(|(chunk, y)| {
+                let mut total = 0.0;
                 for (k, y) in y.chunks_mut(B).enumerate() {
-                    let (cols, blocks) = self.row(chunk * ROWS_PER_TASK + k);
+                    let row = chunk * ROWS_PER_TASK + k;
+                    let (cols, blocks) = self.row(row);
                     let mut sum = [0.0; B];
                     for (&j, block) in cols.iter().zip(blocks) {
                         let x = &x[j as usize * B..][..B];
@@ -165,9 +186,20 @@ impl<const B: usize> BlockCsr<B> {
                             }
                         }
                     }
-                    y.copy_from_slice(&sum);
+                    total += finish(y, x.get(row * B..row * B + B).unwrap_or(&[]), sum);
                 }
-            });
+                total
+            })
+            .collect();
+        partials.iter().sum()
+    }
+
+    /// The block rows that have entries.
+    pub(crate) fn filled_rows(&self) -> Vec<u32> {
+        (0..self.n_block_rows)
+            .filter(|&i| self.row_ptr[i + 1] > self.row_ptr[i])
+            .map(|i| i as u32)
+            .collect()
     }
 
     /// y += α Mᵀ x.
@@ -187,6 +219,15 @@ impl<const B: usize> BlockCsr<B> {
                 }
             }
         }
+    }
+
+    /// Mᵀ.
+    pub fn transposed(&self) -> Self {
+        Self::from_triplets(
+            self.n_cols(),
+            self.n_rows(),
+            self.triplets().map(|(i, j, v)| (j, i, v)),
+        )
     }
 
     /// The scalar diagonal of a square matrix; zero where nothing is stored.

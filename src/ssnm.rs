@@ -27,12 +27,12 @@ mod subspace;
 
 pub use sets::{SetSizes, Sets};
 
-use crate::dual::{DualOperator, sigma_max};
+use crate::dual::{DualError, DualOperator, Stop, Stopped, sigma_max};
 use crate::problem::{ContactProblem, Kkt, slip_violation};
 use crate::sparse::{dot, norm, norm_max};
 use scaling::Scaled;
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 use subspace::Subspace;
 
@@ -100,6 +100,27 @@ pub enum Status {
     TimeLimit,
     /// Stopped from outside.
     Interrupted,
+}
+
+impl From<Stopped> for Status {
+    fn from(stopped: Stopped) -> Self {
+        match stopped {
+            Stopped::TimeLimit => Self::TimeLimit,
+            Stopped::Interrupted => Self::Interrupted,
+        }
+    }
+}
+
+/// A solve that could not be finished, with what it had reached.
+#[derive(Debug, thiserror::Error)]
+#[error("{error}")]
+pub struct SolveError {
+    /// What went wrong.
+    pub error: DualError,
+    /// λ after the last outer step: a start for another solve ([`Settings::initial`]).
+    pub lambda: Vec<f64>,
+    /// The outer steps made.
+    pub history: Vec<Step>,
 }
 
 /// One outer step, as the observer sees it and the report lists it.
@@ -182,21 +203,34 @@ const SETS_CHANGED: f64 = 0.3;
 ///
 /// `observer` is called after every outer step and may stop the solve.
 ///
+/// # Errors
+/// If the operator fails; the error keeps λ. To be stopped or not to converge is no error but a [`Status`].
+///
 /// # Panics
 /// If `initial` is given with a length other than 2m.
 pub fn solve(
     problem: &ContactProblem,
-    dual: &mut impl DualOperator,
+    dual: &mut (impl DualOperator + ?Sized),
     settings: &Settings,
     mut observer: impl FnMut(&Step) -> ControlFlow<()>,
-) -> Solution {
+) -> Result<Solution, SolveError> {
     let start = Instant::now();
     let len = 2 * problem.m();
+    let stop = Stop {
+        deadline: settings.time_limit.map(|limit| start + limit),
+        interrupt: settings.interrupt,
+    };
     let mut dual = Scaled::new(problem, dual);
     let mut b = vec![0.0; len];
-    dual.right_hand_side(&mut b);
-    let (sigma, n_a_sigma) = sigma_max(&mut dual, len);
+    let set_up = dual
+        .right_hand_side(&mut b, &stop)
+        .and_then(|()| sigma_max(&mut dual, len, &stop));
     let setup_seconds = start.elapsed().as_secs_f64();
+    let mut failure = None;
+    let (sigma, n_a_sigma) = set_up.unwrap_or_else(|error| {
+        failure = Some(error);
+        (0.0, 0)
+    });
 
     let mut newton = Newton {
         g: &dual.slip_bound(problem.slip_bound()),
@@ -212,30 +246,43 @@ pub fn solve(
         n_a: 0,
         checked: None,
         known: Subspace::default(),
-        stop: Stop {
-            deadline: settings.time_limit.map(|limit| start + limit),
-            interrupt: settings.interrupt,
-        },
+        stop,
     };
+    let mut point = newton.origin();
     // err⁰ at λ = 0 even for a warm start: a good start must not make the same tolerance harder.
-    let err0 = newton.error(&newton.origin());
-    let mut point = newton.start(settings.initial);
+    let err0 = newton.error(&point);
     let mut history: Vec<Step> = Vec::new();
     let mut first_met = None;
-    let status = newton.run(
-        &mut point,
-        err0,
-        settings,
-        &mut history,
-        &mut observer,
-        |newton, point, goal, iter| {
-            first_met.get_or_insert((iter, newton.n_a));
-            newton.verify(problem, point, goal, err0, settings.tolerance)
-        },
-    );
-    let (u, kkt) = match newton.checked.take() {
+    let outcome = match failure {
+        Some(error) => Err(error),
+        None => newton
+            .start(settings.initial)
+            .map(|first| point = first)
+            .and_then(|()| {
+                newton.run(
+                    &mut point,
+                    err0,
+                    settings,
+                    &mut history,
+                    &mut observer,
+                    |newton, point, goal, iter| {
+                        first_met.get_or_insert((iter, newton.n_a));
+                        newton.verify(problem, point, goal, err0, settings.tolerance)
+                    },
+                )
+            }),
+    };
+    let (status, checked) = match outcome {
+        Ok(status) => (status, newton.checked.take()),
+        Err(DualError::Stopped(stopped)) => (stopped.into(), None),
+        Err(error) => return Err(newton.failed(error, point, history)),
+    };
+    let (u, kkt) = match checked {
         Some(checked) => checked,
-        None => newton.optimality(problem, &point),
+        None => match newton.optimality(problem, &point, true) {
+            Ok(ending) => ending,
+            Err(error) => return Err(newton.failed(error, point, history)),
+        },
     };
     let sets = Sets::at_solution(&point.lambda, &point.r, newton.g);
     let info = Info {
@@ -257,13 +304,13 @@ pub fn solve(
     };
     let mut lambda = point.lambda;
     newton.dual.times(&mut lambda);
-    Solution {
+    Ok(Solution {
         status,
         u,
         lambda,
         sets,
         info,
-    }
+    })
 }
 
 /// What a point has to meet before the final check is worth its price.
@@ -388,27 +435,6 @@ impl Point {
     }
 }
 
-/// When to stop in the middle of an inner solve.
-struct Stop<'a> {
-    deadline: Option<Instant>,
-    interrupt: Option<&'a AtomicBool>,
-}
-
-impl Stop<'_> {
-    fn now(&self) -> Option<Status> {
-        if self
-            .interrupt
-            .is_some_and(|flag| flag.load(Ordering::Relaxed))
-        {
-            Some(Status::Interrupted)
-        } else if self.deadline.is_some_and(|end| Instant::now() >= end) {
-            Some(Status::TimeLimit)
-        } else {
-            None
-        }
-    }
-}
-
 /// The conjugate gradient iteration on a free set, kept from one outer step to the next.
 struct Cg {
     sets: Sets,
@@ -417,7 +443,7 @@ struct Cg {
 }
 
 /// The state that all steps share.
-struct Newton<'a, D> {
+struct Newton<'a, D: ?Sized> {
     g: &'a [f64],
     b: Vec<f64>,
     /// ρ = β/σ_max: of the error, and of the sets until the safeguard has acted.
@@ -433,10 +459,11 @@ struct Newton<'a, D> {
     stop: Stop<'a>,
 }
 
-impl<D: DualOperator> Newton<'_, D> {
-    fn apply(&mut self, p: &[f64], ap: &mut [f64]) {
-        self.dual.apply(p, ap);
+impl<D: DualOperator + ?Sized> Newton<'_, D> {
+    fn apply(&mut self, p: &[f64], ap: &mut [f64]) -> Result<(), DualError> {
+        self.dual.apply(p, ap, &self.stop)?;
         self.n_a += 1;
+        Ok(())
     }
 
     /// λ = 0, where r = −b.
@@ -448,34 +475,34 @@ impl<D: DualOperator> Newton<'_, D> {
     }
 
     /// λ⁰ projected on Λ, and r there.
-    fn start(&mut self, initial: Option<&[f64]>) -> Point {
+    fn start(&mut self, initial: Option<&[f64]>) -> Result<Point, DualError> {
         let mut point = self.origin();
         if let Some(initial) = initial {
             assert_eq!(initial.len(), self.b.len(), "λ⁰ needs 2m entries");
             let mut target = initial.to_vec();
             self.dual.divide(&mut target);
             project(&mut target, self.g);
-            self.move_to(&mut point, target);
+            self.move_to(&mut point, target)?;
         }
-        point
+        Ok(point)
     }
 
     /// Moves to λ = `target`, carrying r along: one product, or none if it is there already.
-    fn move_to(&mut self, point: &mut Point, target: Vec<f64>) -> bool {
+    fn move_to(&mut self, point: &mut Point, target: Vec<f64>) -> Result<bool, DualError> {
         let jump: Vec<f64> = target
             .iter()
             .zip(&point.lambda)
             .map(|(t, l)| t - l)
             .collect();
         if jump.iter().all(|&v| v == 0.0) {
-            return false;
+            return Ok(false);
         }
         let mut image = vec![0.0; jump.len()];
-        self.apply(&jump, &mut image);
+        self.apply(&jump, &mut image)?;
         point.lambda = target;
         point.r.iter_mut().zip(&image).for_each(|(r, a)| *r += a);
         self.known.add(jump, image);
-        true
+        Ok(true)
     }
 
     /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ.
@@ -496,13 +523,29 @@ impl<D: DualOperator> Newton<'_, D> {
         self.dual.times(&mut point.r);
     }
 
-    /// u at a point, and the optimality conditions there.
-    fn optimality(&mut self, problem: &ContactProblem, point: &Point) -> (Vec<f64>, Kkt) {
-        let u = self.dual.displacement(&point.lambda);
+    /// u at a point, and the optimality conditions there; `roughly` for a solve that has ended without
+    /// convergence: whoever has asked to stop does not wait for more than a picture.
+    fn optimality(
+        &mut self,
+        problem: &ContactProblem,
+        point: &Point,
+        roughly: bool,
+    ) -> Result<(Vec<f64>, Kkt), DualError> {
+        let stop = if roughly { Stop::default() } else { self.stop };
+        let u = self.dual.displacement(&point.lambda, roughly, &stop)?;
         let mut lambda = point.lambda.clone();
         self.dual.times(&mut lambda);
         let kkt = problem.kkt(&u, &lambda);
-        (u, kkt)
+        Ok((u, kkt))
+    }
+
+    fn failed(&self, error: DualError, mut point: Point, history: Vec<Step>) -> SolveError {
+        self.dual.times(&mut point.lambda);
+        SolveError {
+            error,
+            lambda: point.lambda,
+            history,
+        }
     }
 
     /// Whether a point meets the goal, in the units of the problem.
@@ -525,8 +568,8 @@ impl<D: DualOperator> Newton<'_, D> {
         goal: &mut Goal,
         err0: f64,
         tolerance: f64,
-    ) -> Option<Status> {
-        let (u, kkt) = self.optimality(problem, point);
+    ) -> Result<Option<Status>, DualError> {
+        let (u, kkt) = self.optimality(problem, point, false)?;
         self.refresh(problem, &u, point);
         let err = self.error(point);
         // Equilibrium does not depend on λ: no further step can mend it. A goal that was met again and
@@ -539,10 +582,10 @@ impl<D: DualOperator> Newton<'_, D> {
             goal.checks += 1;
             goal.slack = 9.0 * tolerance * norm_max(&u);
             goal.work = 9.0 * tolerance * norm(&u);
-            return None;
+            return Ok(None);
         };
         self.checked = Some((u, kkt));
-        Some(status)
+        Ok(Some(status))
     }
 
     /// Outer steps until `verify` is content with a point that meets the goal, or a reason to stop.
@@ -553,8 +596,13 @@ impl<D: DualOperator> Newton<'_, D> {
         settings: &Settings,
         history: &mut Vec<Step>,
         observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
-        mut verify: impl FnMut(&mut Self, &mut Point, &mut Goal, usize) -> Option<Status>,
-    ) -> Status {
+        mut verify: impl FnMut(
+            &mut Self,
+            &mut Point,
+            &mut Goal,
+            usize,
+        ) -> Result<Option<Status>, DualError>,
+    ) -> Result<Status, DualError> {
         let mut goal = Goal {
             err: settings.tolerance * err0,
             slack: f64::INFINITY,
@@ -576,8 +624,8 @@ impl<D: DualOperator> Newton<'_, D> {
         loop {
             // Step 1.
             if self.meets(&goal, point, err) {
-                if let Some(status) = verify(self, point, &mut goal, history.len()) {
-                    return status;
+                if let Some(status) = verify(self, point, &mut goal, history.len())? {
+                    return Ok(status);
                 }
                 // r is fresh now. Where it had drifted, so have the images of the known directions.
                 err = self.error(point);
@@ -591,7 +639,7 @@ impl<D: DualOperator> Newton<'_, D> {
             let stop = self.stop.now();
             if stop.is_some() || history.len() >= settings.max_iterations {
                 *point = best;
-                return stop.unwrap_or(Status::IterationLimit);
+                return Ok(stop.map_or(Status::IterationLimit, Status::from));
             }
             tol = (settings.r_tol * err / err0).min(settings.c_fact * tol);
             let target = match settings.method {
@@ -599,11 +647,19 @@ impl<D: DualOperator> Newton<'_, D> {
                 Method::Exact => EXACT * err0,
             };
             let safeguarded = guarded > 0;
-            let (sets, inner) = if safeguarded {
+            let made = if safeguarded {
                 guarded -= 1;
                 self.safeguarded_step(point, target, err, faces)
             } else {
                 self.newton_step(point, &mut cg, set_rho, target, err, settings.method)
+            };
+            let (sets, inner) = match made {
+                Ok(step) => step,
+                Err(error) => {
+                    // In the middle of a step the point need not be feasible.
+                    *point = best;
+                    return Err(error);
+                }
             };
             err = self.error(point);
             history.push(Step {
@@ -633,7 +689,7 @@ impl<D: DualOperator> Newton<'_, D> {
                 if !(lost < 0.0) {
                     *point = best;
                 }
-                return Status::Interrupted;
+                return Ok(Status::Interrupted);
             }
             // More than half of all progress lost counts at once. Written so that NaN does, too.
             let gained = -first.q_change(&best);
@@ -645,7 +701,7 @@ impl<D: DualOperator> Newton<'_, D> {
                 err = self.error(point);
                 if safeguarded {
                     // Not even a projected gradient step lowers q or the error: rounding.
-                    return Status::Stagnated;
+                    return Ok(Status::Stagnated);
                 }
                 best_err = err;
                 fruitless = 0;
@@ -667,12 +723,12 @@ impl<D: DualOperator> Newton<'_, D> {
         target: f64,
         err: f64,
         method: Method,
-    ) -> (Sets, usize) {
+    ) -> Result<(Sets, usize), DualError> {
         let sets = Sets::predict(&point.lambda, &point.r, rho, self.g);
         // Step 3.2: inactive multipliers on their bounds.
         let mut start = point.lambda.clone();
         sets.set_bounds(&mut start, self.g);
-        let jumped = self.move_to(point, start);
+        let jumped = self.move_to(point, start)?;
         let mut cg = match kept.take() {
             Some(cg) if !jumped && cg.sets == sets => cg,
             _ => self.cg_on(sets.clone(), point),
@@ -685,12 +741,12 @@ impl<D: DualOperator> Newton<'_, D> {
         let inner = self.cg(point, &mut cg, target, |newton, point, residual| {
             floor.is_some_and(|floor| residual <= floor)
                 && Sets::predict(&point.lambda, &point.r, rho, newton.g) != sets
-        });
+        })?;
         // Step 3.4 takes the error at a point of Λ, and the next step goes on from there.
-        if !self.move_into_bounds(point, rho) {
+        if !self.move_into_bounds(point, rho)? {
             *kept = Some(cg);
         }
-        (sets, inner)
+        Ok((sets, inner))
     }
 
     /// Starts CG on the free multipliers of `sets` from the minimum over the known directions there.
@@ -711,7 +767,7 @@ impl<D: DualOperator> Newton<'_, D> {
         cg: &mut Cg,
         target: f64,
         enough: impl Fn(&Self, &Point, f64) -> bool,
-    ) -> usize {
+    ) -> Result<usize, DualError> {
         let mut image = vec![0.0; point.lambda.len()];
         let limit = 2 * cg.sets.n_free() + 50;
         let mut inner = 0;
@@ -723,7 +779,7 @@ impl<D: DualOperator> Newton<'_, D> {
                 break;
             }
             cg.span.make_conjugate(&mut p, None);
-            self.apply(&p, &mut image);
+            self.apply(&p, &mut image)?;
             let curvature = dot(&p, &image);
             if !(curvature > 0.0) {
                 break;
@@ -739,13 +795,13 @@ impl<D: DualOperator> Newton<'_, D> {
             p.iter_mut().for_each(|v| *v *= scale);
             cg.span.push(p, image.iter().map(|v| v * scale).collect());
         }
-        inner
+        Ok(inner)
     }
 
     /// P_Λ(λ), with the multipliers that the next step will hold put on their bounds by the same product.
     ///
     /// Only those that a ρ ≤ 1/σ_max holds: what a larger one says of a point outside Λ is too wild.
-    fn move_into_bounds(&mut self, point: &mut Point, rho: f64) -> bool {
+    fn move_into_bounds(&mut self, point: &mut Point, rho: f64) -> Result<bool, DualError> {
         let mut target = point.lambda.clone();
         Sets::predict(&point.lambda, &point.r, rho.min(self.alpha), self.g)
             .set_bounds(&mut target, self.g);
@@ -761,7 +817,7 @@ impl<D: DualOperator> Newton<'_, D> {
         target: f64,
         err: f64,
         faces: usize,
-    ) -> (Sets, usize) {
+    ) -> Result<(Sets, usize), DualError> {
         let gradient = point.clone();
         for _ in 0..60 {
             *point = gradient.clone();
@@ -770,7 +826,7 @@ impl<D: DualOperator> Newton<'_, D> {
                 *l -= self.alpha * r;
             }
             project(&mut lambda, self.g);
-            self.move_to(point, lambda);
+            self.move_to(point, lambda)?;
             if gradient.q_change(point) <= 0.0 {
                 break;
             }
@@ -785,7 +841,7 @@ impl<D: DualOperator> Newton<'_, D> {
             let mut cg = self.cg_on(sets.clone(), &mut end);
             inner += self.cg(&mut end, &mut cg, target, |_, _, residual| {
                 residual <= SETS_CHANGED * err
-            });
+            })?;
             let mut projected = end.lambda.clone();
             project(&mut projected, self.g);
             if projected == end.lambda {
@@ -794,7 +850,7 @@ impl<D: DualOperator> Newton<'_, D> {
             }
             // Up to the first bound q falls and its gradient is known; beyond, the projection is tried.
             let cut = point.until_bound(&end, self.g);
-            self.move_to(&mut end, projected);
+            self.move_to(&mut end, projected)?;
             // What is left inside Λ by the last face need not lie on a bound: the best of the chord.
             if face == faces {
                 end = point.lowest_towards(&end);
@@ -804,7 +860,7 @@ impl<D: DualOperator> Newton<'_, D> {
                 break;
             }
         }
-        (sets, inner)
+        Ok((sets, inner))
     }
 }
 

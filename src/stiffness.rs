@@ -3,3 +3,4 @@
 pub mod cholesky;
 mod ordering;
 mod panel;
+pub mod pcg;

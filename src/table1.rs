@@ -1,8 +1,9 @@
 //! The paper's Table 1: its figures beside ours.
 
+use crate::dual::INNER_TOLERANCE;
+use crate::engine::{Engine, EngineError, Options};
 use crate::reference::{self, Geometry, ReferenceError, TABLE1};
 use crate::ssnm::{self, Settings, Status};
-use crate::stiffness::cholesky::{CholeskyDual, FactorError};
 use serde::Serialize;
 use std::ops::ControlFlow;
 
@@ -63,19 +64,24 @@ pub enum Table1Error {
     #[error(transparent)]
     Reference(#[from] ReferenceError),
     #[error(transparent)]
-    Factor(#[from] FactorError),
+    Engine(#[from] EngineError),
+    #[error(transparent)]
+    Solve(#[from] ssnm::SolveError),
 }
 
-/// The cells of one row; `before_cell` may stop it early.
+/// The cells of one row by the engine chosen; `log` is that of [`Engine::new`], and `before_cell` may stop
+/// the row early.
 pub fn row(
     geometry: Geometry,
     k: usize,
     betas: &[f64],
+    engine: &Options,
+    log: impl FnMut(&str),
     mut before_cell: impl FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Vec<Cell>, Table1Error> {
     let mesh = reference::mesh(geometry, k);
     let problem = reference::problem(geometry, &mesh, &TABLE1)?;
-    let mut dual = CholeskyDual::new(&problem)?;
+    let mut dual = Engine::new(&problem, engine.clone(), INNER_TOLERANCE, log)?;
     let mut cells = Vec::new();
     for &beta in betas {
         if before_cell(beta).is_break() {
@@ -91,7 +97,7 @@ pub fn row(
             &mut dual,
             &settings,
             |_| ControlFlow::Continue(()),
-        );
+        )?;
         let info = &solution.info;
         let (iter, n_a) = info.first_met.unwrap_or((info.iter, info.n_a));
         let row = SIZES.iter().position(|&size| size == k);

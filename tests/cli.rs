@@ -7,9 +7,14 @@ use signorini::matrix_market;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+fn command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_signorini"));
+    command.args(arguments);
+    command
+}
+
 fn signorini(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_signorini"))
-        .args(arguments)
+    command(arguments)
         .output()
         .unwrap_or_else(|error| panic!("{error}"))
 }
@@ -159,11 +164,69 @@ fn wrong_usage_exits_with_2() {
     assert_eq!(signorini(&["--help"]).status.code(), Some(0));
 }
 
+/// Runs the program with a wgpu that finds no adapter.
+fn without_adapters(arguments: &[&str]) -> Output {
+    command(arguments)
+        .env("WGPU_BACKEND", "metal")
+        .output()
+        .expect("the program starts")
+}
+
 #[test]
-fn what_this_version_cannot_do_is_said() {
-    let run = signorini(&["solve", "examples/press.toml", "--backend", "gpu"]);
+fn without_an_adapter_a_gpu_is_an_error_and_an_open_choice_is_not() {
+    let run = without_adapters(&["solve", "examples/press.toml", "--backend", "gpu"]);
     assert_eq!(run.status.code(), Some(1));
-    assert!(text(&run.stderr).contains("--backend"));
+    let said = text(&run.stderr);
+    assert!(
+        said.contains("no GPU adapter") && said.contains("--backend cpu"),
+        "{said}"
+    );
+
+    let out = directory();
+    let path = out.path().to_string_lossy().into_owned();
+    let run = without_adapters(&["solve", "examples/press.toml", "--output", &path]);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    let run = without_adapters(&["adapters"]);
+    assert_eq!(run.status.code(), Some(0));
+    assert!(text(&run.stdout).contains("no adapter"));
+}
+
+#[test]
+fn cholesky_on_a_gpu_is_refused() {
+    let run = signorini(&[
+        "solve",
+        "examples/press.toml",
+        "--backend",
+        "gpu",
+        "--stiffness",
+        "cholesky",
+    ]);
+    assert_eq!(run.status.code(), Some(1));
+    assert!(text(&run.stderr).contains("--stiffness pcg"));
+}
+
+#[test]
+fn the_nested_path_says_so_in_the_report() {
+    let out = directory();
+    let path = out.path().to_string_lossy().into_owned();
+    let run = signorini(&[
+        "solve",
+        "examples/press.toml",
+        "--backend",
+        "cpu",
+        "--stiffness",
+        "pcg",
+        "--output",
+        &path,
+        "-v",
+    ]);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    assert!(text(&run.stderr).contains("PCG iterations"));
+    let report = report(out.path());
+    assert_eq!(report["backend"], "cpu");
+    assert_eq!(report["stiffness"], "pcg");
+    assert_eq!(report["status"], "converged");
+    assert!(report["v_cycles"].as_u64().is_some_and(|count| count > 100));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod common;
 
 use common::{Random, solve};
+use signorini::engine::Options;
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::reference::{self, CASE_A, CASE_B, Geometry, Loads, TABLE1};
 use signorini::sparse::BlockCsr;
@@ -36,8 +37,15 @@ fn sizes_are_those_of_the_paper() {
 fn table1_converges_below_the_paper() {
     for geometry in [Geometry::OneBody, Geometry::TwoBodies] {
         for k in SIZES {
-            let cells = table1::row(geometry, k, &BETAS, |_| ControlFlow::Continue(()))
-                .unwrap_or_else(|error| panic!("{error}"));
+            let cells = table1::row(
+                geometry,
+                k,
+                &BETAS,
+                &Options::default(),
+                |_| {},
+                |_| ControlFlow::Continue(()),
+            )
+            .unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(cells.len(), 5);
             for cell in cells {
                 let what = format!("{geometry:?} k = {k} β = {}: {cell:?}", cell.beta);
@@ -146,7 +154,8 @@ fn every_beta_converges() {
                         &mut dual,
                         &settings,
                         |_| ControlFlow::Continue(()),
-                    );
+                    )
+                    .unwrap_or_else(|error| panic!("{error}"));
                 assert_eq!(
                     solution.status,
                     Status::Converged,
@@ -282,7 +291,7 @@ fn a_warm_start_from_the_solution_is_done_at_once() {
 /// A product with A through the trailing block is B K⁻¹ Bᵀ, whatever the shape of B.
 #[test]
 fn the_dual_operator_is_what_it_says() {
-    use signorini::dual::DualOperator;
+    use signorini::dual::{DualOperator, Stop};
     let mut random = Random(3);
     for (m, n, general) in [
         (1, 5, false),
@@ -300,11 +309,13 @@ fn the_dual_operator_is_what_it_says() {
         let problem = common::manufactured(n, &nodes, general, &mut random).problem;
         let mut dual = CholeskyDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
         let p: Vec<f64> = (0..2 * m).map(|_| random.between(-1.0, 1.0)).collect();
+        let stop = Stop::default();
         let (mut ap, mut b) = (vec![f64::NAN; 2 * m], vec![f64::NAN; 2 * m]);
-        dual.apply(&p, &mut ap);
-        dual.right_hand_side(&mut b);
+        dual.apply(&p, &mut ap, &stop).expect("it cannot fail");
+        dual.right_hand_side(&mut b, &stop).expect("it cannot fail");
         // u(λ) = K⁻¹(f − Bᵀλ), so A p = B u(0) − B u(p) and b = B u(0) − c.
-        let (u0, up) = (dual.displacement(&vec![0.0; 2 * m]), dual.displacement(&p));
+        let mut u = |l: &[f64]| dual.displacement(l, false, &stop).expect("it cannot fail");
+        let (u0, up) = (u(&vec![0.0; 2 * m]), u(&p));
         let product = |u: &[f64]| {
             let mut y = vec![0.0; 2 * m];
             problem.normal().mul(u, &mut y[..m]);

@@ -202,7 +202,7 @@ fn greco_plate() {
     let mut solution = None;
     for _ in 0..40 {
         let frozen = ContactProblem::new(ContactData {
-            stiffness: p.stiffness().clone(),
+            stiffness: p.stiffness().as_ref().clone(),
             load: p.load().to_vec(),
             normal: p.normal().clone(),
             tangential: p.tangential().clone(),
@@ -216,7 +216,8 @@ fn greco_plate() {
             initial: start.as_deref(),
             ..Default::default()
         };
-        let found = ssnm::solve(&frozen, &mut dual, &settings, |_| ControlFlow::Continue(()));
+        let found = ssnm::solve(&frozen, &mut dual, &settings, |_| ControlFlow::Continue(()))
+            .unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(found.status, Status::Converged);
         let next = found.lambda[..p.m()].to_vec();
         let change = common::distance(&next, &bound);

@@ -129,7 +129,7 @@ fn degenerate_nodes() {
             })
             .collect();
         let problem = signorini::problem::ContactProblem::new(ContactData {
-            stiffness: p.stiffness().clone(),
+            stiffness: p.stiffness().as_ref().clone(),
             load: p.load().to_vec(),
             normal: p.normal().clone(),
             tangential: p.tangential().clone(),
@@ -171,7 +171,7 @@ fn no_friction() {
     let p = &m.problem;
     let with = |tangential: Csr| {
         let problem = ContactProblem::new(ContactData {
-            stiffness: p.stiffness().clone(),
+            stiffness: p.stiffness().as_ref().clone(),
             load: p.load().to_vec(),
             normal: p.normal().clone(),
             tangential,

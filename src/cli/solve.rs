@@ -2,9 +2,10 @@
 
 use super::{NOT_CONVERGED, SolveArguments};
 use signorini::case::Case;
-use signorini::output::{Report, Timings, write_report, write_solution};
+use signorini::dual::{Costs, DualOperator as _, INNER_TOLERANCE};
+use signorini::engine::Engine;
+use signorini::output::{EnginePath, Report, Timings, write_report, write_solution};
 use signorini::ssnm::{self, SetSizes, Status, Step};
-use signorini::stiffness::cholesky::CholeskyDual;
 use std::fmt::Write as _;
 use std::io::{IsTerminal as _, Write as _};
 use std::ops::ControlFlow;
@@ -17,7 +18,6 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     let start = Instant::now();
-    arguments.engine.check()?;
     let case = Case::read(&arguments.case, &arguments.settings).map_err(|e| e.to_string())?;
     let output = match &arguments.output {
         Some(directory) => directory.clone(),
@@ -47,36 +47,56 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         assembly: build.assembly_seconds,
         ..Default::default()
     };
-    let factor_start = Instant::now();
-    let mut dual = CholeskyDual::new(&build.problem)
-        .map_err(|e| format!("{}: {e}", arguments.case.display()))?;
-    timings.factor = factor_start.elapsed().as_secs_f64();
-    timings.linear_reference = dual.factor_seconds + dual.solve_seconds;
-    log.say(format_args!(
-        "Cholesky: {} entries ({:.0} MiB), factorised in {:.3} s, one solve {:.4} s",
-        dual.factor_entries(),
-        dual.factor_entries() as f64 * 8.0 / (1 << 20) as f64,
-        dual.factor_seconds,
-        dual.solve_seconds
-    ));
+    let set_up_start = Instant::now();
+    let mut engine = Engine::new(
+        &build.problem,
+        arguments.engine.options(),
+        INNER_TOLERANCE,
+        |line| log.say(format_args!("{line}")),
+    )
+    .map_err(|e| format!("{}: {e}", arguments.case.display()))?;
+    timings.factor = set_up_start.elapsed().as_secs_f64();
+    match engine.cholesky() {
+        Some(dual) => {
+            timings.linear_reference = Some(dual.factor_seconds + dual.solve_seconds);
+            log.say(format_args!(
+                "Cholesky: {} entries ({:.0} MiB), factorised in {:.3} s, one solve {:.4} s",
+                dual.factor_entries(),
+                dual.factor_entries() as f64 * 8.0 / (1 << 20) as f64,
+                dual.factor_seconds,
+                dual.solve_seconds
+            ));
+        }
+        None => log.say(format_args!(
+            "PCG on the {}, set up in {:.3} s",
+            engine.backend(),
+            timings.factor
+        )),
+    }
     let settings = ssnm::Settings {
         interrupt: Some(&INTERRUPTED),
         ..case.settings()
     };
-    let solution = ssnm::solve(&build.problem, &mut dual, &settings, |step| {
+    let solution = ssnm::solve(&build.problem, &mut engine, &settings, |step| {
         log.step(step);
         ControlFlow::Continue(())
-    });
-    drop(dual);
+    })
+    .map_err(|e| format!("{}: {e}", arguments.case.display()))?;
     timings.setup = solution.info.setup_seconds;
     timings.ssnm = solution.info.solve_seconds;
     log.finish(&solution.info.history, settings.tolerance);
+    let costs = engine.costs();
+    if let Some(costs) = costs {
+        log.say(format_args!("{}", describe_costs(&costs)));
+    }
+    let path = EnginePath::of(&engine);
+    drop(engine);
 
     let output_start = Instant::now();
     let mut files = write_solution(&output, &build, &solution).map_err(|e| e.to_string())?;
     timings.output = output_start.elapsed().as_secs_f64();
     timings.total = start.elapsed().as_secs_f64();
-    let report = Report::new(&case.tables.title, &build, &solution, timings);
+    let report = Report::new(&case.tables.title, &build, &solution, path, timings);
     files.push(write_report(&output, &report).map_err(|e| e.to_string())?);
     if !arguments.quiet {
         super::print(&summary(&report, &files));
@@ -86,6 +106,29 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     } else {
         NOT_CONVERGED
     })
+}
+
+/// What the systems with K have cost.
+fn describe_costs(costs: &Costs) -> String {
+    let Costs { solves, device } = costs;
+    let mut text = format!(
+        "{} systems with K, {} PCG iterations",
+        solves.solves, solves.iterations
+    );
+    if device.dispatches > 0 {
+        let per_iteration = device.dispatches as f64 / solves.iterations.max(1) as f64;
+        write!(
+            text,
+            "; {} dispatches ({per_iteration:.2} per iteration, all others included), {} read-backs \
+             (one per {:.0} iterations), {} submissions",
+            device.dispatches,
+            device.readbacks,
+            solves.iterations as f64 / device.readbacks.max(1) as f64,
+            device.submissions
+        )
+        .expect("writing to a string cannot fail");
+    }
+    text
 }
 
 fn describe(status: Status) -> &'static str {

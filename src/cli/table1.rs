@@ -8,7 +8,7 @@ use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
 
 pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
-    arguments.engine.check()?;
+    let engine = arguments.engine.options();
     if let Some(beta) = arguments
         .beta
         .iter()
@@ -33,8 +33,16 @@ pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
     }
     print("\n");
     let mut cells: Vec<Cell> = Vec::new();
+    let mut said = String::new();
     for k in SIZES.into_iter().filter(|&k| k <= arguments.max_k) {
-        let found = row(geometry, k, &arguments.beta, |beta| {
+        let log = |line: &str| {
+            // Each row makes the same choice: once is enough.
+            if said != line {
+                eprintln!("{line}");
+                said = line.to_owned();
+            }
+        };
+        let found = row(geometry, k, &arguments.beta, &engine, log, |beta| {
             if terminal {
                 eprint!("\r\x1b[2Kk = {k}, β = {beta} …");
             }

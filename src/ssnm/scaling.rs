@@ -1,6 +1,6 @@
 //! Scaling of the multipliers where the stiffness under the contact varies widely.
 
-use crate::dual::DualOperator;
+use crate::dual::{DualError, DualOperator, Stop};
 use crate::problem::ContactProblem;
 use crate::sparse::Csr;
 
@@ -11,14 +11,14 @@ use crate::sparse::Csr;
 /// on the other. S evens out the estimate Σⱼ Bᵢⱼ²/Kⱼⱼ of Aᵢᵢ, in powers of two, so that scaling back
 /// and forth is exact, and only beyond a factor of four from the median: a homogeneous problem is left
 /// exactly as it is.
-pub(super) struct Scaled<'a, D> {
+pub(super) struct Scaled<'a, D: ?Sized> {
     dual: &'a mut D,
     /// S, or None for the identity.
     scale: Option<Vec<f64>>,
     buffer: Vec<f64>,
 }
 
-impl<'a, D: DualOperator> Scaled<'a, D> {
+impl<'a, D: DualOperator + ?Sized> Scaled<'a, D> {
     pub fn new(problem: &ContactProblem, dual: &'a mut D) -> Self {
         let diagonal = problem.stiffness().diagonal();
         let estimate = |matrix: &Csr, i: usize| {
@@ -86,24 +86,31 @@ impl<'a, D: DualOperator> Scaled<'a, D> {
     }
 }
 
-impl<D: DualOperator> DualOperator for Scaled<'_, D> {
-    fn apply(&mut self, p: &[f64], y: &mut [f64]) {
+impl<D: DualOperator + ?Sized> DualOperator for Scaled<'_, D> {
+    fn apply(&mut self, p: &[f64], y: &mut [f64], stop: &Stop) -> Result<(), DualError> {
         let mut scaled = std::mem::take(&mut self.buffer);
         scaled.copy_from_slice(p);
         self.times(&mut scaled);
-        self.dual.apply(&scaled, y);
+        let outcome = self.dual.apply(&scaled, y, stop);
         self.times(y);
         self.buffer = scaled;
+        outcome
     }
 
-    fn right_hand_side(&mut self, b: &mut [f64]) {
-        self.dual.right_hand_side(b);
+    fn right_hand_side(&mut self, b: &mut [f64], stop: &Stop) -> Result<(), DualError> {
+        self.dual.right_hand_side(b, stop)?;
         self.times(b);
+        Ok(())
     }
 
-    fn displacement(&mut self, lambda: &[f64]) -> Vec<f64> {
+    fn displacement(
+        &mut self,
+        lambda: &[f64],
+        roughly: bool,
+        stop: &Stop,
+    ) -> Result<Vec<f64>, DualError> {
         let mut lambda = lambda.to_vec();
         self.times(&mut lambda);
-        self.dual.displacement(&lambda)
+        self.dual.displacement(&lambda, roughly, stop)
     }
 }

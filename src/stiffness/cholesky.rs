@@ -13,7 +13,7 @@
 
 use super::ordering::{Ordering, contact_last};
 use super::panel;
-use crate::dual::DualOperator;
+use crate::dual::{DualError, DualOperator, Stop};
 use crate::problem::ContactProblem;
 use crate::sparse::{BlockCsr, Csr, norm};
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -163,17 +163,12 @@ impl CholeskyDual {
         let blocks = trailing_blocks(&symbolic, &factor, n_leading, &sizes);
         let factor_seconds = start.elapsed().as_secs_f64();
 
-        let rows = problem.normal().triplets();
-        let m = problem.m();
-        let tangential = problem
-            .tangential()
-            .triplets()
-            .map(|(i, j, v)| (i + m, j, v));
         let b = Csr::from_triplets(
-            2 * m,
+            2 * problem.m(),
             n - n_leading,
-            rows.chain(tangential)
-                .filter(|&(_, _, v)| v != 0.0)
+            problem
+                .contact_matrix()
+                .triplets()
                 .map(|(i, j, v)| (i, position[j] as usize - n_leading, v)),
         );
         let mut dual = Self {
@@ -321,25 +316,32 @@ impl CholeskyDual {
 }
 
 impl DualOperator for CholeskyDual {
-    fn apply(&mut self, p: &[f64], y: &mut [f64]) {
+    fn apply(&mut self, p: &[f64], y: &mut [f64], _stop: &Stop) -> Result<(), DualError> {
         let mut x = std::mem::take(&mut self.workspace);
         x.fill(0.0);
         self.b.mul_transpose_add(1.0, p, &mut x);
         self.solve_touched(&mut x);
         self.b.mul(&x, y);
         self.workspace = x;
+        Ok(())
     }
 
-    fn right_hand_side(&mut self, b: &mut [f64]) {
+    fn right_hand_side(&mut self, b: &mut [f64], _stop: &Stop) -> Result<(), DualError> {
         let mut x = self.reduced_load[self.n_leading..].to_vec();
         self.solve_touched(&mut x);
         self.b.mul(&x, b);
         for (b, d) in b.iter_mut().zip(&self.d) {
             *b -= d;
         }
+        Ok(())
     }
 
-    fn displacement(&mut self, lambda: &[f64]) -> Vec<f64> {
+    fn displacement(
+        &mut self,
+        lambda: &[f64],
+        _roughly: bool,
+        _stop: &Stop,
+    ) -> Result<Vec<f64>, DualError> {
         let mut x = self.reduced_load.clone();
         self.b
             .mul_transpose_add(-1.0, lambda, &mut x[self.n_leading..]);
@@ -348,7 +350,7 @@ impl DualOperator for CholeskyDual {
         }
         self.trailing_solve(self.n_leading, &mut x);
         self.backward(&mut x);
-        self.unpermute(&x)
+        Ok(self.unpermute(&x))
     }
 }
 

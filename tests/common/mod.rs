@@ -155,6 +155,7 @@ pub fn manufactured(n: usize, nodes: &[Node], general: bool, random: &mut Random
 pub fn solve(problem: &ContactProblem, settings: &Settings) -> Solution {
     let mut dual = CholeskyDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
     ssnm::solve(problem, &mut dual, settings, |_| ControlFlow::Continue(()))
+        .unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// max |a − b| / max |b|.

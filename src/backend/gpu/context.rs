@@ -1,0 +1,475 @@
+//! Adapters and devices: which there are, which one is taken and why, and what goes wrong with them.
+
+use super::kernels::Kernels;
+use std::fmt;
+use std::sync::{Arc, Mutex, MutexGuard};
+
+/// A GPU could not be used, or failed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum GpuError {
+    #[error("{0}")]
+    NoAdapter(String),
+    #[error("the adapter \"{adapter}\" cannot be used: {reason}")]
+    Unsuitable { adapter: String, reason: String },
+    #[error("the adapter \"{adapter}\" gave no device: {reason}")]
+    NoDevice { adapter: String, reason: String },
+    #[error(
+        "{what} needs {needed_mib} MiB, but the adapter \"{adapter}\" offers {offered_mib} MiB; \
+         use a coarser mesh, a larger GPU, or --backend cpu"
+    )]
+    TooLarge {
+        what: &'static str,
+        adapter: String,
+        needed_mib: u64,
+        offered_mib: u64,
+    },
+    #[error(
+        "the adapter \"{adapter}\" has no memory left; close other programs that use it, or use --backend cpu"
+    )]
+    OutOfMemory { adapter: String },
+    #[error(
+        "a row of the matrix has so many entries that 32 such rows exceed one binding of the adapter \
+         \"{adapter}\" ({limit_mib} MiB); use --backend cpu"
+    )]
+    DenseRow { adapter: String, limit_mib: u64 },
+    #[error("the device \"{adapter}\" was lost: {reason}")]
+    Lost { adapter: String, reason: String },
+    #[error("the driver of \"{adapter}\" reported a fault: {reason}")]
+    Fault { adapter: String, reason: String },
+}
+
+/// Arithmetic of the kernels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// Vectors and K in f64, the preconditioner in f32.
+    F64,
+    /// Everything in f32; f64 accuracy comes from refinement around it.
+    F32,
+}
+
+impl Precision {
+    /// Bytes of a real number.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::F64 => 8,
+            Self::F32 => 4,
+        }
+    }
+}
+
+impl fmt::Display for Precision {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::F64 => "f64",
+            Self::F32 => "f32",
+        })
+    }
+}
+
+/// What to ask of a GPU.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// A part of the adapter's name, or its number in the list of [`adapters`]; None takes the best one
+    /// (the variable `WGPU_ADAPTER_NAME`, if set, stands for a name).
+    pub adapter: Option<String>,
+    /// None takes f64 where the adapter has it.
+    pub precision: Option<Precision>,
+    /// Bytes of one storage binding to use at most, below what the adapter allows.
+    pub max_binding: Option<u64>,
+    /// Runs the kernels with wgpu's own checks of every index and loop.
+    pub checked: bool,
+    /// Only a real GPU will do, no software adapter.
+    pub hardware_only: bool,
+}
+
+/// One adapter, with the limits and features that matter here.
+#[derive(Clone, Debug)]
+pub struct AdapterSummary {
+    pub name: String,
+    pub driver: String,
+    /// vulkan, metal, dx12, gl.
+    pub api: String,
+    /// Discrete, integrated, virtual or software.
+    pub kind: &'static str,
+    pub is_software: bool,
+    pub f64: bool,
+    pub subgroups: bool,
+    pub timestamps: bool,
+    /// Bytes of one storage binding.
+    pub max_binding: u64,
+    /// Bytes of one buffer.
+    pub max_buffer: u64,
+    /// Bytes of its own (or shared) memory, where the driver tells.
+    pub memory: Option<u64>,
+    /// Why it cannot be used, if so.
+    pub unsuitable: Option<String>,
+}
+
+impl fmt::Display for AdapterSummary {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{} ({}, {})", self.name, self.kind, self.api)
+    }
+}
+
+/// Storage buffers that a kernel binds at most.
+const STORAGE_BUFFERS: u32 = 8;
+
+/// The best adapter first, in the order in which they would be taken.
+///
+/// The variables `WGPU_BACKEND` and `WGPU_POWER_PREF` are respected.
+pub fn adapters() -> Vec<AdapterSummary> {
+    sorted_adapters().into_iter().map(|(_, s)| s).collect()
+}
+
+fn sorted_adapters() -> Vec<(wgpu::Adapter, AdapterSummary)> {
+    let instance =
+        wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+    let low_power = wgpu::PowerPreference::from_env() == Some(wgpu::PowerPreference::LowPower);
+    let mut found: Vec<_> = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()))
+        .into_iter()
+        .map(|adapter| {
+            let summary = summary(&adapter);
+            (adapter, summary)
+        })
+        .collect();
+    found.sort_by_key(|(adapter, summary)| {
+        use wgpu::DeviceType::{Cpu, DiscreteGpu, IntegratedGpu, Other, VirtualGpu};
+        let kind = match adapter.get_info().device_type {
+            DiscreteGpu if low_power => 1,
+            DiscreteGpu => 0,
+            IntegratedGpu if low_power => 0,
+            IntegratedGpu => 1,
+            VirtualGpu => 2,
+            Other => 3,
+            Cpu => 4,
+        };
+        let gl = adapter.get_info().backend == wgpu::Backend::Gl;
+        (summary.unsuitable.is_some(), kind, !summary.f64, gl)
+    });
+    found
+}
+
+fn summary(adapter: &wgpu::Adapter) -> AdapterSummary {
+    let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());
+    let compute = adapter
+        .get_downlevel_capabilities()
+        .flags
+        .contains(wgpu::DownlevelFlags::COMPUTE_SHADERS);
+    let unsuitable = if !compute {
+        Some("it has no compute shaders".to_owned())
+    } else if limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS {
+        Some(format!(
+            "a kernel can use only {} storage buffers, {STORAGE_BUFFERS} are needed",
+            limits.max_storage_buffers_per_shader_stage
+        ))
+    } else if limits.max_compute_invocations_per_workgroup < super::WIDTH
+        || limits.max_compute_workgroup_size_x < super::WIDTH
+    {
+        Some(format!(
+            "its workgroups have fewer than {} invocations",
+            super::WIDTH
+        ))
+    } else {
+        None
+    };
+    AdapterSummary {
+        kind: match info.device_type {
+            wgpu::DeviceType::DiscreteGpu => "discrete GPU",
+            wgpu::DeviceType::IntegratedGpu => "integrated GPU",
+            wgpu::DeviceType::VirtualGpu => "virtual GPU",
+            wgpu::DeviceType::Cpu => "software",
+            wgpu::DeviceType::Other => "unknown kind",
+        },
+        is_software: info.device_type == wgpu::DeviceType::Cpu,
+        api: info.backend.to_string(),
+        driver: format!("{} {}", info.driver, info.driver_info)
+            .trim()
+            .to_owned(),
+        name: info.name,
+        f64: features.contains(wgpu::Features::SHADER_F64),
+        subgroups: features.contains(wgpu::Features::SUBGROUP),
+        timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
+        max_binding: limits.max_storage_buffer_binding_size,
+        max_buffer: limits.max_buffer_size,
+        memory: memory(adapter),
+        unsuitable,
+    }
+}
+
+/// The largest device-local heap, which wgpu itself does not tell.
+#[cfg(not(any(target_vendor = "apple", target_family = "wasm")))]
+fn memory(adapter: &wgpu::Adapter) -> Option<u64> {
+    const DEVICE_LOCAL: u32 = 1;
+    // SAFETY: the handles are only used to ask for properties, while the guard keeps them alive.
+    unsafe {
+        let adapter = adapter.as_hal::<wgpu::hal::api::Vulkan>()?;
+        let properties = adapter
+            .shared_instance()
+            .raw_instance()
+            .get_physical_device_memory_properties(adapter.raw_physical_device());
+        properties.memory_heaps[..properties.memory_heap_count as usize]
+            .iter()
+            .filter(|heap| heap.flags.as_raw() & DEVICE_LOCAL != 0)
+            .map(|heap| heap.size)
+            .max()
+    }
+}
+
+#[cfg(any(target_vendor = "apple", target_family = "wasm"))]
+fn memory(_adapter: &wgpu::Adapter) -> Option<u64> {
+    None
+}
+
+/// What went wrong on the device and has not been reported yet.
+type Fault = Arc<Mutex<Option<GpuError>>>;
+
+/// A device with its compiled kernels; shared by all that computes on it.
+pub struct Context {
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    pub(super) kernels: Kernels,
+    fault: Fault,
+    allocated: Mutex<u64>,
+    max_binding: u64,
+    /// The adapter taken.
+    pub adapter: AdapterSummary,
+    /// Why this one.
+    pub reason: String,
+    /// What the kernels compute in.
+    pub precision: Precision,
+}
+
+impl Context {
+    /// Opens a device on the adapter that the options ask for.
+    pub fn new(options: &Options) -> Result<Arc<Self>, GpuError> {
+        let (adapter, summary, reason) = choose(options)?;
+        let name = summary.to_string();
+        let precision = match options.precision {
+            Some(Precision::F64) if !summary.f64 => {
+                return Err(GpuError::Unsuitable {
+                    adapter: name,
+                    reason: "it has no f64 in its kernels (the feature SHADER_F64); use --precision auto or f32"
+                        .to_owned(),
+                });
+            }
+            Some(precision) => precision,
+            None if summary.f64 => Precision::F64,
+            None => Precision::F32,
+        };
+        let wanted =
+            wgpu::Features::SHADER_F64 | wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY;
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("signorini"),
+            required_features: adapter.features() & wanted,
+            required_limits: adapter.limits(),
+            memory_hints: wgpu::MemoryHints::Performance,
+            ..Default::default()
+        }))
+        .map_err(|error| GpuError::NoDevice {
+            adapter: name.clone(),
+            reason: error.to_string(),
+        })?;
+
+        let fault = Fault::default();
+        let (on_lost, lost_name) = (Arc::clone(&fault), name.clone());
+        device.set_device_lost_callback(move |_, message| {
+            let lost = GpuError::Lost {
+                adapter: lost_name.clone(),
+                reason: message,
+            };
+            // The loss explains whatever else has been reported.
+            *lock(&on_lost) = Some(lost);
+        });
+        let (on_error, error_name) = (Arc::clone(&fault), name.clone());
+        device.on_uncaptured_error(Arc::new(move |error| {
+            let adapter = error_name.clone();
+            let error = match error {
+                wgpu::Error::OutOfMemory { .. } => GpuError::OutOfMemory { adapter },
+                other => GpuError::Fault {
+                    adapter,
+                    reason: other.to_string(),
+                },
+            };
+            lock(&on_error).get_or_insert(error);
+        }));
+
+        let limits = device.limits();
+        let kernels = Kernels::new(&device, precision, options.checked);
+        let context = Self {
+            max_binding: options
+                .max_binding
+                .unwrap_or(u64::MAX)
+                .min(limits.max_storage_buffer_binding_size)
+                .min(limits.max_buffer_size),
+            device,
+            queue,
+            kernels,
+            fault,
+            allocated: Mutex::new(0),
+            adapter: summary,
+            reason,
+            precision,
+        };
+        context.check()?;
+        Ok(Arc::new(context))
+    }
+
+    /// What has gone wrong since the last call, if anything.
+    pub(super) fn check(&self) -> Result<(), GpuError> {
+        match &*lock(&self.fault) {
+            // A fault stays: nothing computed after it can be trusted.
+            Some(error) => Err(error.clone()),
+            None => Ok(()),
+        }
+    }
+
+    /// Bytes of one storage binding.
+    pub(super) fn max_binding(&self) -> u64 {
+        self.max_binding
+    }
+
+    /// Workgroups of a dispatch at most: enough to fill the device, few enough that every workgroup can add
+    /// up the partial sums of all.
+    pub(super) fn max_groups(&self) -> u32 {
+        if self.adapter.is_software { 32 } else { 1024 }
+    }
+
+    /// Refuses what the adapter's memory cannot hold beside what is allocated already.
+    pub fn check_memory(&self, what: &'static str, bytes: u64) -> Result<(), GpuError> {
+        let needed = *lock(&self.allocated) + bytes;
+        match self.adapter.memory {
+            Some(offered) if needed > offered => Err(GpuError::TooLarge {
+                what,
+                adapter: self.adapter.to_string(),
+                needed_mib: needed >> 20,
+                offered_mib: offered >> 20,
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// A zeroed buffer.
+    pub(super) fn buffer(
+        &self,
+        label: &'static str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<Buffer, GpuError> {
+        self.check()?;
+        // A binding must not be empty, and copies go by four bytes.
+        let size = bytes.max(16).next_multiple_of(16);
+        if size > self.device.limits().max_buffer_size {
+            return Err(GpuError::TooLarge {
+                what: label,
+                adapter: self.adapter.to_string(),
+                needed_mib: size >> 20,
+                offered_mib: self.device.limits().max_buffer_size >> 20,
+            });
+        }
+        self.check_memory(label, size)?;
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage,
+            mapped_at_creation: false,
+        });
+        self.check()?;
+        *lock(&self.allocated) += size;
+        Ok(Buffer { buffer, size })
+    }
+
+    /// Gives the bytes of dropped buffers back to the account.
+    pub(super) fn released(&self, bytes: u64) {
+        let mut allocated = lock(&self.allocated);
+        *allocated = allocated.saturating_sub(bytes);
+    }
+
+    /// Loses the device on purpose, as a driver fault would: for tests of what happens then.
+    pub fn lose_device(&self) {
+        self.device.destroy();
+    }
+}
+
+/// A buffer with its true size.
+pub(super) struct Buffer {
+    pub buffer: wgpu::Buffer,
+    pub size: u64,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // What it guards is valid whenever it can be seen: a panic elsewhere does not matter.
+    mutex
+        .lock()
+        .unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+/// The adapter to take, and why.
+fn choose(options: &Options) -> Result<(wgpu::Adapter, AdapterSummary, String), GpuError> {
+    let all = sorted_adapters();
+    let list = || {
+        all.iter()
+            .enumerate()
+            .map(|(i, (_, s))| format!("\n  {i}: {s}"))
+            .collect::<String>()
+    };
+    if all.is_empty() {
+        return Err(GpuError::NoAdapter(
+            "no GPU adapter found: install a Vulkan driver (for a software one: mesa-vulkan-drivers and \
+             libvulkan1 on Debian), or use --backend cpu"
+                .to_owned(),
+        ));
+    }
+    let variable = std::env::var("WGPU_ADAPTER_NAME").ok();
+    let by_variable = options.adapter.is_none() && variable.is_some();
+    let wanted = options.adapter.clone().or(variable);
+    let position = match &wanted {
+        Some(wanted) => {
+            let by_number = wanted.parse::<usize>().ok().filter(|&i| i < all.len());
+            by_number
+                .or_else(|| {
+                    let wanted = wanted.to_lowercase();
+                    all.iter()
+                        .position(|(_, s)| s.name.to_lowercase().contains(&wanted))
+                })
+                .ok_or_else(|| {
+                    GpuError::NoAdapter(format!(
+                        "no adapter has \"{wanted}\" in its name{}; there are:{}",
+                        if by_variable {
+                            " (asked for by the variable WGPU_ADAPTER_NAME)"
+                        } else {
+                            ""
+                        },
+                        list()
+                    ))
+                })?
+        }
+        None => 0,
+    };
+    let count = all.len();
+    let (adapter, summary) = all
+        .into_iter()
+        .nth(position)
+        .expect("the position was looked up in this list");
+    if let Some(reason) = summary.unsuitable.clone() {
+        return Err(GpuError::Unsuitable {
+            adapter: summary.to_string(),
+            reason,
+        });
+    }
+    if options.hardware_only && summary.is_software {
+        return Err(GpuError::NoAdapter(
+            "there is only a software adapter, which is used when asked for: --backend gpu"
+                .to_owned(),
+        ));
+    }
+    let reason = match (&wanted, by_variable, count) {
+        (Some(_), false, _) => "asked for by name or number".to_owned(),
+        (Some(_), true, _) => "asked for by the variable WGPU_ADAPTER_NAME".to_owned(),
+        (None, _, 1) => "the only adapter".to_owned(),
+        (None, _, _) => {
+            format!("first of {count}: a real GPU before a software one, f64 before f32")
+        }
+    };
+    Ok((adapter, summary, reason))
+}

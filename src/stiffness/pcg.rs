@@ -1,0 +1,276 @@
+//! x ≈ K⁻¹b by preconditioned conjugate gradients, written once for all backends.
+//!
+//! On a backend that computes in f64, CG runs on the system itself. On one that has f32 only, CG in f32
+//! makes corrections inside a refinement in f64: the residual b − Kx is made on the host in f64 against
+//! the true K, so that the answer is as accurate as that of the other path, whatever f32 has lost.
+
+use crate::backend::{Backend, Block, GpuError, Progress, power_of_two_below};
+use crate::dual::{Stop, Stopped};
+use crate::sparse::{BlockCsr, norm};
+use std::sync::Arc;
+
+/// Why K x = b was not solved.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum PcgError {
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    #[error(
+        "the stiffness matrix is not positive definite: conjugate gradients met a direction without \
+         stiffness; a body can move freely as a whole or a part of it has no stiffness; add supports, \
+         or check that its parts are connected"
+    )]
+    NotPositiveDefinite,
+    #[error(
+        "the block of unknowns {} and {} on the diagonal of the stiffness matrix is not positive definite",
+        2 * node + 1, 2 * node + 2
+    )]
+    Diagonal { node: usize },
+    #[error(
+        "conjugate gradients stopped at a relative residual of {reached:.1e} instead of {asked:.0e} after \
+         {iterations} iterations; the stiffness matrix is singular or too badly conditioned: look for a \
+         body without supports, slivers, or extreme ratios of the moduli, or use --stiffness cholesky"
+    )]
+    Stalled {
+        reached: f64,
+        asked: f64,
+        iterations: usize,
+    },
+    #[error("{0}")]
+    Stopped(Stopped),
+}
+
+/// Iterations between two looks at the progress: at least this many.
+const CHUNK: usize = 16;
+/// At most this many, so that a request to stop is heard.
+const MAX_CHUNK: usize = 256;
+/// A correction in f32 reduces the residual by this factor: beyond it the recurrence drifts away.
+const CORRECTION: f64 = 1e-4;
+/// Corrections that must not fail to halve the residual.
+const MAX_CORRECTIONS: usize = 60;
+
+/// ‖r‖² never grows by this factor unless K is singular.
+const GROWTH: f64 = 1e14;
+
+/// What the solves have cost so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct SolveCounts {
+    /// Systems with K solved.
+    pub solves: usize,
+    /// Iterations, each with one application of the preconditioner.
+    pub iterations: usize,
+}
+
+/// K on a backend with its preconditioner and the vectors of CG.
+pub struct Pcg<B: Backend> {
+    pub(crate) backend: B,
+    k: Arc<BlockCsr<2>>,
+    matrix: B::Matrix,
+    /// The matrix on the backend is this times K.
+    pub(crate) scale: f64,
+    preconditioner: B::BlockDiagonal,
+    pub(crate) x: B::Vector,
+    pub(crate) r: B::Vector,
+    p: B::Vector,
+    q: B::Vector,
+    state: B::State,
+    /// Iterations of the last run, which the next one will need, too.
+    expected: usize,
+    /// What it has cost.
+    pub counts: SolveCounts,
+}
+
+/// A short product y = M x to bring to the host.
+pub(crate) struct Gather<'a, B: Backend> {
+    pub rows: &'a B::Rows,
+    pub y: &'a mut B::Vector,
+    pub out: &'a mut [f64],
+}
+
+impl<B: Backend> Pcg<B> {
+    /// Moves K to the backend and makes the block-Jacobi preconditioner.
+    pub fn new(mut backend: B, k: &Arc<BlockCsr<2>>) -> Result<Self, PcgError> {
+        let inverse = inverse_diagonal(k)?;
+        let n = k.n_rows();
+        let (matrix, scale) = backend.matrix(k)?;
+        let preconditioner = backend.block_diagonal(&inverse)?;
+        let (x, r) = (backend.vector(n)?, backend.vector(n)?);
+        let (p, q) = (backend.vector(n)?, backend.vector(n)?);
+        let state = backend.state(&matrix, &x)?;
+        Ok(Self {
+            backend,
+            k: Arc::clone(k),
+            matrix,
+            scale,
+            preconditioner,
+            x,
+            r,
+            p,
+            q,
+            state,
+            expected: CHUNK,
+            counts: SolveCounts::default(),
+        })
+    }
+
+    /// Whether the backend's own arithmetic is enough for an f64 answer.
+    pub fn is_f64(&self) -> bool {
+        self.backend.unit_roundoff() < 1e-12
+    }
+
+    /// x ≈ K⁻¹b with ‖b − Kx‖ ≤ `tolerance` ‖b‖; both of length n.
+    pub fn solve(
+        &mut self,
+        b: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+        stop: &Stop,
+    ) -> Result<(), PcgError> {
+        self.counts.solves += 1;
+        if !self.is_f64() {
+            return self.refine(b, x, tolerance, stop);
+        }
+        // Powers of two keep f32 in the preconditioner within its range and change no digit.
+        let unit = power_of_two_below(norm(b));
+        let scaled: Vec<f64> = b.iter().map(|v| v / unit).collect();
+        self.backend.upload(&scaled, &mut self.r);
+        self.run(tolerance, stop, None)?;
+        self.backend.download(&self.x, x)?;
+        x.iter_mut().for_each(|v| *v *= unit * self.scale);
+        Ok(())
+    }
+
+    /// As [`Pcg::solve`], with corrections by CG in low precision.
+    fn refine(
+        &mut self,
+        b: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+        stop: &Stop,
+    ) -> Result<(), PcgError> {
+        let goal = tolerance * norm(b);
+        let mut residual = b.to_vec();
+        let mut correction = vec![0.0; b.len()];
+        x.fill(0.0);
+        let start = self.counts.iterations;
+        for _ in 0..MAX_CORRECTIONS {
+            let length = norm(&residual);
+            if length <= goal {
+                return Ok(());
+            }
+            let unit = power_of_two_below(length);
+            let scaled: Vec<f64> = residual.iter().map(|v| v / unit).collect();
+            self.backend.upload(&scaled, &mut self.r);
+            match self.run((0.5 * goal / length).max(CORRECTION), stop, None) {
+                // In f32 a breakdown may be one of rounding: the residual in f64 tells.
+                Ok(_) | Err(PcgError::NotPositiveDefinite) => {}
+                Err(error) => return Err(error),
+            }
+            self.backend.download(&self.x, &mut correction)?;
+            for (x, c) in x.iter_mut().zip(&correction) {
+                *x += c * unit * self.scale;
+            }
+            self.k.mul(x, &mut residual);
+            for (r, b) in residual.iter_mut().zip(b) {
+                *r = b - *r;
+            }
+            // Written so that NaN stops it.
+            if !(norm(&residual) <= 0.5 * length) {
+                break;
+            }
+        }
+        let reached = norm(&residual);
+        if reached <= goal {
+            return Ok(());
+        }
+        Err(PcgError::Stalled {
+            reached: reached / norm(b),
+            asked: tolerance,
+            iterations: self.counts.iterations - start,
+        })
+    }
+
+    /// CG for the right-hand side in `r`, down to `tolerance` times its norm; the result is in `x`.
+    ///
+    /// With `gather`, y = M x comes along with each look at the progress.
+    pub(crate) fn run(
+        &mut self,
+        tolerance: f64,
+        stop: &Stop,
+        mut gather: Option<Gather<B>>,
+    ) -> Result<Progress, PcgError> {
+        let Self {
+            backend,
+            matrix,
+            preconditioner,
+            x,
+            r,
+            p,
+            q,
+            state,
+            ..
+        } = self;
+        // Block-Jacobi takes iterations in proportion to the width of the mesh; far more means trouble.
+        let limit = 2000 + 100 * (self.k.n_rows() as f64).sqrt() as usize;
+        backend.cg_start(preconditioner, r, x, p, state, tolerance);
+        let whole = |iterations: usize| iterations.next_multiple_of(CHUNK).clamp(CHUNK, MAX_CHUNK);
+        let mut chunk = whole(self.expected);
+        let mut issued = 0;
+        loop {
+            for _ in 0..chunk {
+                backend.cg_multiply(matrix, p, q, state);
+                backend.cg_step_1(preconditioner, p, q, x, r, state);
+                backend.cg_step_2(preconditioner, r, p, state);
+            }
+            issued += chunk;
+            let progress = match &mut gather {
+                Some(Gather { rows, y, out }) => {
+                    backend.multiply_rows(rows, x, y);
+                    backend.progress(state, Some((y, out)))?
+                }
+                None => backend.progress(state, None)?,
+            };
+            if progress.done {
+                self.counts.iterations += progress.iterations;
+                self.expected = progress.iterations;
+                if progress.broken || !progress.rr.is_finite() {
+                    return Err(PcgError::NotPositiveDefinite);
+                }
+                return Ok(progress);
+            }
+            if let Some(stopped) = stop.now() {
+                self.counts.iterations += progress.iterations;
+                return Err(PcgError::Stopped(stopped));
+            }
+            // A residual that grows without end belongs to a singular matrix.
+            let grown = progress.rr > GROWTH * progress.goal / (tolerance * tolerance);
+            if issued >= limit || grown {
+                self.counts.iterations += progress.iterations;
+                return Err(PcgError::Stalled {
+                    reached: tolerance * (progress.rr / progress.goal).sqrt(),
+                    asked: tolerance,
+                    iterations: progress.iterations,
+                });
+            }
+            // Late in a run little is left to do.
+            chunk = whole(issued / 4);
+        }
+    }
+}
+
+/// The inverses of the 2×2 blocks on the diagonal.
+fn inverse_diagonal(k: &BlockCsr<2>) -> Result<Vec<Block>, PcgError> {
+    (0..k.n_block_rows())
+        .map(|i| {
+            let [[a, b], [c, d]] = k.block(i, i).copied().unwrap_or_default();
+            let determinant = a * d - b * c;
+            // Written so that NaN is refused.
+            if !(a > 0.0 && d > 0.0 && determinant > 0.0) {
+                return Err(PcgError::Diagonal { node: i });
+            }
+            Ok([
+                [d / determinant, -b / determinant],
+                [-c / determinant, a / determinant],
+            ])
+        })
+        .collect()
+}

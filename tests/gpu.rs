@@ -1,0 +1,668 @@
+//! The kernels against the CPU backend, whole solves on every path, and what happens when a GPU fails.
+//!
+//! Every test here needs an adapter; a software one will do (`sh tests/run.sh` installs it).
+
+mod common;
+
+use common::Random;
+use signorini::backend::cpu::Cpu;
+use signorini::backend::gpu::{self, Context, Gpu, GpuError, Options as GpuOptions, Precision};
+use signorini::backend::{Backend, Block, Progress};
+use signorini::dual::{Costs, DualOperator as _, INNER_TOLERANCE, NestedDual, Stop};
+use signorini::engine::{Engine, Options as EngineOptions, Place, Stiffness};
+use signorini::problem::ContactProblem;
+use signorini::reference::{self, Geometry, TABLE1};
+use signorini::sparse::{BlockCsr, Csr};
+use signorini::ssnm::{self, Settings, Solution, Status};
+use signorini::table1::BETAS;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+const PRECISIONS: [Precision; 2] = [Precision::F64, Precision::F32];
+
+/// A device with all checks of the kernels on.
+fn context(precision: Precision, max_binding: Option<u64>) -> Arc<Context> {
+    let options = GpuOptions {
+        precision: Some(precision),
+        max_binding,
+        checked: true,
+        ..Default::default()
+    };
+    Context::new(&options).unwrap_or_else(|error| {
+        panic!(
+            "{error}\nthese tests need an adapter with f64: `sh tests/run.sh` installs a software one \
+             (Debian: apt-get install mesa-vulkan-drivers libvulkan1)"
+        )
+    })
+}
+
+/// A random number that f32 represents.
+fn number(random: &mut Random) -> f64 {
+    f64::from(random.between(-1.0, 1.0) as f32)
+}
+
+fn numbers(random: &mut Random, len: usize) -> Vec<f64> {
+    (0..len).map(|_| number(random)).collect()
+}
+
+/// What the kernels work on.
+struct Data {
+    k: Arc<BlockCsr<2>>,
+    inverse: Vec<Block>,
+    rows: Csr,
+    x: Vec<f64>,
+    y: Vec<f64>,
+    short: Vec<f64>,
+}
+
+/// Random data with `n` block rows: some empty ones, one with entries in every column if `dense`.
+fn data(n: usize, dense: bool, random: &mut Random) -> Data {
+    let mut triplets = Vec::new();
+    for i in 0..n {
+        let count = match i % 7 {
+            3 => 0,
+            _ => 1 + random.below(9.min(n)),
+        };
+        let mut columns: Vec<usize> = if dense && i == n / 2 {
+            (0..n).collect()
+        } else {
+            (0..count).map(|_| random.below(n)).collect()
+        };
+        columns.sort_unstable();
+        columns.dedup();
+        // Enough on the diagonal for a positive curvature in every direction that CG may try.
+        let weight = 2.0 * columns.len() as f64;
+        if count > 0 {
+            triplets.push((2 * i, 2 * i, 2.0));
+            triplets.push((2 * i + 1, 2 * i + 1, 2.0));
+        }
+        for j in columns {
+            for a in 0..2 {
+                for b in 0..2 {
+                    let value = number(random) / weight;
+                    triplets.push((2 * i + a, 2 * j + b, f64::from(value as f32)));
+                }
+            }
+        }
+    }
+    let n_short = 1 + random.below(n.min(50));
+    let rows = (0..n_short)
+        .filter(|i| i % 5 != 4)
+        .flat_map(|i| (0..1 + i % 4).map(move |_| i))
+        .map(|i| (i, random.below(2 * n), number(random)))
+        .collect::<Vec<_>>();
+    Data {
+        k: Arc::new(BlockCsr::from_triplets(2 * n, 2 * n, triplets)),
+        inverse: (0..n)
+            .map(|_| {
+                let c = number(random) * 0.5;
+                [[0.75, c], [c, 0.75]]
+            })
+            .collect(),
+        rows: Csr::from_triplets(n_short, 2 * n, rows),
+        x: numbers(random, 2 * n),
+        y: numbers(random, 2 * n),
+        short: numbers(random, n_short),
+    }
+}
+
+/// Results of all kernels on one set of data.
+#[derive(Debug)]
+struct Results {
+    /// y − K x.
+    subtracted: Vec<f64>,
+    /// K p after the start of CG with r = x.
+    product: Vec<f64>,
+    /// x, r, p after one iteration.
+    step: [Vec<f64>; 3],
+    progress: [Progress; 2],
+    gathered: Vec<f64>,
+    scattered: Vec<f64>,
+}
+
+fn results<B: Backend>(mut b: B, data: &Data) -> Results {
+    let n = data.x.len();
+    let run = |b: &mut B| -> Result<Results, GpuError> {
+        let (k, scale) = b.matrix(&data.k)?;
+        let d = b.block_diagonal(&data.inverse)?;
+        let poison = vec![f64::NAN; n];
+        let vector = |b: &mut B, values: &[f64]| -> Result<B::Vector, GpuError> {
+            let mut v = b.vector(n)?;
+            b.upload(values, &mut v);
+            Ok(v)
+        };
+        let get = |b: &mut B, v: &B::Vector| -> Result<Vec<f64>, GpuError> {
+            let mut out = vec![f64::INFINITY; n];
+            b.download(v, &mut out)?;
+            Ok(out)
+        };
+        let x = vector(b, &data.x)?;
+        let scaled: Vec<f64> = data.y.iter().map(|v| v * scale).collect();
+        let mut y = vector(b, &scaled)?;
+        b.subtract_product(&k, &x, &mut y);
+        let subtracted = get(b, &y)?.iter().map(|v| v / scale).collect();
+
+        let mut short = b.vector(data.short.len())?;
+        b.upload(&data.short, &mut short);
+        let scatter = b.rows(&data.rows.transposed(), &short, &x)?;
+        let mut scattered = vector(b, &data.y)?;
+        b.multiply_rows(&scatter, &short, &mut scattered);
+        let scattered = get(b, &scattered)?;
+        let gather = b.rows(&data.rows, &x, &short)?;
+        b.multiply_rows(&gather, &x, &mut short);
+
+        let mut r = vector(b, &data.x)?;
+        let (mut z, mut p, mut q) = (
+            vector(b, &poison)?,
+            vector(b, &poison)?,
+            vector(b, &poison)?,
+        );
+        let mut state = b.state(&k, &x)?;
+        b.cg_start(&d, &r, &mut z, &mut p, &mut state, 1e-3);
+        let start = b.progress(&state, None)?;
+        b.cg_multiply(&k, &p, &mut q, &mut state);
+        let product = get(b, &q)?.iter().map(|v| v / scale).collect();
+        b.cg_step_1(&d, &p, &q, &mut z, &mut r, &mut state);
+        b.cg_step_2(&d, &r, &mut p, &mut state);
+        let mut gathered = vec![f64::INFINITY; data.short.len()];
+        let end = b.progress(&state, Some((&short, &mut gathered)))?;
+        // The matrix in f32 is scaled, and the step with it.
+        let step = [
+            get(b, &z)?.iter().map(|v| v * scale).collect(),
+            get(b, &r)?,
+            get(b, &p)?,
+        ];
+        Ok(Results {
+            subtracted,
+            product,
+            step,
+            progress: [start, end],
+            gathered,
+            scattered,
+        })
+    };
+    run(&mut b).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn assert_close(found: &[f64], expected: &[f64], bound: f64, what: &str) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    let scale = expected.iter().fold(1.0, |acc: f64, v| acc.max(v.abs()));
+    for (i, (f, e)) in found.iter().zip(expected).enumerate() {
+        // Written so that NaN fails.
+        assert!(
+            (f - e).abs() <= bound * scale,
+            "{what}, entry {i} of {}: {f:e} instead of {e:e}",
+            found.len()
+        );
+    }
+}
+
+fn compare(data: &Data, gpu: Gpu, what: &str) {
+    let precision = gpu.context().precision;
+    let expected = results(Cpu::default(), data);
+    let found = results(gpu, data);
+    // Sums of a few to a few thousand numbers of size one.
+    let widest = (0..data.k.n_block_rows())
+        .map(|i| 2 * data.k.row(i).0.len())
+        .max()
+        .unwrap_or(1) as f64;
+    let unit = match precision {
+        Precision::F64 => f64::EPSILON,
+        Precision::F32 => f64::from(f32::EPSILON),
+    };
+    let bound = unit * (4.0 + widest);
+    let what = &format!("{what} in {precision}");
+    assert_close(
+        &found.subtracted,
+        &expected.subtracted,
+        bound,
+        &format!("y − Kx, {what}"),
+    );
+    assert_close(
+        &found.gathered,
+        &expected.gathered,
+        bound,
+        &format!("gather, {what}"),
+    );
+    assert_close(
+        &found.scattered,
+        &expected.scattered,
+        bound,
+        &format!("scatter, {what}"),
+    );
+    assert_close(
+        &found.product,
+        &expected.product,
+        bound,
+        &format!("Kp, {what}"),
+    );
+    // The CPU adds up in another order.
+    let of_sum = unit * (4.0 + (data.x.len() as f64).sqrt());
+    let (s, e) = (found.progress[0], expected.progress[0]);
+    assert!(
+        (s.rr / e.rr - 1.0).abs() < of_sum && !s.done,
+        "{what}: {s:?} {e:?}"
+    );
+    assert!(
+        (s.goal / e.goal - 1.0).abs() < of_sum + 1e-6,
+        "{what}: {s:?} {e:?}"
+    );
+    let (s, e) = (found.progress[1], expected.progress[1]);
+    assert_eq!((s.done, s.broken), (e.done, e.broken), "{what}");
+    assert!(!s.broken, "the data give positive curvature, {what}");
+    assert_eq!(s.iterations, 1, "{what}");
+    for (i, name) in ["x", "r", "p"].iter().enumerate() {
+        assert_close(
+            &found.step[i],
+            &expected.step[i],
+            bound,
+            &format!("{name}, {what}"),
+        );
+    }
+}
+
+#[test]
+fn kernels_at_awkward_sizes() {
+    for precision in PRECISIONS {
+        let context = context(precision, None);
+        let mut random = Random(7);
+        for n in [
+            1, 2, 3, 7, 8, 9, 31, 32, 33, 63, 64, 65, 127, 128, 129, 255, 256, 257, 1000, 4099,
+        ] {
+            let data = data(n, n == 257, &mut random);
+            let gpu = Gpu::new(&context).unwrap_or_else(|error| panic!("{error}"));
+            compare(&data, gpu, &format!("{n} block rows"));
+        }
+    }
+}
+
+#[test]
+fn kernels_on_vectors_and_matrices_in_pieces() {
+    // 1 KiB per binding: 64 pairs per segment, 8 blocks per row of a slice in f64.
+    for precision in PRECISIONS {
+        for (bytes, n) in [(16 << 10, 1500), (64 << 10, 4100), (48 << 10, 3072)] {
+            let context = context(precision, Some(bytes));
+            let mut random = Random(11);
+            let data = data(n, false, &mut random);
+            let gpu = Gpu::new(&context).unwrap_or_else(|error| panic!("{error}"));
+            compare(
+                &data,
+                gpu,
+                &format!("{n} block rows in bindings of {bytes} bytes"),
+            );
+        }
+    }
+}
+
+#[test]
+fn a_matrix_beyond_one_binding_of_the_adapter() {
+    // 9 blocks per row: 134 MiB of values in f64, where a software adapter binds 128 MiB.
+    let n = 490_000;
+    let width = 4;
+    let mut random = Random(13);
+    let mut columns = Vec::new();
+    let mut starts = vec![0];
+    for i in 0..n {
+        columns.extend((i.max(width) - width..(i + width + 1).min(n)).map(|j| j as u32));
+        starts.push(columns.len());
+    }
+    let values = (0..columns.len())
+        .map(|_| {
+            [
+                [number(&mut random), number(&mut random)],
+                [number(&mut random), number(&mut random)],
+            ]
+        })
+        .collect();
+    let k = Arc::new(BlockCsr::from_parts(n, n, starts, columns, values));
+    let context = context(Precision::F64, None);
+    assert!(
+        context.adapter.max_binding > 128 << 20
+            || k.n_blocks() as u64 * 32 > context.adapter.max_binding,
+        "the matrix is meant to exceed one binding"
+    );
+    let x = numbers(&mut random, 2 * n);
+    let mut gpu = Gpu::new(&context).unwrap_or_else(|error| panic!("{error}"));
+    let mut product = || -> Result<Vec<f64>, GpuError> {
+        let (matrix, _) = gpu.matrix(&k)?;
+        let (mut x_there, mut y) = (gpu.vector(2 * n)?, gpu.vector(2 * n)?);
+        gpu.upload(&x, &mut x_there);
+        gpu.subtract_product(&matrix, &x_there, &mut y);
+        let mut found = vec![f64::NAN; 2 * n];
+        gpu.download(&y, &mut found)?;
+        Ok(found)
+    };
+    let found = product().unwrap_or_else(|error| panic!("{error}"));
+    let mut expected = vec![0.0; 2 * n];
+    k.mul(&x, &mut expected);
+    expected.iter_mut().for_each(|v| *v = -*v);
+    assert_close(&found, &expected, 1e-14, "−Kx");
+}
+
+/// The paths besides the reference.
+fn paths() -> Vec<(&'static str, EngineOptions)> {
+    let gpu = |precision| GpuOptions {
+        precision: Some(precision),
+        checked: true,
+        ..Default::default()
+    };
+    vec![
+        (
+            "PCG on the CPU",
+            EngineOptions {
+                place: Place::Cpu,
+                stiffness: Stiffness::Pcg,
+                ..Default::default()
+            },
+        ),
+        (
+            "GPU in f64",
+            EngineOptions {
+                place: Place::Gpu,
+                gpu: gpu(Precision::F64),
+                ..Default::default()
+            },
+        ),
+        (
+            "GPU in f32",
+            EngineOptions {
+                place: Place::Gpu,
+                gpu: gpu(Precision::F32),
+                ..Default::default()
+            },
+        ),
+    ]
+}
+
+fn solve(
+    problem: &ContactProblem,
+    options: &EngineOptions,
+    settings: &Settings,
+) -> (Solution, Option<Costs>) {
+    let mut engine = Engine::new(problem, options.clone(), INNER_TOLERANCE, |_| {})
+        .unwrap_or_else(|error| panic!("{error}"));
+    let solution = ssnm::solve(
+        problem,
+        &mut engine,
+        settings,
+        |_| ControlFlow::Continue(()),
+    )
+    .unwrap_or_else(|error| panic!("{error}"));
+    (solution, engine.costs())
+}
+
+#[test]
+fn every_path_takes_the_same_steps_on_the_table() {
+    let mesh = reference::mesh(Geometry::OneBody, 1);
+    let problem = reference::problem(Geometry::OneBody, &mesh, &TABLE1)
+        .unwrap_or_else(|error| panic!("{error}"));
+    for beta in BETAS {
+        let settings = Settings {
+            tolerance: 1e-4,
+            beta,
+            ..Default::default()
+        };
+        let (expected, _) = solve(&problem, &EngineOptions::default(), &settings);
+        for (path, options) in paths() {
+            let (found, costs) = solve(&problem, &options, &settings);
+            let what = format!("{path}, β = {beta}");
+            assert_eq!(found.status, Status::Converged, "{what}");
+            assert_eq!(found.info.iter, expected.info.iter, "{what}");
+            assert_eq!(found.info.n_a, expected.info.n_a, "{what}");
+            assert!(found.sets == expected.sets, "{what}");
+            assert!(common::distance(&found.u, &expected.u) < 1e-6, "{what}");
+            assert!(
+                common::distance(&found.lambda, &expected.lambda) < 1e-6,
+                "{what}"
+            );
+            let Costs { solves, device } = costs.expect("the nested path counts");
+            if device.dispatches > 0 {
+                // Three per iteration, and a few before, after and beyond the last one.
+                let extra = device.dispatches - 3 * solves.iterations;
+                let guarded = 3 * 256 * device.readbacks;
+                assert!(extra <= guarded, "{what}: {device:?} {solves:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn manufactured_problems_on_every_path() {
+    let mut random = Random(17);
+    for (n, m, general) in [
+        (3, 1, false),
+        (40, 9, false),
+        (41, 9, true),
+        (301, 60, true),
+    ] {
+        let nodes: Vec<common::Node> = (0..m)
+            .map(|_| common::Node {
+                separated: random.below(3) == 0,
+                slip: random.below(3) as i8 - 1,
+            })
+            .collect();
+        let made = common::manufactured(n, &nodes, general, &mut random);
+        let settings = Settings {
+            tolerance: 1e-8,
+            ..Default::default()
+        };
+        let (expected, _) = solve(&made.problem, &EngineOptions::default(), &settings);
+        for (path, options) in paths() {
+            let (found, _) = solve(&made.problem, &options, &settings);
+            let what = format!("{path}, n = {n}, m = {m}");
+            assert_eq!(found.status, Status::Converged, "{what}");
+            assert_eq!(found.info.iter, expected.info.iter, "{what}");
+            assert!(found.sets == expected.sets, "{what}");
+            assert!(common::distance(&found.u[..n], &made.u) < 1e-6, "{what}");
+            assert!(
+                common::distance(&found.lambda, &made.lambda) < 1e-6,
+                "{what}"
+            );
+        }
+    }
+}
+
+#[test]
+fn three_dispatches_per_iteration_and_few_read_backs() {
+    let mesh = reference::mesh(Geometry::OneBody, 1);
+    let problem = reference::problem(Geometry::OneBody, &mesh, &TABLE1)
+        .unwrap_or_else(|error| panic!("{error}"));
+    let gpu = Gpu::new(&context(Precision::F64, None)).unwrap_or_else(|error| panic!("{error}"));
+    let mut dual = NestedDual::new(&problem, gpu, 1e-6).unwrap_or_else(|error| panic!("{error}"));
+    let p = vec![1.0; 2 * problem.m()];
+    let mut y = p.clone();
+    // The first product learns how many iterations one takes.
+    for _ in 0..4 {
+        let before = dual.costs().expect("it counts");
+        dual.apply(&p, &mut y, &Stop::default())
+            .unwrap_or_else(|error| panic!("{error}"));
+        let after = dual.costs().expect("it counts");
+        let iterations = after.solves.iterations - before.solves.iterations;
+        let dispatches = after.device.dispatches - before.device.dispatches;
+        let readbacks = after.device.readbacks - before.device.readbacks;
+        // Beside the iterations: Bᵀp, the start of CG in two, and Bx with each look at the progress.
+        assert_eq!((dispatches - 3 - readbacks) % 3, 0);
+        let issued = (dispatches - 3 - readbacks) / 3;
+        assert!(
+            issued >= iterations && issued < iterations + 256,
+            "{issued} {iterations}"
+        );
+        assert!(
+            readbacks <= iterations.div_ceil(16),
+            "{readbacks} {iterations}"
+        );
+    }
+}
+
+#[test]
+fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
+    let mesh = reference::mesh(Geometry::OneBody, 1);
+    let problem = reference::problem(Geometry::OneBody, &mesh, &TABLE1)
+        .unwrap_or_else(|error| panic!("{error}"));
+    let settings = Settings::default();
+    let (expected, _) = solve(&problem, &EngineOptions::default(), &settings);
+    let adapter = gpu::adapters().first().map(|adapter| adapter.name.clone());
+    for place in [Place::Auto, Place::Gpu] {
+        let options = EngineOptions {
+            place,
+            stiffness: Stiffness::Pcg,
+            gpu: GpuOptions {
+                adapter: adapter.clone(),
+                ..Default::default()
+            },
+        };
+        let log = std::cell::RefCell::new(Vec::new());
+        let mut engine = Engine::new(&problem, options, INNER_TOLERANCE, |line| {
+            log.borrow_mut().push(line.to_owned());
+        })
+        .unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(engine.backend(), "gpu");
+        let context = Arc::clone(engine.context().expect("a GPU has a context"));
+        let outcome = ssnm::solve(&problem, &mut engine, &settings, |step| {
+            if step.iter == 2 {
+                context.lose_device();
+            }
+            ControlFlow::Continue(())
+        });
+        if place == Place::Auto {
+            let found = outcome.unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!((engine.backend(), engine.stiffness()), ("cpu", "cholesky"));
+            assert_eq!(found.status, Status::Converged);
+            assert_eq!(found.info.iter, expected.info.iter, "nothing is lost");
+            assert_eq!(found.info.n_a, expected.info.n_a, "nothing is lost");
+            assert!(common::distance(&found.u, &expected.u) < 1e-5);
+            drop(engine);
+            let log = log.into_inner();
+            assert!(
+                log.last().is_some_and(|line| line.contains("lost")),
+                "{log:?}"
+            );
+        } else {
+            let error = outcome.expect_err("the choice is fixed");
+            let text = error.to_string();
+            assert!(text.contains("lost"), "{text}");
+            assert_eq!(error.history.len(), 2, "the steps made are kept");
+            // What was reached is a start for another solve.
+            let start = Settings {
+                initial: Some(&error.lambda),
+                ..settings
+            };
+            let (again, _) = solve(&problem, &EngineOptions::default(), &start);
+            assert_eq!(again.status, Status::Converged);
+            let first = |solution: &Solution| solution.info.history[0].err;
+            assert!(first(&again) < first(&expected), "it starts ahead");
+        }
+    }
+}
+
+#[test]
+fn a_device_that_is_lost_before_or_while_setting_up() {
+    let context = context(Precision::F64, None);
+    let mut gpu = Gpu::new(&context).unwrap_or_else(|error| panic!("{error}"));
+    let mut x = gpu.vector(10).unwrap_or_else(|error| panic!("{error}"));
+    context.lose_device();
+    gpu.upload(&[1.0; 10], &mut x);
+    let error = gpu.download(&x, &mut [0.0; 10]).err();
+    assert!(matches!(error, Some(GpuError::Lost { .. })), "{error:?}");
+    let error = gpu.vector(1000).err();
+    assert!(matches!(error, Some(GpuError::Lost { .. })), "{error:?}");
+}
+
+#[test]
+fn limits_that_are_too_small_are_named() {
+    let small = context(Precision::F64, Some(4096));
+    let mut gpu = Gpu::new(&small).unwrap_or_else(|error| panic!("{error}"));
+    let row = (0..500).map(|j| (0, 2 * j, 1.0));
+    let k = Arc::new(BlockCsr::from_triplets(1000, 1000, row));
+    let error = gpu.matrix(&k).err();
+    assert!(
+        matches!(error, Some(GpuError::DenseRow { .. })),
+        "{error:?}"
+    );
+
+    let context = context(Precision::F64, None);
+    if context.adapter.memory.is_some() {
+        let error = context.check_memory("the stiffness matrix", 1 << 50).err();
+        let text = error.map(|error| error.to_string()).unwrap_or_default();
+        assert!(
+            text.contains("the stiffness matrix") && text.contains("MiB"),
+            "{text}"
+        );
+    }
+    let options = GpuOptions {
+        adapter: Some("no such adapter".into()),
+        ..Default::default()
+    };
+    let error = Context::new(&options)
+        .err()
+        .map(|error| error.to_string())
+        .unwrap_or_default();
+    assert!(
+        error.contains("no such adapter") && error.contains("0: "),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_request_to_stop_is_heard_inside_a_solve_with_k() {
+    let mesh = reference::mesh(Geometry::OneBody, 1);
+    let problem = reference::problem(Geometry::OneBody, &mesh, &TABLE1)
+        .unwrap_or_else(|error| panic!("{error}"));
+    for (path, options) in paths() {
+        let mut engine = Engine::new(&problem, options, INNER_TOLERANCE, |_| {})
+            .unwrap_or_else(|error| panic!("{error}"));
+        let flag = AtomicBool::new(true);
+        let settings = Settings {
+            interrupt: Some(&flag),
+            ..Default::default()
+        };
+        let stopped = ssnm::solve(&problem, &mut engine, &settings, |_| {
+            ControlFlow::Continue(())
+        })
+        .unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(stopped.status, Status::Interrupted, "{path}");
+        assert_eq!(stopped.info.iter, 0, "{path}");
+        assert!(stopped.u.iter().all(|v| v.is_finite()), "{path}");
+        flag.store(false, Ordering::Relaxed);
+        let stopped = ssnm::solve(&problem, &mut engine, &settings, |step| {
+            flag.store(step.iter == 3, Ordering::Relaxed);
+            ControlFlow::Continue(())
+        })
+        .unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(
+            (stopped.status, stopped.info.iter),
+            (Status::Interrupted, 3),
+            "{path}"
+        );
+    }
+}
+
+#[test]
+fn a_singular_matrix_is_an_error_of_the_problem() {
+    // Two nodes joined by springs and held by nothing, pulled.
+    let spring = [(0, 0, 1.0), (2, 2, 1.0), (0, 2, -1.0), (2, 0, -1.0)];
+    let other = spring.map(|(i, j, v)| (i + 1, j + 1, v));
+    let problem = ContactProblem::new(signorini::problem::ContactData {
+        stiffness: BlockCsr::from_triplets(4, 4, spring.into_iter().chain(other)),
+        load: vec![1.0, 0.0, 0.0, 0.0],
+        normal: Csr::from_triplets(1, 4, [(0, 3, 1.0)]),
+        tangential: Csr::from_triplets(1, 4, [(0, 2, 1.0)]),
+        gap: vec![0.0],
+        slip_bound: vec![0.1],
+        coordinates: None,
+    })
+    .unwrap_or_else(|error| panic!("{error}"));
+    for (path, options) in paths() {
+        let mut engine = Engine::new(&problem, options, INNER_TOLERANCE, |_| {})
+            .unwrap_or_else(|error| panic!("{error}"));
+        let outcome = ssnm::solve(&problem, &mut engine, &Settings::default(), |_| {
+            ControlFlow::Continue(())
+        });
+        let text = outcome
+            .err()
+            .map(|error| error.to_string())
+            .unwrap_or_default();
+        assert!(text.contains("supports"), "{path}: {text}");
+    }
+}
