@@ -9,6 +9,7 @@ pub mod cpu;
 pub mod gpu;
 
 use crate::sparse::{BlockCsr, Csr};
+use crate::stiffness::amg::{BlockMatrix, Dense, Real};
 use std::sync::Arc;
 
 pub use gpu::GpuError;
@@ -57,6 +58,16 @@ pub trait Backend {
     type Rows;
     /// The scalars of a CG run.
     type State;
+    /// What the preconditioner is stored and applied in.
+    type Stored: Real;
+    /// A vector of a multigrid level.
+    type LevelVector;
+    /// A, P or Pᵀ of a multigrid level.
+    type LevelMatrix;
+    /// D⁻¹ of a multigrid level.
+    type LevelDiagonal;
+    /// The inverse of the coarsest matrix.
+    type DenseMatrix;
 
     /// Rounding error of its arithmetic with vectors: 2⁻⁵³ or 2⁻²⁴.
     fn unit_roundoff(&self) -> f64;
@@ -90,7 +101,7 @@ pub trait Backend {
     /// y −= K x.
     fn subtract_product(&mut self, k: &Self::Matrix, x: &Self::Vector, y: &mut Self::Vector);
 
-    /// Starts CG for K x = b with r = b on entry: x = 0, p = D⁻¹r; the run ends at ‖r‖ ≤ `tolerance` ‖b‖.
+    /// Starts CG with block-Jacobi for K x = b, r = b on entry: x = 0, p = D⁻¹r; the run ends at ‖r‖ ≤ `tolerance` ‖b‖.
     fn cg_start(
         &mut self,
         d: &Self::BlockDiagonal,
@@ -126,6 +137,105 @@ pub trait Backend {
         p: &mut Self::Vector,
         state: &mut Self::State,
     );
+    /// A vector of `len` zeros for a multigrid level.
+    fn level_vector(&mut self, len: usize) -> Result<Self::LevelVector, GpuError>;
+    /// A matrix of a multigrid level.
+    fn level_matrix(&mut self, m: BlockMatrix<Self::Stored>)
+    -> Result<Self::LevelMatrix, GpuError>;
+    /// D⁻¹ of a level: square blocks of `block` rows, by rows.
+    fn level_diagonal(
+        &mut self,
+        values: Vec<Self::Stored>,
+        block: usize,
+    ) -> Result<Self::LevelDiagonal, GpuError>;
+    /// A dense matrix.
+    fn dense_matrix(&mut self, m: Dense<Self::Stored>) -> Result<Self::DenseMatrix, GpuError>;
+
+    /// First smoothing step from x = 0: d = c D⁻¹b, x = d.
+    fn chebyshev_first(
+        &mut self,
+        state: &Self::State,
+        inverse_diagonal: &Self::LevelDiagonal,
+        c: Self::Stored,
+        b: &Self::LevelVector,
+        d: &mut Self::LevelVector,
+        x: &mut Self::LevelVector,
+    );
+    /// A smoothing step: d = c₁ d + c₂ D⁻¹(b − A x), x_next = x + d.
+    #[allow(clippy::too_many_arguments, reason = "one fused pass over this data")]
+    fn chebyshev_step(
+        &mut self,
+        state: &Self::State,
+        a: &Self::LevelMatrix,
+        inverse_diagonal: &Self::LevelDiagonal,
+        steps: [Self::Stored; 2],
+        b: &Self::LevelVector,
+        x: &Self::LevelVector,
+        d: &mut Self::LevelVector,
+        x_next: &mut Self::LevelVector,
+    );
+    /// r = b − A x.
+    fn level_residual(
+        &mut self,
+        state: &Self::State,
+        a: &Self::LevelMatrix,
+        b: &Self::LevelVector,
+        x: &Self::LevelVector,
+        r: &mut Self::LevelVector,
+    );
+    /// y = M x.
+    fn level_product(
+        &mut self,
+        state: &Self::State,
+        m: &Self::LevelMatrix,
+        x: &Self::LevelVector,
+        y: &mut Self::LevelVector,
+    );
+    /// y += M x.
+    fn level_product_add(
+        &mut self,
+        state: &Self::State,
+        m: &Self::LevelMatrix,
+        x: &Self::LevelVector,
+        y: &mut Self::LevelVector,
+    );
+    /// x = M b.
+    fn dense_product(
+        &mut self,
+        state: &Self::State,
+        m: &Self::DenseMatrix,
+        b: &Self::LevelVector,
+        x: &mut Self::LevelVector,
+    );
+
+    /// Starts CG with multigrid for K x = b, r = b on entry: x = 0, and r rounded for the cycle.
+    fn mg_load(
+        &mut self,
+        r: &Self::Vector,
+        x: &mut Self::Vector,
+        rounded: &mut Self::LevelVector,
+        state: &mut Self::State,
+        tolerance: f64,
+    );
+    /// α = rᵀz / pᵀq, x += α p, r −= α q, r rounded for the cycle; ends the run where its goal is reached.
+    fn mg_step_1(
+        &mut self,
+        p: &Self::Vector,
+        q: &Self::Vector,
+        x: &mut Self::Vector,
+        r: &mut Self::Vector,
+        rounded: &mut Self::LevelVector,
+        state: &mut Self::State,
+    );
+    /// β = new rᵀz / old rᵀz (0 in the first iteration), p = z + β p.
+    fn mg_step_2(
+        &mut self,
+        r: &Self::Vector,
+        z: &Self::LevelVector,
+        p: &mut Self::Vector,
+        state: &mut Self::State,
+    );
+
     /// Waits for all work so far; the progress of the run, and a short vector along with it.
     fn progress(
         &mut self,

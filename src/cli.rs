@@ -113,6 +113,7 @@ impl EngineArguments {
                 Stiffness::Cholesky => engine::Stiffness::Cholesky,
                 Stiffness::Pcg => engine::Stiffness::Pcg,
             },
+            preconditioner: Default::default(),
             gpu: gpu::Options {
                 adapter: self.adapter.clone(),
                 precision: match self.precision {

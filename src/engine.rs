@@ -7,7 +7,7 @@ use crate::backend::gpu::{Context, Gpu, Options as GpuOptions, Precision};
 use crate::dual::{Costs, DualError, DualOperator, NestedDual, Stop};
 use crate::problem::ContactProblem;
 use crate::stiffness::cholesky::{CholeskyDual, FactorError};
-use crate::stiffness::pcg::PcgError;
+use crate::stiffness::pcg::{PcgError, Preconditioner};
 use std::sync::Arc;
 
 /// Where to compute.
@@ -36,6 +36,8 @@ pub enum Stiffness {
 pub struct Options {
     pub place: Place,
     pub stiffness: Stiffness,
+    /// Inside PCG.
+    pub preconditioner: Preconditioner,
     /// Adapter and precision, where a GPU is used.
     pub gpu: GpuOptions,
 }
@@ -97,28 +99,26 @@ impl<'a> Engine<'a> {
         let n = problem.n();
         let path = match (options.place, options.stiffness) {
             (Place::Gpu, Stiffness::Cholesky) => return Err(EngineError::NoCholeskyOnGpu),
-            (Place::Gpu, _) => on_gpu(problem, &options.gpu, inner_tolerance, &mut log)?,
-            (Place::Cpu, Stiffness::Pcg) => on_cpu(problem, inner_tolerance)?,
+            (Place::Gpu, _) => on_gpu(problem, &options, inner_tolerance, &mut log)?,
+            (Place::Cpu, Stiffness::Pcg) => on_cpu(problem, &options, inner_tolerance)?,
             (_, Stiffness::Cholesky) => Path::Cholesky(Box::new(CholeskyDual::new(problem)?)),
             (place, Stiffness::Auto) => match CholeskyDual::new(problem) {
                 Ok(dual) => Path::Cholesky(Box::new(dual)),
                 Err(error @ (FactorError::OutOfMemory { .. } | FactorError::TooLarge)) => {
                     log(&format!("{error}: using PCG instead"));
                     if place == Place::Auto {
-                        on_best(problem, &options.gpu, inner_tolerance, &mut log)?
+                        on_best(problem, &options, inner_tolerance, &mut log)?
                     } else {
-                        on_cpu(problem, inner_tolerance)?
+                        on_cpu(problem, &options, inner_tolerance)?
                     }
                 }
                 Err(error) => return Err(error.into()),
             },
             // Whoever names an adapter means it.
             (Place::Auto, Stiffness::Pcg) if n < WORTH_A_GPU && options.gpu.adapter.is_none() => {
-                on_cpu(problem, inner_tolerance)?
+                on_cpu(problem, &options, inner_tolerance)?
             }
-            (Place::Auto, Stiffness::Pcg) => {
-                on_best(problem, &options.gpu, inner_tolerance, &mut log)?
-            }
+            (Place::Auto, Stiffness::Pcg) => on_best(problem, &options, inner_tolerance, &mut log)?,
         };
         Ok(Self {
             problem,
@@ -163,6 +163,15 @@ impl<'a> Engine<'a> {
         }
     }
 
+    /// The levels of multigrid, where it is used, as a table.
+    pub fn hierarchy(&self) -> Option<&str> {
+        match &self.path {
+            Path::Cholesky(_) => None,
+            Path::Cpu(dual) => dual.hierarchy(),
+            Path::Gpu(dual, _) => dual.hierarchy(),
+        }
+    }
+
     /// The factor, on the direct path.
     pub fn cholesky(&self) -> Option<&CholeskyDual> {
         match &self.path {
@@ -196,18 +205,23 @@ impl<'a> Engine<'a> {
     }
 }
 
-fn on_cpu(problem: &ContactProblem, tolerance: f64) -> Result<Path<'_>, EngineError> {
-    let dual = NestedDual::new(problem, Cpu::default(), tolerance)?;
+fn on_cpu<'a>(
+    problem: &'a ContactProblem,
+    options: &Options,
+    tolerance: f64,
+) -> Result<Path<'a>, EngineError> {
+    let cpu = Cpu::<f32>::default();
+    let dual = NestedDual::new(problem, cpu, options.preconditioner, tolerance)?;
     Ok(Path::Cpu(Box::new(dual)))
 }
 
 fn on_gpu<'a>(
     problem: &'a ContactProblem,
-    options: &GpuOptions,
+    options: &Options,
     tolerance: f64,
     log: &mut dyn FnMut(&str),
 ) -> Result<Path<'a>, EngineError> {
-    let context = Context::new(options)?;
+    let context = Context::new(&options.gpu)?;
     log(&format!(
         "adapter: {}, {}; taken because: {}; kernels in {}{}",
         context.adapter,
@@ -220,25 +234,23 @@ fn on_gpu<'a>(
         }
     ));
     let gpu = Gpu::new(&context)?;
-    let dual = NestedDual::new(problem, gpu, tolerance)?;
+    let dual = NestedDual::new(problem, gpu, options.preconditioner, tolerance)?;
     Ok(Path::Gpu(Box::new(dual), context))
 }
 
 /// PCG on a real GPU or, without one or if it fails, on the CPU.
 fn on_best<'a>(
     problem: &'a ContactProblem,
-    options: &GpuOptions,
+    options: &Options,
     tolerance: f64,
     log: &mut dyn FnMut(&str),
 ) -> Result<Path<'a>, EngineError> {
-    let hardware = GpuOptions {
-        hardware_only: options.adapter.is_none(),
-        ..options.clone()
-    };
+    let mut hardware = options.clone();
+    hardware.gpu.hardware_only = options.gpu.adapter.is_none();
     match on_gpu(problem, &hardware, tolerance, log) {
         Err(EngineError::Gpu(error)) => {
             log(&format!("{error}; computing on the CPU"));
-            on_cpu(problem, tolerance)
+            on_cpu(problem, options, tolerance)
         }
         outcome => outcome,
     }

@@ -1,21 +1,22 @@
-//! Sparse matrices with dense `B × B` blocks, in compressed rows.
+//! Sparse matrices with dense `R × C` blocks, in compressed rows.
 //!
-//! One type serves the stiffness matrix (`B = 2`, a block per pair of nodes) and the rows of N and T
-//! (`B = 1`, see [`Csr`]). Column indices are `u32` and sorted within a row.
+//! One type serves the stiffness matrix (2 × 2, a block per pair of nodes), the rows of N and T (1 × 1,
+//! see [`Csr`]) and the coarse matrices and prolongations of multigrid (3 × 3 and 2 × 3). Column indices
+//! are `u32` and sorted within a row.
 
 use rayon::prelude::*;
 
-/// A sparse matrix of `B × B` blocks in compressed block rows.
+/// A sparse matrix of `R × C` blocks in compressed block rows; square blocks if C is left out.
 ///
 /// Block row `i` owns the entries `row_ptr[i]..row_ptr[i + 1]` of `col_idx` and `values`; its column
 /// indices are strictly increasing. `values[k][a][b]` is the entry in row `a`, column `b` of block `k`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct BlockCsr<const B: usize> {
+pub struct BlockCsr<const R: usize, const C: usize = R> {
     n_block_rows: usize,
     n_block_cols: usize,
     row_ptr: Vec<usize>,
     col_idx: Vec<u32>,
-    values: Vec<[[f64; B]; B]>,
+    values: Vec<[[f64; C]; R]>,
 }
 
 /// A scalar compressed-row matrix.
@@ -25,35 +26,6 @@ pub type Csr = BlockCsr<1>;
 pub(crate) const ROWS_PER_TASK: usize = 4096;
 
 impl<const B: usize> BlockCsr<B> {
-    /// A matrix from its parts.
-    ///
-    /// # Panics
-    /// If the parts do not describe a matrix (lengths, order of the columns, indices in range): they
-    /// come from our own assembly. Data of users goes through [`BlockCsr::from_triplets`].
-    pub fn from_parts(
-        n_block_rows: usize,
-        n_block_cols: usize,
-        row_ptr: Vec<usize>,
-        col_idx: Vec<u32>,
-        values: Vec<[[f64; B]; B]>,
-    ) -> Self {
-        assert_eq!(row_ptr.len(), n_block_rows + 1);
-        assert_eq!(row_ptr.last().copied(), Some(col_idx.len()));
-        assert_eq!(values.len(), col_idx.len());
-        debug_assert!(row_ptr.windows(2).all(|w| {
-            let row = &col_idx[w[0]..w[1]];
-            row.windows(2).all(|c| c[0] < c[1])
-                && row.last().is_none_or(|&c| (c as usize) < n_block_cols)
-        }));
-        Self {
-            n_block_rows,
-            n_block_cols,
-            row_ptr,
-            col_idx,
-            values,
-        }
-    }
-
     /// A matrix of `n_rows × n_cols` scalars from triplets (row, column, value); repeated entries add up.
     ///
     /// Sizes are rounded up to whole blocks.
@@ -95,19 +67,77 @@ impl<const B: usize> BlockCsr<B> {
         Self::from_parts(n_block_rows, n_block_cols, row_ptr, col_idx, values)
     }
 
+    /// Mᵀ.
+    pub fn transposed(&self) -> Self {
+        Self::from_triplets(
+            self.n_cols(),
+            self.n_rows(),
+            self.triplets().map(|(i, j, v)| (j, i, v)),
+        )
+    }
+
+    /// The scalar diagonal of the matrix; zero where nothing is stored.
+    pub fn diagonal(&self) -> Vec<f64> {
+        let mut diagonal = vec![0.0; self.n_rows()];
+        for i in 0..self.n_block_rows {
+            if let Some(block) = self.block(i, i) {
+                for a in 0..B {
+                    diagonal[i * B + a] = block[a][a];
+                }
+            }
+        }
+        diagonal
+    }
+}
+
+impl<const R: usize, const C: usize> BlockCsr<R, C> {
+    /// A matrix from its parts.
+    ///
+    /// # Panics
+    /// If the parts do not describe a matrix (lengths, order of the columns, indices in range): they
+    /// come from our own assembly. Data of users goes through [`BlockCsr::from_triplets`].
+    pub fn from_parts(
+        n_block_rows: usize,
+        n_block_cols: usize,
+        row_ptr: Vec<usize>,
+        col_idx: Vec<u32>,
+        values: Vec<[[f64; C]; R]>,
+    ) -> Self {
+        assert_eq!(row_ptr.len(), n_block_rows + 1);
+        assert_eq!(row_ptr.last().copied(), Some(col_idx.len()));
+        assert_eq!(values.len(), col_idx.len());
+        debug_assert!(row_ptr.windows(2).all(|w| {
+            let row = &col_idx[w[0]..w[1]];
+            row.windows(2).all(|c| c[0] < c[1])
+                && row.last().is_none_or(|&c| (c as usize) < n_block_cols)
+        }));
+        Self {
+            n_block_rows,
+            n_block_cols,
+            row_ptr,
+            col_idx,
+            values,
+        }
+    }
+
     /// Scalar rows.
     pub fn n_rows(&self) -> usize {
-        self.n_block_rows * B
+        self.n_block_rows * R
     }
 
     /// Scalar columns.
     pub fn n_cols(&self) -> usize {
-        self.n_block_cols * B
+        self.n_block_cols * C
     }
 
     /// Block rows.
     pub fn n_block_rows(&self) -> usize {
         self.n_block_rows
+    }
+
+    /// Block columns.
+    pub fn n_block_cols(&self) -> usize {
+        self.n_block_cols
     }
 
     /// Stored blocks.
@@ -116,19 +146,36 @@ impl<const B: usize> BlockCsr<B> {
     }
 
     /// The column indices and blocks of block row `i`.
-    pub fn row(&self, i: usize) -> (&[u32], &[[[f64; B]; B]]) {
+    pub fn row(&self, i: usize) -> (&[u32], &[[[f64; C]; R]]) {
         let range = self.row_ptr[i]..self.row_ptr[i + 1];
         (&self.col_idx[range.clone()], &self.values[range])
     }
 
     /// Block `(i, j)` where it is stored.
-    pub fn block(&self, i: usize, j: usize) -> Option<&[[f64; B]; B]> {
+    pub fn block(&self, i: usize, j: usize) -> Option<&[[f64; C]; R]> {
         let (cols, blocks) = self.row(i);
         cols.binary_search(&(j as u32)).ok().map(|k| &blocks[k])
     }
 
+    /// Where each block row starts among the stored blocks, and the number of blocks at the end.
+    pub fn row_ptr(&self) -> &[usize] {
+        &self.row_ptr
+    }
+
+    /// The block columns of all stored blocks, row by row.
+    pub fn col_idx(&self) -> &[u32] {
+        &self.col_idx
+    }
+
+    /// Block `(i, j)` where it is stored, to change it.
+    pub(crate) fn block_mut(&mut self, i: usize, j: usize) -> Option<&mut [[f64; C]; R]> {
+        let start = self.row_ptr[i];
+        let place = self.row(i).0.binary_search(&(j as u32)).ok()?;
+        Some(&mut self.values[start + place])
+    }
+
     /// All stored values.
-    pub fn values(&self) -> &[[[f64; B]; B]] {
+    pub fn values(&self) -> &[[[f64; C]; R]] {
         &self.values
     }
 
@@ -136,9 +183,9 @@ impl<const B: usize> BlockCsr<B> {
     pub fn triplets(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
         (0..self.n_block_rows).flat_map(move |i| {
             let (cols, blocks) = self.row(i);
-            (0..B).flat_map(move |a| {
+            (0..R).flat_map(move |a| {
                 cols.iter().zip(blocks).flat_map(move |(&j, block)| {
-                    (0..B).map(move |b| (i * B + a, j as usize * B + b, block[a][b]))
+                    (0..C).map(move |b| (i * R + a, j as usize * C + b, block[a][b]))
                 })
             })
         })
@@ -165,28 +212,28 @@ impl<const B: usize> BlockCsr<B> {
         &self,
         x: &[f64],
         y: &mut [f64],
-        finish: impl Fn(&mut [f64], &[f64], [f64; B]) -> f64 + Sync,
+        finish: impl Fn(&mut [f64], &[f64], [f64; R]) -> f64 + Sync,
     ) -> f64 {
         assert_eq!(x.len(), self.n_cols());
         assert_eq!(y.len(), self.n_rows());
         let partials: Vec<f64> = y
-            .par_chunks_mut(ROWS_PER_TASK * B)
+            .par_chunks_mut(ROWS_PER_TASK * R)
             .enumerate()
             .map(|(chunk, y)| {
                 let mut total = 0.0;
-                for (k, y) in y.chunks_mut(B).enumerate() {
+                for (k, y) in y.chunks_mut(R).enumerate() {
                     let row = chunk * ROWS_PER_TASK + k;
                     let (cols, blocks) = self.row(row);
-                    let mut sum = [0.0; B];
+                    let mut sum = [0.0; R];
                     for (&j, block) in cols.iter().zip(blocks) {
-                        let x = &x[j as usize * B..][..B];
-                        for a in 0..B {
-                            for b in 0..B {
+                        let x = &x[j as usize * C..][..C];
+                        for a in 0..R {
+                            for b in 0..C {
                                 sum[a] += block[a][b] * x[b];
                             }
                         }
                     }
-                    total += finish(y, x.get(row * B..row * B + B).unwrap_or(&[]), sum);
+                    total += finish(y, x.get(row * R..row * R + R).unwrap_or(&[]), sum);
                 }
                 total
             })
@@ -212,35 +259,13 @@ impl<const B: usize> BlockCsr<B> {
         for i in 0..self.n_block_rows {
             let (cols, blocks) = self.row(i);
             for (&j, block) in cols.iter().zip(blocks) {
-                for a in 0..B {
-                    for b in 0..B {
-                        y[j as usize * B + b] += alpha * block[a][b] * x[i * B + a];
+                for a in 0..R {
+                    for b in 0..C {
+                        y[j as usize * C + b] += alpha * block[a][b] * x[i * R + a];
                     }
                 }
             }
         }
-    }
-
-    /// Mᵀ.
-    pub fn transposed(&self) -> Self {
-        Self::from_triplets(
-            self.n_cols(),
-            self.n_rows(),
-            self.triplets().map(|(i, j, v)| (j, i, v)),
-        )
-    }
-
-    /// The scalar diagonal of a square matrix; zero where nothing is stored.
-    pub fn diagonal(&self) -> Vec<f64> {
-        let mut diagonal = vec![0.0; self.n_rows()];
-        for i in 0..self.n_block_rows {
-            if let Some(block) = self.block(i, i) {
-                for a in 0..B {
-                    diagonal[i * B + a] = block[a][a];
-                }
-            }
-        }
-        diagonal
     }
 }
 

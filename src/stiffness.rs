@@ -1,5 +1,6 @@
 //! Solvers for the stiffness matrix K.
 
+pub mod amg;
 pub mod cholesky;
 mod ordering;
 mod panel;

@@ -226,7 +226,11 @@ fn the_nested_path_says_so_in_the_report() {
     assert_eq!(report["backend"], "cpu");
     assert_eq!(report["stiffness"], "pcg");
     assert_eq!(report["status"], "converged");
-    assert!(report["v_cycles"].as_u64().is_some_and(|count| count > 100));
+    assert!(
+        report["v_cycles"]
+            .as_u64()
+            .is_some_and(|count| count > 100 && count < 1000)
+    );
 }
 
 #[test]

@@ -14,6 +14,7 @@ use signorini::problem::ContactProblem;
 use signorini::reference::{self, Geometry, TABLE1};
 use signorini::sparse::{BlockCsr, Csr};
 use signorini::ssnm::{self, Settings, Solution, Status};
+use signorini::stiffness::pcg::Preconditioner;
 use signorini::table1::BETAS;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -200,7 +201,7 @@ fn assert_close(found: &[f64], expected: &[f64], bound: f64, what: &str) {
 
 fn compare(data: &Data, gpu: Gpu, what: &str) {
     let precision = gpu.context().precision;
-    let expected = results(Cpu::default(), data);
+    let expected = results(Cpu::<f32>::default(), data);
     let found = results(gpu, data);
     // Sums of a few to a few thousand numbers of size one.
     let widest = (0..data.k.n_block_rows())
@@ -340,6 +341,11 @@ fn a_matrix_beyond_one_binding_of_the_adapter() {
     assert_close(&found, &expected, 1e-14, "−Kx");
 }
 
+fn one_body(k: usize) -> ContactProblem {
+    let mesh = reference::mesh(Geometry::OneBody, k);
+    reference::problem(Geometry::OneBody, &mesh, &TABLE1).unwrap_or_else(|error| panic!("{error}"))
+}
+
 /// The paths besides the reference.
 fn paths() -> Vec<(&'static str, EngineOptions)> {
     let gpu = |precision| GpuOptions {
@@ -394,10 +400,8 @@ fn solve(
 
 #[test]
 fn every_path_takes_the_same_steps_on_the_table() {
-    let mesh = reference::mesh(Geometry::OneBody, 1);
-    let problem = reference::problem(Geometry::OneBody, &mesh, &TABLE1)
-        .unwrap_or_else(|error| panic!("{error}"));
-    for beta in BETAS {
+    for (k, beta) in [1, 3].into_iter().flat_map(|k| BETAS.map(|beta| (k, beta))) {
+        let problem = one_body(k);
         let settings = Settings {
             tolerance: 1e-4,
             beta,
@@ -406,7 +410,7 @@ fn every_path_takes_the_same_steps_on_the_table() {
         let (expected, _) = solve(&problem, &EngineOptions::default(), &settings);
         for (path, options) in paths() {
             let (found, costs) = solve(&problem, &options, &settings);
-            let what = format!("{path}, β = {beta}");
+            let what = format!("{path}, k = {k}, β = {beta}");
             assert_eq!(found.status, Status::Converged, "{what}");
             assert_eq!(found.info.iter, expected.info.iter, "{what}");
             assert_eq!(found.info.n_a, expected.info.n_a, "{what}");
@@ -417,12 +421,13 @@ fn every_path_takes_the_same_steps_on_the_table() {
                 "{what}"
             );
             let Costs { solves, device } = costs.expect("the nested path counts");
-            if device.dispatches > 0 {
-                // Three per iteration, and a few before, after and beyond the last one.
-                let extra = device.dispatches - 3 * solves.iterations;
-                let guarded = 3 * 256 * device.readbacks;
-                assert!(extra <= guarded, "{what}: {device:?} {solves:?}");
-            }
+            // One look at the progress per system, rarely two; corrections in f32 need several, each with
+            // its result.
+            let looks = if path.ends_with("f32") { 9 } else { 2 };
+            assert!(
+                device.readbacks <= looks * solves.solves,
+                "{what}: {device:?} {solves:?}"
+            );
         }
     }
 }
@@ -465,14 +470,15 @@ fn manufactured_problems_on_every_path() {
 
 #[test]
 fn three_dispatches_per_iteration_and_few_read_backs() {
-    let mesh = reference::mesh(Geometry::OneBody, 1);
-    let problem = reference::problem(Geometry::OneBody, &mesh, &TABLE1)
-        .unwrap_or_else(|error| panic!("{error}"));
+    let problem = one_body(1);
     let gpu = Gpu::new(&context(Precision::F64, None)).unwrap_or_else(|error| panic!("{error}"));
-    let mut dual = NestedDual::new(&problem, gpu, 1e-6).unwrap_or_else(|error| panic!("{error}"));
+    let mut dual = NestedDual::new(&problem, gpu, Preconditioner::BlockJacobi, 1e-6)
+        .unwrap_or_else(|error| panic!("{error}"));
     let p = vec![1.0; 2 * problem.m()];
     let mut y = p.clone();
     // The first product learns how many iterations one takes.
+    dual.apply(&p, &mut y, &Stop::default())
+        .unwrap_or_else(|error| panic!("{error}"));
     for _ in 0..4 {
         let before = dual.costs().expect("it counts");
         dual.apply(&p, &mut y, &Stop::default())
@@ -485,7 +491,7 @@ fn three_dispatches_per_iteration_and_few_read_backs() {
         assert_eq!((dispatches - 3 - readbacks) % 3, 0);
         let issued = (dispatches - 3 - readbacks) / 3;
         assert!(
-            issued >= iterations && issued < iterations + 256,
+            issued >= iterations && issued <= iterations + 16,
             "{issued} {iterations}"
         );
         assert!(
@@ -497,9 +503,7 @@ fn three_dispatches_per_iteration_and_few_read_backs() {
 
 #[test]
 fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
-    let mesh = reference::mesh(Geometry::OneBody, 1);
-    let problem = reference::problem(Geometry::OneBody, &mesh, &TABLE1)
-        .unwrap_or_else(|error| panic!("{error}"));
+    let problem = one_body(1);
     let settings = Settings::default();
     let (expected, _) = solve(&problem, &EngineOptions::default(), &settings);
     let adapter = gpu::adapters().first().map(|adapter| adapter.name.clone());
@@ -507,6 +511,7 @@ fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
         let options = EngineOptions {
             place,
             stiffness: Stiffness::Pcg,
+            preconditioner: Preconditioner::Multigrid,
             gpu: GpuOptions {
                 adapter: adapter.clone(),
                 ..Default::default()
@@ -606,9 +611,7 @@ fn limits_that_are_too_small_are_named() {
 
 #[test]
 fn a_request_to_stop_is_heard_inside_a_solve_with_k() {
-    let mesh = reference::mesh(Geometry::OneBody, 1);
-    let problem = reference::problem(Geometry::OneBody, &mesh, &TABLE1)
-        .unwrap_or_else(|error| panic!("{error}"));
+    let problem = one_body(1);
     for (path, options) in paths() {
         let mut engine = Engine::new(&problem, options, INNER_TOLERANCE, |_| {})
             .unwrap_or_else(|error| panic!("{error}"));
@@ -654,15 +657,27 @@ fn a_singular_matrix_is_an_error_of_the_problem() {
     })
     .unwrap_or_else(|error| panic!("{error}"));
     for (path, options) in paths() {
-        let mut engine = Engine::new(&problem, options, INNER_TOLERANCE, |_| {})
-            .unwrap_or_else(|error| panic!("{error}"));
-        let outcome = ssnm::solve(&problem, &mut engine, &Settings::default(), |_| {
-            ControlFlow::Continue(())
-        });
-        let text = outcome
-            .err()
-            .map(|error| error.to_string())
-            .unwrap_or_default();
-        assert!(text.contains("supports"), "{path}: {text}");
+        for preconditioner in [Preconditioner::Multigrid, Preconditioner::BlockJacobi] {
+            let options = EngineOptions {
+                preconditioner,
+                ..options.clone()
+            };
+            // Multigrid notices when it is set up, block-Jacobi in the first solve.
+            let text = match Engine::new(&problem, options, INNER_TOLERANCE, |_| {}) {
+                Err(error) => error.to_string(),
+                Ok(mut engine) => {
+                    let settings = Settings::default();
+                    ssnm::solve(&problem, &mut engine, &settings, |_| {
+                        ControlFlow::Continue(())
+                    })
+                    .expect_err("K is singular")
+                    .to_string()
+                }
+            };
+            assert!(
+                text.contains("supports"),
+                "{path}, {preconditioner:?}: {text}"
+            );
+        }
     }
 }

@@ -1,15 +1,22 @@
 //! The CPU: f64, all cores.
 
+mod levels;
+
+pub use levels::Diagonal;
+pub(crate) use levels::times;
+
 use super::{Backend, Block, Counters, GpuError, Progress};
-use crate::sparse::{BlockCsr, Csr, ROWS_PER_TASK};
+use crate::sparse::{BlockCsr, Csr, ROWS_PER_TASK, dot};
+use crate::stiffness::amg::{BlockMatrix, Dense, Real};
 use rayon::prelude::*;
+use std::marker::PhantomData;
 use std::sync::Arc;
 
-/// Everything in f64 on the threads of rayon. Sums are made in tasks of a fixed size, so that they do
-/// not depend on the number of threads.
+/// Everything in f64 on the threads of rayon, but for the multigrid hierarchy, which is stored and applied
+/// as `S`. Sums are made in tasks of a fixed size, so that they do not depend on the number of threads.
 #[derive(Debug, Default)]
-pub struct Cpu {
-    counters: Counters,
+pub struct Cpu<S = f32> {
+    stored: PhantomData<S>,
 }
 
 /// A [`Csr`] without its empty rows.
@@ -36,19 +43,24 @@ pub struct State {
 /// Scalars handled by one parallel task.
 const TASK: usize = 2 * ROWS_PER_TASK;
 
-impl Backend for Cpu {
+impl<S: Real> Backend for Cpu<S> {
     type Vector = Vec<f64>;
     type Matrix = Arc<BlockCsr<2>>;
     type BlockDiagonal = Vec<[f32; 4]>;
     type Rows = Rows;
     type State = State;
+    type Stored = S;
+    type LevelVector = Vec<S>;
+    type LevelMatrix = BlockMatrix<S>;
+    type LevelDiagonal = Diagonal<S>;
+    type DenseMatrix = Dense<S>;
 
     fn unit_roundoff(&self) -> f64 {
         f64::EPSILON / 2.0
     }
 
     fn counters(&self) -> Counters {
-        self.counters
+        Counters::default()
     }
 
     fn vector(&mut self, len: usize) -> Result<Vec<f64>, GpuError> {
@@ -216,6 +228,169 @@ impl Backend for Cpu {
                     let z = precondition(d, r);
                     p[0] = z[0] + beta * p[0];
                     p[1] = z[1] + beta * p[1];
+                }
+            });
+    }
+
+    fn level_vector(&mut self, len: usize) -> Result<Vec<S>, GpuError> {
+        Ok(vec![S::default(); len])
+    }
+
+    fn level_matrix(&mut self, m: BlockMatrix<S>) -> Result<BlockMatrix<S>, GpuError> {
+        Ok(m)
+    }
+
+    fn level_diagonal(&mut self, values: Vec<S>, block: usize) -> Result<Diagonal<S>, GpuError> {
+        Ok(Diagonal { block, values })
+    }
+
+    fn dense_matrix(&mut self, m: Dense<S>) -> Result<Dense<S>, GpuError> {
+        Ok(m)
+    }
+
+    fn chebyshev_first(
+        &mut self,
+        state: &State,
+        inverse_diagonal: &Diagonal<S>,
+        c: S,
+        b: &Vec<S>,
+        d: &mut Vec<S>,
+        x: &mut Vec<S>,
+    ) {
+        if !state.done {
+            levels::chebyshev_first(inverse_diagonal, c, b, d, x);
+        }
+    }
+
+    fn chebyshev_step(
+        &mut self,
+        state: &State,
+        a: &BlockMatrix<S>,
+        inverse_diagonal: &Diagonal<S>,
+        steps: [S; 2],
+        b: &Vec<S>,
+        x: &Vec<S>,
+        d: &mut Vec<S>,
+        x_next: &mut Vec<S>,
+    ) {
+        if !state.done {
+            levels::chebyshev_step(a, inverse_diagonal, steps, b, x, d, x_next);
+        }
+    }
+
+    fn level_residual(
+        &mut self,
+        state: &State,
+        a: &BlockMatrix<S>,
+        b: &Vec<S>,
+        x: &Vec<S>,
+        r: &mut Vec<S>,
+    ) {
+        if !state.done {
+            levels::residual(a, b, x, r);
+        }
+    }
+
+    fn level_product(&mut self, state: &State, m: &BlockMatrix<S>, x: &Vec<S>, y: &mut Vec<S>) {
+        if !state.done {
+            levels::restrict(m, x, y);
+        }
+    }
+
+    fn level_product_add(&mut self, state: &State, m: &BlockMatrix<S>, x: &Vec<S>, y: &mut Vec<S>) {
+        if !state.done {
+            levels::prolong_add(m, x, y);
+        }
+    }
+
+    fn dense_product(&mut self, state: &State, m: &Dense<S>, b: &Vec<S>, x: &mut Vec<S>) {
+        if !state.done {
+            levels::dense_apply(m, b, x);
+        }
+    }
+
+    fn mg_load(
+        &mut self,
+        r: &Vec<f64>,
+        x: &mut Vec<f64>,
+        rounded: &mut Vec<S>,
+        state: &mut State,
+        tolerance: f64,
+    ) {
+        let partials: Vec<f64> = (r.par_chunks(TASK))
+            .zip(x.par_chunks_mut(TASK))
+            .zip(rounded.par_chunks_mut(TASK))
+            .map(|((r, x), rounded)| {
+                x.fill(0.0);
+                for (rounded, &r) in rounded.iter_mut().zip(r) {
+                    *rounded = S::from_f64(r);
+                }
+                dot(r, r)
+            })
+            .collect();
+        let rr = partials.iter().sum();
+        let goal = tolerance * tolerance * rr;
+        *state = State {
+            rr,
+            goal,
+            done: !(rr > goal),
+            ..State::default()
+        };
+    }
+
+    fn mg_step_1(
+        &mut self,
+        p: &Vec<f64>,
+        q: &Vec<f64>,
+        x: &mut Vec<f64>,
+        r: &mut Vec<f64>,
+        rounded: &mut Vec<S>,
+        state: &mut State,
+    ) {
+        if state.done {
+            return;
+        }
+        if !(state.curvature > 0.0) {
+            (state.broken, state.done) = (true, true);
+            return;
+        }
+        let alpha = state.rz / state.curvature;
+        let partials: Vec<f64> = (x.par_chunks_mut(TASK))
+            .zip(r.par_chunks_mut(TASK))
+            .zip(p.par_chunks(TASK).zip(q.par_chunks(TASK)))
+            .zip(rounded.par_chunks_mut(TASK))
+            .map(|(((x, r), (p, q)), rounded)| {
+                for i in 0..p.len() {
+                    x[i] += alpha * p[i];
+                    r[i] -= alpha * q[i];
+                    rounded[i] = S::from_f64(r[i]);
+                }
+                dot(r, r)
+            })
+            .collect();
+        state.rr = partials.iter().sum();
+        state.iterations += 1;
+        state.done = !(state.rr > state.goal);
+    }
+
+    fn mg_step_2(&mut self, r: &Vec<f64>, z: &Vec<S>, p: &mut Vec<f64>, state: &mut State) {
+        if state.done {
+            return;
+        }
+        let partials: Vec<f64> = (r.par_chunks(TASK))
+            .zip(z.par_chunks(TASK))
+            .map(|(r, z)| r.iter().zip(z).map(|(r, z)| r * z.to_f64()).sum())
+            .collect();
+        let rz: f64 = partials.iter().sum();
+        let first = state.rz == 0.0;
+        let beta = if first { 0.0 } else { rz / state.rz };
+        state.rz = rz;
+        (p.par_chunks_mut(TASK))
+            .zip(z.par_chunks(TASK))
+            .for_each(|(p, z)| {
+                for (p, z) in p.iter_mut().zip(z) {
+                    // What p holds before the first iteration may not even be a number.
+                    *p = z.to_f64() + if first { 0.0 } else { beta * *p };
                 }
             });
     }

@@ -17,8 +17,9 @@ pub use context::{AdapterSummary, Context, GpuError, Options, Precision, adapter
 
 use super::{Backend, Block, Counters, Progress, power_of_two_below, scaled_to_f32};
 use crate::sparse::{BlockCsr, Csr};
+use crate::stiffness::amg::{BlockMatrix, Dense};
 use context::Buffer;
-use kernels::Kernel;
+use kernels::{Kernel, Shape};
 use rayon::prelude::*;
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, mpsc};
@@ -41,13 +42,16 @@ const IN_FLIGHT: usize = 3;
 mod flag {
     pub const ADD: u32 = 1;
     pub const NEGATE: u32 = 2;
+    pub const RESIDUAL: u32 = 2;
     pub const DOT: u32 = 4;
     pub const WRITES_STATE: u32 = 16;
 }
 
-/// `Params` of `shaders/shared/common.wgsl`.
-#[derive(Clone, Copy, Default, PartialEq, Eq, Hash, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
+/// The words of a uniform buffer.
+type Words = [u32; 6];
+
+/// `Params` of `shaders/shared/params.wgsl`.
+#[derive(Clone, Copy, Default)]
 struct Params {
     count: u32,
     first: u32,
@@ -55,6 +59,36 @@ struct Params {
     first_read: u32,
     n_read: u32,
     flags: u32,
+}
+
+impl From<Params> for Words {
+    fn from(p: Params) -> Words {
+        [
+            p.count,
+            p.first,
+            p.first_partial,
+            p.first_read,
+            p.n_read,
+            p.flags,
+        ]
+    }
+}
+
+/// `Params` of `shaders/shared/level.wgsl`.
+#[derive(Clone, Copy, Default)]
+struct LevelParams {
+    count: u32,
+    first: u32,
+    columns: u32,
+    flags: u32,
+    steps: [f32; 2],
+}
+
+impl From<LevelParams> for Words {
+    fn from(p: LevelParams) -> Words {
+        let [c1, c2] = p.steps.map(f32::to_bits);
+        [p.count, p.first, p.columns, p.flags, c1, c2]
+    }
 }
 
 /// A buffer on the device, with a number of its own by which bind groups are found again.
@@ -132,9 +166,47 @@ struct RowsPart {
 /// A rectangular matrix without its empty rows.
 pub struct Rows(Vec<RowsPart>);
 
+/// A vector of a multigrid level, in f32.
+pub struct LevelVector {
+    len: usize,
+    data: Handle,
+}
+
+/// Some block rows of a matrix of a multigrid level.
+struct LevelPart {
+    first: u32,
+    count: u32,
+    /// Where the columns start in `structure`, behind the slices.
+    columns: u32,
+    structure: Handle,
+    values: Handle,
+    bytes: u64,
+}
+
+/// A matrix of a multigrid level in sliced block-ELL, in f32.
+pub struct LevelMatrix {
+    shape: Shape,
+    parts: Vec<LevelPart>,
+}
+
+/// D⁻¹ of a multigrid level.
+pub struct LevelDiagonal {
+    shape: Shape,
+    blocks: u32,
+    data: Handle,
+}
+
+/// A dense matrix, by rows, in f32.
+pub struct DenseMatrix {
+    n: u32,
+    data: Handle,
+}
+
 /// The scalars of a CG run and the partial sums that they are made of.
 pub struct State {
+    /// What the iterations and their first halves read.
     current: Handle,
+    /// What the preconditioner and the second halves read.
     next: Handle,
     tolerance: Handle,
     partials: Handle,
@@ -162,7 +234,7 @@ pub struct Gpu {
     recorded_start: bool,
     in_flight: VecDeque<wgpu::SubmissionIndex>,
     bind_groups: HashMap<(Kernel, [u64; 9]), wgpu::BindGroup>,
-    uniforms: HashMap<Params, Handle>,
+    uniforms: HashMap<Words, Handle>,
     /// The state of a run that is never done, for products outside CG.
     idle: Handle,
     idle_partials: Handle,
@@ -274,16 +346,16 @@ impl Gpu {
         count.div_ceil(WIDTH).clamp(1, most)
     }
 
-    fn uniform(&mut self, params: Params) -> Result<Handle, GpuError> {
-        if let Some(handle) = self.uniforms.get(&params) {
+    fn uniform(&mut self, words: Words) -> Result<Handle, GpuError> {
+        if let Some(handle) = self.uniforms.get(&words) {
             return Ok(Arc::clone(handle));
         }
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let handle = self.allocate("parameters", size_of::<Params>() as u64, usage)?;
+        let handle = self.allocate("parameters", size_of::<Words>() as u64, usage)?;
         self.context
             .queue
-            .write_buffer(&handle.buffer.buffer, 0, bytemuck::bytes_of(&params));
-        self.uniforms.insert(params, Arc::clone(&handle));
+            .write_buffer(&handle.buffer.buffer, 0, bytemuck::cast_slice(&words));
+        self.uniforms.insert(words, Arc::clone(&handle));
         Ok(handle)
     }
 
@@ -291,13 +363,13 @@ impl Gpu {
     fn dispatch(
         &mut self,
         kernel: Kernel,
-        params: Params,
+        params: impl Into<Words>,
         buffers: &[&Handle],
         groups: u32,
         bytes: u64,
     ) {
         // A fault is kept by the context and reported where results are read.
-        let Ok(uniform) = self.uniform(params) else {
+        let Ok(uniform) = self.uniform(params.into()) else {
             return;
         };
         let mut key = [u64::MAX; 9];
@@ -487,6 +559,62 @@ impl Gpu {
         }
     }
 
+    /// The dispatches of a product with a matrix of a multigrid level.
+    fn level_multiply(
+        &mut self,
+        state: &State,
+        m: &LevelMatrix,
+        x: &LevelVector,
+        b: &LevelVector,
+        y: &LevelVector,
+        flags: u32,
+    ) {
+        for part in &m.parts {
+            let params = LevelParams {
+                count: part.count,
+                first: part.first,
+                columns: part.columns,
+                flags,
+                ..LevelParams::default()
+            };
+            let buffers = [
+                &state.next,
+                &part.structure,
+                &part.values,
+                &x.data,
+                &b.data,
+                &y.data,
+            ];
+            let groups = self.groups(part.count, 1);
+            let kernel = Kernel::LevelMultiply(m.shape);
+            self.dispatch(kernel, params, &buffers, groups, part.bytes);
+        }
+    }
+
+    /// Sets the tolerance of the run that is about to be recorded.
+    fn write_tolerance(&mut self, state: &State, tolerance: f64) {
+        if self.recorded_start {
+            // The one before must not be overwritten until it has been used.
+            self.submit(None);
+        }
+        self.recorded_start = true;
+        // The range of f32 ends at about 1e-38.
+        let square = self.real_array(&[(tolerance * tolerance).max(1e-30)]);
+        self.context
+            .queue
+            .write_buffer(&state.tolerance.buffer.buffer, 0, &square);
+    }
+
+    /// The only segment of a vector: multigrid works on vectors that fit into one binding.
+    fn whole<'v>(&self, x: &'v Vector) -> &'v Segment {
+        assert_eq!(
+            x.segments.len(),
+            1,
+            "multigrid is refused for longer vectors"
+        );
+        &x.segments[0]
+    }
+
     /// Workgroups of each segment of a vector.
     fn vector_groups(&self, x: &Vector) -> Vec<u32> {
         x.segments
@@ -523,6 +651,11 @@ impl Backend for Gpu {
     type BlockDiagonal = BlockDiagonal;
     type Rows = Rows;
     type State = State;
+    type Stored = f32;
+    type LevelVector = LevelVector;
+    type LevelMatrix = LevelMatrix;
+    type LevelDiagonal = LevelDiagonal;
+    type DenseMatrix = DenseMatrix;
 
     fn unit_roundoff(&self) -> f64 {
         match self.context.precision {
@@ -762,16 +895,7 @@ impl Backend for Gpu {
         state: &mut State,
         tolerance: f64,
     ) {
-        if self.recorded_start {
-            // Its tolerance must not be overwritten before it has been used.
-            self.submit(None);
-        }
-        self.recorded_start = true;
-        // In f32 the smallest number is about 1e-38, and ‖b‖² may be as small as 1e-8 of the largest entry.
-        let square = self.real_array(&[(tolerance * tolerance).max(1e-30)]);
-        self.context
-            .queue
-            .write_buffer(&state.tolerance.buffer.buffer, 0, &square);
+        self.write_tolerance(state, tolerance);
         let groups = self.vector_groups(r);
         let mut first_partial = state.n_curvature;
         for (s, segment) in r.segments.iter().enumerate() {
@@ -875,6 +999,278 @@ impl Backend for Gpu {
                 self.vector_bytes(segment.count, 4),
             );
         }
+    }
+
+    fn level_vector(&mut self, len: usize) -> Result<LevelVector, GpuError> {
+        let bytes = 4 * len as u64;
+        // K itself may be cut into segments, the levels are not.
+        if bytes > self.context.max_binding() || self.ranges(len.div_ceil(2)).len() > 1 {
+            return Err(GpuError::TooLarge {
+                what: "a vector of the multigrid hierarchy",
+                adapter: self.context.adapter.to_string(),
+                needed_mib: (PAIR_BYTES * len as u64 / 2) >> 20,
+                offered_mib: self.context.max_binding() >> 20,
+            });
+        }
+        let data = self.allocate("vector of a level", bytes, BufferUsages::STORAGE)?;
+        Ok(LevelVector { len, data })
+    }
+
+    fn level_matrix(&mut self, m: BlockMatrix<f32>) -> Result<LevelMatrix, GpuError> {
+        let layouts =
+            level_layouts(&m, self.context.max_binding()).ok_or_else(|| GpuError::DenseRow {
+                adapter: self.context.adapter.to_string(),
+                limit_mib: self.context.max_binding() >> 20,
+            })?;
+        let block = m.block[0] * m.block[1];
+        let slots: usize = layouts
+            .iter()
+            .map(|l| l.slices[l.slices.len() - 1] as usize)
+            .sum();
+        self.context
+            .check_memory("the multigrid hierarchy", (slots * (block + 1) * 4) as u64)?;
+        let mut parts = Vec::new();
+        for layout in layouts {
+            let (structure, values) = layout.fill(&m);
+            parts.push(LevelPart {
+                first: layout.first as u32,
+                count: layout.count as u32,
+                columns: layout.slices.len() as u32,
+                bytes: (4 * (structure.len() + values.len())) as u64,
+                structure: self.upload_bytes("structure", bytemuck::cast_slice(&structure))?,
+                values: self.upload_bytes("values of a level", bytemuck::cast_slice(&values))?,
+            });
+        }
+        Ok(LevelMatrix {
+            shape: Shape::of(m.block),
+            parts,
+        })
+    }
+
+    fn level_diagonal(
+        &mut self,
+        values: Vec<f32>,
+        block: usize,
+    ) -> Result<LevelDiagonal, GpuError> {
+        Ok(LevelDiagonal {
+            shape: Shape::of([block, block]),
+            blocks: (values.len() / (block * block)) as u32,
+            data: self.upload_bytes("inverse diagonal", bytemuck::cast_slice(&values))?,
+        })
+    }
+
+    fn dense_matrix(&mut self, m: Dense<f32>) -> Result<DenseMatrix, GpuError> {
+        Ok(DenseMatrix {
+            n: m.n as u32,
+            data: self.upload_bytes("coarse inverse", bytemuck::cast_slice(&m.values))?,
+        })
+    }
+
+    fn chebyshev_first(
+        &mut self,
+        state: &State,
+        inverse_diagonal: &LevelDiagonal,
+        c: f32,
+        b: &LevelVector,
+        d: &mut LevelVector,
+        x: &mut LevelVector,
+    ) {
+        let params = LevelParams {
+            count: inverse_diagonal.blocks,
+            steps: [0.0, c],
+            ..LevelParams::default()
+        };
+        let groups = self.groups(inverse_diagonal.blocks, 1);
+        self.dispatch(
+            Kernel::ChebyshevFirst(inverse_diagonal.shape),
+            params,
+            &[
+                &state.next,
+                &inverse_diagonal.data,
+                &b.data,
+                &d.data,
+                &x.data,
+            ],
+            groups,
+            4 * 5 * b.len as u64,
+        );
+    }
+
+    fn chebyshev_step(
+        &mut self,
+        state: &State,
+        a: &LevelMatrix,
+        inverse_diagonal: &LevelDiagonal,
+        steps: [f32; 2],
+        b: &LevelVector,
+        x: &LevelVector,
+        d: &mut LevelVector,
+        x_next: &mut LevelVector,
+    ) {
+        for part in &a.parts {
+            let params = LevelParams {
+                count: part.count,
+                first: part.first,
+                columns: part.columns,
+                flags: 0,
+                steps,
+            };
+            let groups = self.groups(part.count, 1);
+            self.dispatch(
+                Kernel::ChebyshevStep(a.shape),
+                params,
+                &[
+                    &state.next,
+                    &part.structure,
+                    &part.values,
+                    &inverse_diagonal.data,
+                    &b.data,
+                    &x.data,
+                    &d.data,
+                    &x_next.data,
+                ],
+                groups,
+                part.bytes,
+            );
+        }
+    }
+
+    fn level_residual(
+        &mut self,
+        state: &State,
+        a: &LevelMatrix,
+        b: &LevelVector,
+        x: &LevelVector,
+        r: &mut LevelVector,
+    ) {
+        self.level_multiply(state, a, x, b, r, flag::RESIDUAL);
+    }
+
+    fn level_product(
+        &mut self,
+        state: &State,
+        m: &LevelMatrix,
+        x: &LevelVector,
+        y: &mut LevelVector,
+    ) {
+        self.level_multiply(state, m, x, x, y, 0);
+    }
+
+    fn level_product_add(
+        &mut self,
+        state: &State,
+        m: &LevelMatrix,
+        x: &LevelVector,
+        y: &mut LevelVector,
+    ) {
+        self.level_multiply(state, m, x, x, y, flag::ADD);
+    }
+
+    fn dense_product(
+        &mut self,
+        state: &State,
+        m: &DenseMatrix,
+        b: &LevelVector,
+        x: &mut LevelVector,
+    ) {
+        let params: Words = [m.n, 0, 0, 0, 0, 0];
+        let bytes = 4 * u64::from(m.n) * u64::from(m.n);
+        let buffers = [&state.next, &m.data, &b.data, &x.data];
+        self.dispatch(Kernel::DenseApply, params, &buffers, m.n, bytes);
+    }
+
+    fn mg_load(
+        &mut self,
+        r: &Vector,
+        x: &mut Vector,
+        rounded: &mut LevelVector,
+        state: &mut State,
+        tolerance: f64,
+    ) {
+        self.write_tolerance(state, tolerance);
+        let segment = self.whole(r);
+        let params = Params {
+            count: segment.count,
+            first_partial: state.n_curvature,
+            ..Params::default()
+        };
+        let x = self.whole(x);
+        let buffers = [&segment.data, &x.data, &rounded.data, &state.partials];
+        let bytes = self.vector_bytes(segment.count, 3);
+        self.dispatch(Kernel::MgLoad, params, &buffers, state.n_vector, bytes);
+        let params = Params {
+            first_read: state.n_curvature,
+            n_read: state.n_vector,
+            ..Params::default()
+        };
+        let buffers = [
+            &state.tolerance,
+            &state.partials,
+            &state.current,
+            &state.next,
+        ];
+        self.dispatch(Kernel::MgBegin, params, &buffers, 1, 0);
+    }
+
+    fn mg_step_1(
+        &mut self,
+        p: &Vector,
+        q: &Vector,
+        x: &mut Vector,
+        r: &mut Vector,
+        rounded: &mut LevelVector,
+        state: &mut State,
+    ) {
+        let segment = self.whole(r);
+        let params = Params {
+            count: segment.count,
+            first_partial: state.n_curvature,
+            n_read: state.n_curvature,
+            ..Params::default()
+        };
+        let (p, q, x) = (self.whole(p), self.whole(q), self.whole(x));
+        let buffers = [
+            &state.current,
+            &state.next,
+            &state.partials,
+            &p.data,
+            &q.data,
+            &x.data,
+            &segment.data,
+            &rounded.data,
+        ];
+        let bytes = self.vector_bytes(segment.count, 7);
+        self.dispatch(Kernel::MgStep1, params, &buffers, state.n_vector, bytes);
+        let params = Params {
+            first_read: state.n_curvature,
+            n_read: state.n_vector,
+            ..Params::default()
+        };
+        let buffers = [&state.current, &state.partials, &state.next];
+        self.dispatch(Kernel::MgCheck, params, &buffers, 1, 0);
+    }
+
+    fn mg_step_2(&mut self, r: &Vector, z: &LevelVector, p: &mut Vector, state: &mut State) {
+        let (r, p) = (self.whole(r), self.whole(p));
+        let params = Params {
+            count: r.count,
+            first_partial: state.n_curvature,
+            first_read: state.n_curvature,
+            n_read: state.n_vector,
+            ..Params::default()
+        };
+        let buffers = [&state.next, &r.data, &z.data, &state.partials];
+        let bytes = self.vector_bytes(r.count, 2);
+        self.dispatch(Kernel::MgDot, params, &buffers, state.n_vector, bytes);
+        let buffers = [
+            &state.next,
+            &state.current,
+            &state.partials,
+            &z.data,
+            &p.data,
+        ];
+        let bytes = self.vector_bytes(r.count, 3);
+        self.dispatch(Kernel::MgStep2, params, &buffers, state.n_vector, bytes);
     }
 
     fn progress(
@@ -1043,6 +1439,85 @@ fn layouts(
                 });
             }
         }
+    }
+    Some(parts)
+}
+
+/// Which slices a part of a matrix of a multigrid level has, and where they start.
+struct LevelLayout {
+    first: usize,
+    count: usize,
+    /// First slot of each slice, and one past the last.
+    slices: Vec<u32>,
+}
+
+impl LevelLayout {
+    /// Slices and columns in one array, and the values of all slots, entry by entry of a block; padding
+    /// points at column 0 with the value 0.
+    fn fill(&self, m: &BlockMatrix<f32>) -> (Vec<u32>, Vec<f32>) {
+        let block = m.block[0] * m.block[1];
+        let slots = self.slices[self.slices.len() - 1] as usize;
+        let mut structure = self.slices.clone();
+        structure.resize(self.slices.len() + slots, 0);
+        let mut values = vec![0.0f32; block * slots];
+        let mut pieces = Vec::new();
+        let (_, mut columns_left) = structure.split_at_mut(self.slices.len());
+        let mut values_left = &mut values[..];
+        for (s, ends) in self.slices.windows(2).enumerate() {
+            let size = (ends[1] - ends[0]) as usize;
+            let (c, c_rest) = columns_left.split_at_mut(size);
+            let (v, v_rest) = values_left.split_at_mut(block * size);
+            (columns_left, values_left) = (c_rest, v_rest);
+            pieces.push((s, c, v));
+        }
+        pieces.into_par_iter().for_each(|(s, columns, values)| {
+            for lane in 0..SLICE.min(self.count - s * SLICE) {
+                let row = self.first + s * SLICE + lane;
+                for (c, k) in (m.row_ptr[row] as usize..m.row_ptr[row + 1] as usize).enumerate() {
+                    columns[c * SLICE + lane] = m.col_idx[k];
+                    for e in 0..block {
+                        values[(c * block + e) * SLICE + lane] = m.values[k * block + e];
+                    }
+                }
+            }
+        });
+        (structure, values)
+    }
+}
+
+/// The parts of a matrix of a multigrid level, cut so that no array exceeds `max_binding` bytes; None if a
+/// single slice does.
+fn level_layouts(m: &BlockMatrix<f32>, max_binding: u64) -> Option<Vec<LevelLayout>> {
+    let block = m.block[0] * m.block[1];
+    let n = m.n_block_rows();
+    let most = (max_binding / (4 * block as u64)).min(u64::from(u32::MAX) / block as u64) as usize;
+    let mut parts = Vec::new();
+    let mut first = 0;
+    while first < n {
+        let mut slices = vec![0u32];
+        let (mut total, mut next) = (0, first);
+        while next < n {
+            let end = (next + SLICE).min(n);
+            let widest = (next..end)
+                .map(|i| (m.row_ptr[i + 1] - m.row_ptr[i]) as usize)
+                .max();
+            let size = widest.unwrap_or(0) * SLICE;
+            if total + size > most {
+                break;
+            }
+            total += size;
+            slices.push(total as u32);
+            next = end;
+        }
+        if next == first {
+            return None;
+        }
+        parts.push(LevelLayout {
+            first,
+            count: next - first,
+            slices,
+        });
+        first = next;
     }
     Some(parts)
 }

@@ -67,11 +67,16 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
                 dual.solve_seconds
             ));
         }
-        None => log.say(format_args!(
-            "PCG on the {}, set up in {:.3} s",
-            engine.backend(),
-            timings.factor
-        )),
+        None => {
+            log.say(format_args!(
+                "PCG on the {}, set up in {:.3} s",
+                engine.backend(),
+                timings.factor
+            ));
+            if let Some(table) = engine.hierarchy() {
+                log.say(format_args!("{table}"));
+            }
+        }
     }
     let settings = ssnm::Settings {
         interrupt: Some(&INTERRUPTED),

@@ -4,7 +4,7 @@ use super::{Costs, DualError, DualOperator, Stop};
 use crate::backend::{Backend, power_of_two_below};
 use crate::problem::ContactProblem;
 use crate::sparse::{Csr, norm};
-use crate::stiffness::pcg::{Gather, Pcg, PcgError};
+use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner};
 
 /// Relative residual of the systems with K: small against any tolerance of the contact problem, so that
 /// outer steps and products are those of the exact path.
@@ -36,8 +36,14 @@ pub struct NestedDual<'a, B: Backend> {
 impl<'a, B: Backend> NestedDual<'a, B> {
     /// Moves the problem to the backend. `tolerance` is the relative residual of every system with K;
     /// [`INNER_TOLERANCE`] suits all.
-    pub fn new(problem: &'a ContactProblem, backend: B, tolerance: f64) -> Result<Self, PcgError> {
-        let mut pcg = Pcg::new(backend, problem.stiffness())?;
+    pub fn new(
+        problem: &'a ContactProblem,
+        backend: B,
+        preconditioner: Preconditioner,
+        tolerance: f64,
+    ) -> Result<Self, PcgError> {
+        let (k, coordinates) = (problem.stiffness(), problem.coordinates());
+        let mut pcg = Pcg::new(backend, k, coordinates, preconditioner)?;
         let b = problem.contact_matrix();
         let on_backend = if pcg.is_f64() {
             let backend = &mut pcg.backend;
@@ -58,6 +64,11 @@ impl<'a, B: Backend> NestedDual<'a, B> {
             on_backend,
             tolerance,
         })
+    }
+
+    /// The levels of multigrid, for a log.
+    pub fn hierarchy(&self) -> Option<&str> {
+        self.pcg.hierarchy.as_deref()
     }
 
     /// B x − c, on the host.

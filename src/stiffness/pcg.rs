@@ -4,7 +4,8 @@
 //! makes corrections inside a refinement in f64: the residual b − Kx is made on the host in f64 against
 //! the true K, so that the answer is as accurate as that of the other path, whatever f32 has lost.
 
-use crate::backend::{Backend, Block, GpuError, Progress, power_of_two_below};
+use super::amg::{AmgError, Hierarchy, Multigrid, inverse_diagonal};
+use crate::backend::{Backend, GpuError, Progress, power_of_two_below};
 use crate::dual::{Stop, Stopped};
 use crate::sparse::{BlockCsr, norm};
 use std::sync::Arc;
@@ -20,11 +21,8 @@ pub enum PcgError {
          or check that its parts are connected"
     )]
     NotPositiveDefinite,
-    #[error(
-        "the block of unknowns {} and {} on the diagonal of the stiffness matrix is not positive definite",
-        2 * node + 1, 2 * node + 2
-    )]
-    Diagonal { node: usize },
+    #[error(transparent)]
+    Hierarchy(#[from] AmgError),
     #[error(
         "conjugate gradients stopped at a relative residual of {reached:.1e} instead of {asked:.0e} after \
          {iterations} iterations; the stiffness matrix is singular or too badly conditioned: look for a \
@@ -39,7 +37,7 @@ pub enum PcgError {
     Stopped(Stopped),
 }
 
-/// Iterations between two looks at the progress: at least this many.
+/// Iterations between two looks at the progress, where the first look came too early: at least this many.
 const CHUNK: usize = 16;
 /// At most this many, so that a request to stop is heard.
 const MAX_CHUNK: usize = 256;
@@ -60,6 +58,23 @@ pub struct SolveCounts {
     pub iterations: usize,
 }
 
+/// How K⁻¹ is approximated inside CG.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Preconditioner {
+    /// Smoothed-aggregation multigrid: iterations hardly depend on the mesh.
+    #[default]
+    Multigrid,
+    /// The inverse of the 2×2 blocks on the diagonal: cheap to set up, but iterations grow with the width of
+    /// the mesh in nodes.
+    BlockJacobi,
+}
+
+enum PreconditionerThere<B: Backend> {
+    Multigrid(Multigrid<B>),
+    BlockJacobi(B::BlockDiagonal),
+}
+
 /// K on a backend with its preconditioner and the vectors of CG.
 pub struct Pcg<B: Backend> {
     pub(crate) backend: B,
@@ -67,14 +82,17 @@ pub struct Pcg<B: Backend> {
     matrix: B::Matrix,
     /// The matrix on the backend is this times K.
     pub(crate) scale: f64,
-    preconditioner: B::BlockDiagonal,
+    preconditioner: PreconditionerThere<B>,
+    /// The levels of multigrid, for a log.
+    pub hierarchy: Option<String>,
     pub(crate) x: B::Vector,
     pub(crate) r: B::Vector,
     p: B::Vector,
     q: B::Vector,
     state: B::State,
-    /// Iterations of the last run, which the next one will need, too.
-    expected: usize,
+    /// By what factor an iteration of the last run has reduced the residual, as a logarithm: it tells how
+    /// many the next run will need.
+    rate: f64,
     /// What it has cost.
     pub counts: SolveCounts,
 }
@@ -87,12 +105,47 @@ pub(crate) struct Gather<'a, B: Backend> {
 }
 
 impl<B: Backend> Pcg<B> {
-    /// Moves K to the backend and makes the block-Jacobi preconditioner.
-    pub fn new(mut backend: B, k: &Arc<BlockCsr<2>>) -> Result<Self, PcgError> {
-        let inverse = inverse_diagonal(k)?;
+    /// Moves K to the backend and sets up the preconditioner; `coordinates` has a point per pair of
+    /// unknowns (without, multigrid has no rotations to work with and needs more iterations).
+    pub fn new(
+        mut backend: B,
+        k: &Arc<BlockCsr<2>>,
+        coordinates: Option<&[[f64; 2]]>,
+        preconditioner: Preconditioner,
+    ) -> Result<Self, PcgError> {
+        match preconditioner {
+            Preconditioner::Multigrid => {
+                let hierarchy = Hierarchy::new(k, coordinates, &Default::default())?;
+                Self::with_hierarchy(backend, k, hierarchy)
+            }
+            Preconditioner::BlockJacobi => {
+                let inverse =
+                    inverse_diagonal(k).map_err(|node| AmgError::NotPositiveDefinite { node })?;
+                let there = PreconditionerThere::BlockJacobi(backend.block_diagonal(&inverse)?);
+                Self::assemble(backend, k, there, None)
+            }
+        }
+    }
+
+    /// As [`Pcg::new`], with a hierarchy made before.
+    pub fn with_hierarchy(
+        mut backend: B,
+        k: &Arc<BlockCsr<2>>,
+        hierarchy: Hierarchy<B::Stored>,
+    ) -> Result<Self, PcgError> {
+        let table = hierarchy.to_string();
+        let there = PreconditionerThere::Multigrid(Multigrid::new(&mut backend, hierarchy)?);
+        Self::assemble(backend, k, there, Some(table))
+    }
+
+    fn assemble(
+        mut backend: B,
+        k: &Arc<BlockCsr<2>>,
+        preconditioner: PreconditionerThere<B>,
+        hierarchy: Option<String>,
+    ) -> Result<Self, PcgError> {
         let n = k.n_rows();
         let (matrix, scale) = backend.matrix(k)?;
-        let preconditioner = backend.block_diagonal(&inverse)?;
         let (x, r) = (backend.vector(n)?, backend.vector(n)?);
         let (p, q) = (backend.vector(n)?, backend.vector(n)?);
         let state = backend.state(&matrix, &x)?;
@@ -102,12 +155,13 @@ impl<B: Backend> Pcg<B> {
             matrix,
             scale,
             preconditioner,
+            hierarchy,
             x,
             r,
             p,
             q,
             state,
-            expected: CHUNK,
+            rate: 1.0,
             counts: SolveCounts::default(),
         })
     }
@@ -210,16 +264,37 @@ impl<B: Backend> Pcg<B> {
             ..
         } = self;
         // Block-Jacobi takes iterations in proportion to the width of the mesh; far more means trouble.
-        let limit = 2000 + 100 * (self.k.n_rows() as f64).sqrt() as usize;
-        backend.cg_start(preconditioner, r, x, p, state, tolerance);
-        let whole = |iterations: usize| iterations.next_multiple_of(CHUNK).clamp(CHUNK, MAX_CHUNK);
-        let mut chunk = whole(self.expected);
+        let width = (self.k.n_rows() as f64).sqrt() as usize;
+        let limit = match preconditioner {
+            PreconditionerThere::Multigrid(_) => 1000,
+            PreconditionerThere::BlockJacobi(_) => 2000 + 100 * width,
+        };
+        match preconditioner {
+            PreconditionerThere::Multigrid(m) => {
+                backend.mg_load(r, x, m.r(), state, tolerance);
+                m.cycle(backend, state);
+                backend.mg_step_2(r, m.z(), p, state);
+            }
+            PreconditionerThere::BlockJacobi(d) => backend.cg_start(d, r, x, p, state, tolerance),
+        }
+        // More than it should take: a look too early costs more than an iteration without effect.
+        let predicted = (1.0 / tolerance).ln() / self.rate;
+        let mut chunk = (predicted.ceil() as usize + 2).clamp(CHUNK / 2, MAX_CHUNK);
         let mut issued = 0;
         loop {
             for _ in 0..chunk {
                 backend.cg_multiply(matrix, p, q, state);
-                backend.cg_step_1(preconditioner, p, q, x, r, state);
-                backend.cg_step_2(preconditioner, r, p, state);
+                match preconditioner {
+                    PreconditionerThere::Multigrid(m) => {
+                        backend.mg_step_1(p, q, x, r, m.r(), state);
+                        m.cycle(backend, state);
+                        backend.mg_step_2(r, m.z(), p, state);
+                    }
+                    PreconditionerThere::BlockJacobi(d) => {
+                        backend.cg_step_1(d, p, q, x, r, state);
+                        backend.cg_step_2(d, r, p, state);
+                    }
+                }
             }
             issued += chunk;
             let progress = match &mut gather {
@@ -231,7 +306,10 @@ impl<B: Backend> Pcg<B> {
             };
             if progress.done {
                 self.counts.iterations += progress.iterations;
-                self.expected = progress.iterations;
+                if progress.iterations > 0 {
+                    let reached = 0.5 * (progress.rr * tolerance * tolerance / progress.goal).ln();
+                    self.rate = (-reached / progress.iterations as f64).clamp(1e-4, 10.0);
+                }
                 if progress.broken || !progress.rr.is_finite() {
                     return Err(PcgError::NotPositiveDefinite);
                 }
@@ -252,25 +330,7 @@ impl<B: Backend> Pcg<B> {
                 });
             }
             // Late in a run little is left to do.
-            chunk = whole(issued / 4);
+            chunk = (issued / 8).clamp(CHUNK, MAX_CHUNK);
         }
     }
-}
-
-/// The inverses of the 2×2 blocks on the diagonal.
-fn inverse_diagonal(k: &BlockCsr<2>) -> Result<Vec<Block>, PcgError> {
-    (0..k.n_block_rows())
-        .map(|i| {
-            let [[a, b], [c, d]] = k.block(i, i).copied().unwrap_or_default();
-            let determinant = a * d - b * c;
-            // Written so that NaN is refused.
-            if !(a > 0.0 && d > 0.0 && determinant > 0.0) {
-                return Err(PcgError::Diagonal { node: i });
-            }
-            Ok([
-                [d / determinant, -b / determinant],
-                [-c / determinant, a / determinant],
-            ])
-        })
-        .collect()
 }

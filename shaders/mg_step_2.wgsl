@@ -1,0 +1,51 @@
+// Second half of a CG iteration with multigrid: β = new rᵀz / old rᵀz, p = z + β p; in the first
+// iteration p = z.
+
+@group(0) @binding(0) var<uniform> params: Params;
+/// As `mg_check` (or `mg_begin`) has left it: rᵀz is the old one.
+@group(0) @binding(1) var<storage, read> state: State;
+@group(0) @binding(2) var<storage, read_write> next: State;
+/// The partial sums of rᵀz.
+@group(0) @binding(3) var<storage, read_write> partials: array<real2>;
+@group(0) @binding(4) var<storage, read> z: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read_write> p: array<real2>;
+
+@compute @workgroup_size(WIDTH)
+fn mg_step_2(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let writes_state = group.x == 0u && lane == 0u;
+    if state.done != 0u {
+        if writes_state {
+            next.rr = state.rr;
+            next.done = 1u;
+            next.broken = state.broken;
+            next.iterations = state.iterations;
+        }
+        return;
+    }
+    let rz = sum_of_partials(lane).x;
+    if writes_state {
+        next.rz = rz;
+        next.rr = state.rr;
+        next.goal = state.goal;
+        next.done = 0u;
+        next.broken = 0u;
+        next.iterations = state.iterations;
+    }
+    let first = state.rz == real(0.0);
+    var beta = real(0.0);
+    if !first {
+        beta = rz / state.rz;
+    }
+    for (var i = group.x * WIDTH + lane; i < params.count; i += groups.x * WIDTH) {
+        var direction = real2(z[i]);
+        // What p holds before the first iteration may not even be a number.
+        if !first {
+            direction += beta * p[i];
+        }
+        p[i] = direction;
+    }
+}

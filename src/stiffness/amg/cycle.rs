@@ -1,0 +1,183 @@
+//! The V-cycle, written once for all backends.
+
+use super::{Coarse, Hierarchy, Smoother};
+use crate::backend::{Backend, GpuError};
+
+/// A matrix on a backend, and the Chebyshev iteration that smooths with it.
+struct SmootherThere<B: Backend> {
+    matrix: B::LevelMatrix,
+    inverse_diagonal: B::LevelDiagonal,
+    steps: Vec<[B::Stored; 2]>,
+}
+
+struct LevelThere<B: Backend> {
+    smoother: SmootherThere<B>,
+    prolongation: B::LevelMatrix,
+    restriction: B::LevelMatrix,
+}
+
+enum CoarseThere<B: Backend> {
+    Inverse(B::DenseMatrix),
+    Smoothed(SmootherThere<B>),
+}
+
+/// The vectors of one level.
+struct LevelVectors<B: Backend> {
+    /// Right-hand side.
+    b: B::LevelVector,
+    /// Solution.
+    x: B::LevelVector,
+    /// The solution that a smoothing step writes while others still read the old one.
+    x_next: B::LevelVector,
+    /// Last step of the smoother; also holds the residual between the smoothers.
+    d: B::LevelVector,
+}
+
+/// A hierarchy on a backend: z = M r by one V-cycle.
+pub struct Multigrid<B: Backend> {
+    levels: Vec<LevelThere<B>>,
+    coarse: CoarseThere<B>,
+    /// One more than levels.
+    vectors: Vec<LevelVectors<B>>,
+}
+
+impl<B: Backend> Multigrid<B> {
+    /// Moves the hierarchy to the backend.
+    pub fn new(backend: &mut B, hierarchy: Hierarchy<B::Stored>) -> Result<Self, GpuError> {
+        let vectors = hierarchy
+            .sizes()
+            .iter()
+            .map(|size| {
+                Ok(LevelVectors {
+                    b: backend.level_vector(size.unknowns)?,
+                    x: backend.level_vector(size.unknowns)?,
+                    x_next: backend.level_vector(size.unknowns)?,
+                    d: backend.level_vector(size.unknowns)?,
+                })
+            })
+            .collect::<Result<_, GpuError>>()?;
+        let mut levels = Vec::new();
+        for level in hierarchy.levels {
+            levels.push(LevelThere {
+                smoother: smoother(backend, level.smoother)?,
+                prolongation: backend.level_matrix(level.prolongation)?,
+                restriction: backend.level_matrix(level.restriction)?,
+            });
+        }
+        let coarse = match hierarchy.coarse {
+            Coarse::Inverse(dense) => CoarseThere::Inverse(backend.dense_matrix(dense)?),
+            Coarse::Smoothed(coarse) => CoarseThere::Smoothed(smoother(backend, coarse)?),
+        };
+        Ok(Self {
+            levels,
+            coarse,
+            vectors,
+        })
+    }
+
+    /// r, to be filled before a cycle.
+    pub fn r(&mut self) -> &mut B::LevelVector {
+        &mut self.vectors[0].b
+    }
+
+    /// z, after a cycle.
+    pub fn z(&self) -> &B::LevelVector {
+        &self.vectors[0].x
+    }
+
+    /// z = M r. Has no effect if the CG run of `state` is done.
+    ///
+    /// With a smoother of degree ν a level takes 2ν + 3 passes (ν before, ν after, residual, restriction,
+    /// prolongation), so that the usual cycle of three levels of degree 2 and a dense coarse solve has 22.
+    pub fn cycle(&mut self, backend: &mut B, state: &B::State) {
+        v_cycle(
+            backend,
+            state,
+            &self.levels,
+            &self.coarse,
+            &mut self.vectors,
+        );
+    }
+}
+
+fn smoother<B: Backend>(
+    backend: &mut B,
+    smoother: Smoother<B::Stored>,
+) -> Result<SmootherThere<B>, GpuError> {
+    let block = smoother.matrix.block[0];
+    Ok(SmootherThere {
+        inverse_diagonal: backend.level_diagonal(smoother.inverse_diagonal, block)?,
+        matrix: backend.level_matrix(smoother.matrix)?,
+        steps: smoother.steps,
+    })
+}
+
+/// One V-cycle for A x = b from x = 0: reads `vectors[0].b`, writes `vectors[0].x`.
+///
+/// `vectors` has one entry for each of `levels` and one for the coarsest.
+fn v_cycle<B: Backend>(
+    backend: &mut B,
+    state: &B::State,
+    levels: &[LevelThere<B>],
+    coarse: &CoarseThere<B>,
+    vectors: &mut [LevelVectors<B>],
+) {
+    let [v, below @ ..] = vectors else {
+        return;
+    };
+    let Some((level, coarser)) = levels.split_first() else {
+        match coarse {
+            CoarseThere::Inverse(inverse) => backend.dense_product(state, inverse, &v.b, &mut v.x),
+            CoarseThere::Smoothed(smoother) => smooth_from_zero(backend, state, smoother, v),
+        }
+        return;
+    };
+    smooth_from_zero(backend, state, &level.smoother, v);
+    backend.level_residual(state, &level.smoother.matrix, &v.b, &v.x, &mut v.d);
+    backend.level_product(state, &level.restriction, &v.d, &mut below[0].b);
+    v_cycle(backend, state, coarser, coarse, below);
+    backend.level_product_add(state, &level.prolongation, &below[0].x, &mut v.x);
+    smooth(backend, state, &level.smoother, &level.smoother.steps, v);
+}
+
+/// The smoother from x = 0: its first step needs no product.
+fn smooth_from_zero<B: Backend>(
+    backend: &mut B,
+    state: &B::State,
+    smoother: &SmootherThere<B>,
+    v: &mut LevelVectors<B>,
+) {
+    let [_, c] = smoother.steps[0];
+    backend.chebyshev_first(
+        state,
+        &smoother.inverse_diagonal,
+        c,
+        &v.b,
+        &mut v.d,
+        &mut v.x,
+    );
+    smooth(backend, state, smoother, &smoother.steps[1..], v);
+}
+
+/// Steps of the smoother on `v.x`.
+fn smooth<B: Backend>(
+    backend: &mut B,
+    state: &B::State,
+    smoother: &SmootherThere<B>,
+    steps: &[[B::Stored; 2]],
+    v: &mut LevelVectors<B>,
+) {
+    for &step in steps {
+        backend.chebyshev_step(
+            state,
+            &smoother.matrix,
+            &smoother.inverse_diagonal,
+            step,
+            &v.b,
+            &v.x,
+            &mut v.d,
+            &mut v.x_next,
+        );
+        std::mem::swap(&mut v.x, &mut v.x_next);
+    }
+}

@@ -1,0 +1,242 @@
+//! Near-null space and the smoothed prolongation.
+
+use super::aggregation::{Aggregates, NONE};
+use super::product::add_product;
+use crate::sparse::BlockCsr;
+use rayon::prelude::*;
+
+/// A column that keeps less than this part of its norm when the columns before it are projected out
+/// depends on them.
+const RANK_TOLERANCE: f64 = 1e-8;
+
+/// The values of M modes at one node with B components.
+pub(super) type Modes<const B: usize, const M: usize> = [[f64; M]; B];
+
+/// The modes of n nodes that move without strain: translations along x and y (M = 2), and with
+/// coordinates the rotation about the centre of all nodes (M = 3).
+pub(super) fn rigid_body_modes<const M: usize>(
+    n: usize,
+    coordinates: Option<&[[f64; 2]]>,
+) -> Vec<Modes<2, M>> {
+    let mut modes = vec![[[0.0; M]; 2]; n];
+    for mode in &mut modes {
+        mode[0][0] = 1.0;
+        mode[1][1] = 1.0;
+    }
+    if let (Some(points), 3) = (coordinates, M) {
+        // Centred, and of size about 1, so that the unit of length does not matter.
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for x in points {
+            for c in 0..2 {
+                low[c] = low[c].min(x[c]);
+                high[c] = high[c].max(x[c]);
+            }
+        }
+        let size = (high[0] - low[0]).max(high[1] - low[1]);
+        if size > 0.0 {
+            for (mode, x) in modes.iter_mut().zip(points) {
+                mode[0][2] = -(x[1] - 0.5 * (low[1] + high[1])) / size;
+                mode[1][2] = (x[0] - 0.5 * (low[0] + high[0])) / size;
+            }
+        }
+    }
+    modes
+}
+
+/// Which components are tied to nothing: their row has no entry off the diagonal. Of a node that is tied
+/// to no other node all components count, since the inverse of its block is all it needs.
+pub(super) fn decoupled<const B: usize>(a: &BlockCsr<B>) -> Vec<[bool; B]> {
+    (0..a.n_block_rows())
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .map(|i| {
+            let mut alone = true;
+            let mut decoupled = [true; B];
+            let (cols, blocks) = a.row(i);
+            for (&j, block) in cols.iter().zip(blocks) {
+                let own = j as usize == i;
+                for p in 0..B {
+                    for q in 0..B {
+                        let zero = block[p][q] == 0.0;
+                        decoupled[p] &= zero || (own && p == q);
+                        alone &= zero || own;
+                    }
+                }
+            }
+            if alone { [true; B] } else { decoupled }
+        })
+        .collect()
+}
+
+/// The tentative prolongation: node i of aggregate I interpolates by the block Qᵢ from node I.
+pub(super) struct Tentative<const B: usize, const M: usize> {
+    /// Qᵢ; zero without aggregate. Within an aggregate the nonzero columns are orthonormal.
+    pub q: Vec<Modes<B, M>>,
+    /// The modes on the coarse level: Qᵢ · coarse[I] are the modes of node i. A zero row means that the
+    /// coarse unknown does not exist (its column of Q is zero).
+    pub coarse: Vec<Modes<M, M>>,
+}
+
+/// Factors the modes of each aggregate as Q R by Gram–Schmidt, each column twice; R has a positive
+/// diagonal, with zero rows (and zero columns of Q) where the modes are dependent on the aggregate.
+pub(super) fn tentative<const B: usize, const M: usize>(
+    modes: &[Modes<B, M>],
+    aggregates: &Aggregates,
+) -> Tentative<B, M> {
+    let (start, members) = members(aggregates);
+    // Q = (modes) T, so that only T is kept per aggregate while the sums run over its members.
+    let factors: Vec<(Modes<M, M>, Modes<M, M>)> = (0..aggregates.count)
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|i| {
+            let nodes = &members[start[i]..start[i + 1]];
+            let apply = |t: &[f64; M], node: u32| -> [f64; B] {
+                modes[node as usize].map(|row| (0..M).map(|k| row[k] * t[k]).sum())
+            };
+            let dot = |s: &[f64; M], t: &[f64; M]| -> f64 {
+                nodes
+                    .iter()
+                    .map(|&node| {
+                        let (x, y) = (apply(s, node), apply(t, node));
+                        (0..B).map(|c| x[c] * y[c]).sum::<f64>()
+                    })
+                    .sum()
+            };
+            // columns[k]: column k of T.
+            let mut columns = [[0.0; M]; M];
+            let mut r = [[0.0; M]; M];
+            for k in 0..M {
+                let mut t = [0.0; M];
+                t[k] = 1.0;
+                let full = dot(&t, &t).sqrt();
+                for _ in 0..2 {
+                    for j in 0..k {
+                        let c = dot(&columns[j], &t);
+                        r[j][k] += c;
+                        for p in 0..M {
+                            t[p] -= c * columns[j][p];
+                        }
+                    }
+                }
+                let left = dot(&t, &t).sqrt();
+                if left > RANK_TOLERANCE * full {
+                    r[k][k] = left;
+                    columns[k] = t.map(|v| v / left);
+                }
+            }
+            (columns, r)
+        })
+        .collect();
+    let q = modes
+        .par_iter()
+        .zip(&aggregates.of_node)
+        .with_min_len(1 << 12)
+        .map(|(mode, &aggregate)| {
+            let mut q = [[0.0; M]; B];
+            if aggregate != NONE {
+                let columns = &factors[aggregate as usize].0;
+                for c in 0..B {
+                    for k in 0..M {
+                        q[c][k] = (0..M).map(|p| mode[c][p] * columns[k][p]).sum();
+                    }
+                }
+            }
+            q
+        })
+        .collect();
+    Tentative {
+        q,
+        coarse: factors.into_iter().map(|(_, r)| r).collect(),
+    }
+}
+
+/// The nodes of each aggregate: `members[start[i]..start[i + 1]]`.
+fn members(aggregates: &Aggregates) -> (Vec<usize>, Vec<u32>) {
+    let mut start = vec![0; aggregates.count + 1];
+    for &aggregate in aggregates.of_node.iter().filter(|&&i| i != NONE) {
+        start[aggregate as usize + 1] += 1;
+    }
+    for i in 0..aggregates.count {
+        start[i + 1] += start[i];
+    }
+    let mut next = start.clone();
+    let mut members = vec![0; start[aggregates.count]];
+    for (node, &aggregate) in aggregates.of_node.iter().enumerate() {
+        if aggregate != NONE {
+            members[next[aggregate as usize]] = node as u32;
+            next[aggregate as usize] += 1;
+        }
+    }
+    (start, members)
+}
+
+/// P = (I − ω D⁻¹A) Q.
+pub(super) fn smoothed<const B: usize, const M: usize>(
+    a: &BlockCsr<B>,
+    inverse_diagonal: &[[[f64; B]; B]],
+    omega: f64,
+    aggregates: &Aggregates,
+    q: &[Modes<B, M>],
+) -> BlockCsr<B, M> {
+    const ROWS_PER_TASK: usize = 4096;
+    let n = a.n_block_rows();
+    let parts: Vec<(Vec<u32>, Vec<u32>, Vec<Modes<B, M>>)> = (0..n.div_ceil(ROWS_PER_TASK))
+        .into_par_iter()
+        .map(|task| {
+            let rows = task * ROWS_PER_TASK..((task + 1) * ROWS_PER_TASK).min(n);
+            let mut lengths = Vec::with_capacity(rows.len());
+            let (mut cols, mut values) = (Vec::new(), Vec::new());
+            let mut row: Vec<(u32, Modes<B, M>)> = Vec::new();
+            for i in rows {
+                row.clear();
+                let (a_cols, blocks) = a.row(i);
+                for (&j, block) in a_cols.iter().zip(blocks) {
+                    let aggregate = aggregates.of_node[j as usize];
+                    if aggregate == NONE {
+                        continue;
+                    }
+                    // A row meets few aggregates: looking through them beats any table.
+                    let place = row
+                        .iter()
+                        .position(|&(c, _)| c == aggregate)
+                        .unwrap_or_else(|| {
+                            row.push((aggregate, [[0.0; M]; B]));
+                            row.len() - 1
+                        });
+                    add_product(block, &q[j as usize], &mut row[place].1);
+                }
+                row.sort_unstable_by_key(|&(c, _)| c);
+                for (aggregate, sum) in &row {
+                    let mut value = [[0.0; M]; B];
+                    add_product(&inverse_diagonal[i], sum, &mut value);
+                    let own = *aggregate == aggregates.of_node[i];
+                    for c in 0..B {
+                        for k in 0..M {
+                            value[c][k] *= -omega;
+                            if own {
+                                value[c][k] += q[i][c][k];
+                            }
+                        }
+                    }
+                    if own || value.as_flattened().iter().any(|&v| v != 0.0) {
+                        cols.push(*aggregate);
+                        values.push(value);
+                    }
+                }
+                lengths.push(cols.len() as u32);
+            }
+            (lengths, cols, values)
+        })
+        .collect();
+    let mut row_ptr = vec![0];
+    let n_blocks = parts.iter().map(|part| part.1.len()).sum();
+    let mut cols = Vec::with_capacity(n_blocks);
+    let mut values = Vec::with_capacity(n_blocks);
+    for (ends, part_cols, part_values) in parts {
+        let before = cols.len();
+        row_ptr.extend(ends.into_iter().map(|end| before + end as usize));
+        cols.extend_from_slice(&part_cols);
+        values.extend_from_slice(&part_values);
+    }
+    BlockCsr::from_parts(n, aggregates.count, row_ptr, cols, values)
+}

@@ -1,0 +1,182 @@
+//! The data of the Chebyshev smoother: inverse diagonal blocks, spectral radius, coefficients.
+
+use super::matrix::{BlockMatrix, Real};
+use crate::backend::cpu::times;
+use crate::sparse::{BlockCsr, ROWS_PER_TASK};
+use rayon::prelude::*;
+
+/// Steps of the estimate of the spectral radius.
+const LANCZOS_STEPS: usize = 10;
+
+/// The inverses of the diagonal blocks; the number of the first that is not positive definite, if one
+/// is not.
+pub(crate) fn inverse_diagonal<const B: usize>(
+    a: &BlockCsr<B>,
+) -> Result<Vec<[[f64; B]; B]>, usize> {
+    (0..a.n_block_rows())
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .map(|i| a.block(i, i).and_then(invert).ok_or(i))
+        .collect()
+}
+
+/// The inverse of a symmetric positive definite block by Gauss–Jordan elimination; None if a pivot is
+/// not positive beyond rounding.
+fn invert<const B: usize>(block: &[[f64; B]; B]) -> Option<[[f64; B]; B]> {
+    let mut a = *block;
+    let mut inverse = [[0.0; B]; B];
+    for k in 0..B {
+        inverse[k][k] = 1.0;
+    }
+    for k in 0..B {
+        let pivot = a[k][k];
+        if !(pivot > 4.0 * f64::EPSILON * block[k][k]) {
+            return None;
+        }
+        for j in 0..B {
+            a[k][j] /= pivot;
+            inverse[k][j] /= pivot;
+        }
+        for i in 0..B {
+            let factor = a[i][k];
+            if i != k {
+                for j in 0..B {
+                    a[i][j] -= factor * a[k][j];
+                    inverse[i][j] -= factor * inverse[k][j];
+                }
+            }
+        }
+    }
+    Some(inverse)
+}
+
+/// The largest eigenvalue of D⁻¹A, from below: the largest Ritz value of a few steps of conjugate
+/// gradients preconditioned with D, which build the Lanczos tridiagonal matrix on the way.
+///
+/// A and D⁻¹ are taken as they are stored: two digits of the result are enough.
+pub(super) fn spectral_radius<const B: usize, S: Real>(
+    a: &BlockMatrix<S>,
+    inverse_diagonal: &[S],
+) -> f64 {
+    let a = a.view::<B, B>();
+    let inverse_diagonal = inverse_diagonal.as_chunks::<B>().0.as_chunks::<B>().0;
+    let n = inverse_diagonal.len();
+    let mut r: Vec<[S; B]> = (0..n)
+        .into_par_iter()
+        .with_min_len(ROWS_PER_TASK)
+        .map(|i| std::array::from_fn(|c| S::from_f64(noise(i * B + c))))
+        .collect();
+    let mut z = vec![[S::default(); B]; n];
+    let mut p = z.clone();
+    let mut q = z.clone();
+    // r ← r − α q, z = D⁻¹ r; returns rᵀz.
+    let precondition = |alpha: S, q: &[[S; B]], r: &mut [[S; B]], z: &mut [[S; B]]| {
+        let rows = (r.par_chunks_mut(ROWS_PER_TASK))
+            .zip(z.par_chunks_mut(ROWS_PER_TASK))
+            .zip(q.par_chunks(ROWS_PER_TASK))
+            .zip(inverse_diagonal.par_chunks(ROWS_PER_TASK));
+        ordered_sum(rows.map(|(((r, z), q), blocks)| {
+            let mut sum = 0.0;
+            for (((r, z), q), block) in r.iter_mut().zip(z).zip(q).zip(blocks) {
+                for c in 0..B {
+                    r[c] = r[c] - alpha * q[c];
+                }
+                *z = times(block, r);
+                sum += inner(r, z);
+            }
+            sum
+        }))
+    };
+    let first = precondition(S::default(), &q, &mut r, &mut z);
+    let (mut rz, mut alpha_old, mut beta) = (first, 1.0, 0.0);
+    let (mut diagonal, mut off_diagonal) = (Vec::new(), Vec::new());
+    for _ in 0..LANCZOS_STEPS {
+        let b = S::from_f64(beta);
+        (p.par_iter_mut().zip(&z))
+            .with_min_len(ROWS_PER_TASK)
+            .for_each(|(p, z)| *p = std::array::from_fn(|c| z[c] + b * p[c]));
+        let rows = q.par_chunks_mut(ROWS_PER_TASK).enumerate();
+        let pq = ordered_sum(rows.map(|(task, q)| {
+            let mut sum = 0.0;
+            for (k, q) in q.iter_mut().enumerate() {
+                let i = task * ROWS_PER_TASK + k;
+                *q = a.row_times(i, &p);
+                sum += inner(q, &p[i]);
+            }
+            sum
+        }));
+        let alpha = rz / pq;
+        if !(alpha > 0.0 && alpha.is_finite()) {
+            break;
+        }
+        diagonal.push(1.0 / alpha + beta / alpha_old);
+        let rz_old = rz;
+        rz = precondition(S::from_f64(alpha), &q, &mut r, &mut z);
+        // The Krylov space is exhausted, and the Ritz values are eigenvalues.
+        if !(rz > 1e-12 * first) {
+            break;
+        }
+        beta = rz / rz_old;
+        off_diagonal.push(beta.sqrt() / alpha);
+        alpha_old = alpha;
+    }
+    largest_eigenvalue(&diagonal, &off_diagonal)
+}
+
+/// Σ xᵢ yᵢ of two short vectors.
+fn inner<const B: usize, S: Real>(x: &[S; B], y: &[S; B]) -> f64 {
+    (0..B).map(|c| x[c].to_f64() * y[c].to_f64()).sum()
+}
+
+/// The sum of what parallel tasks give, in the order of the tasks.
+fn ordered_sum(parts: impl IndexedParallelIterator<Item = f64>) -> f64 {
+    parts.collect::<Vec<f64>>().into_iter().sum()
+}
+
+/// A number in (−1, 1) that depends on `i` without any pattern (the mixing function of SplitMix64).
+pub(super) fn noise(i: usize) -> f64 {
+    let mut x = (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}
+
+/// The largest eigenvalue of a symmetric tridiagonal matrix, by bisection on the signs of the pivots of
+/// T − λI.
+fn largest_eigenvalue(diagonal: &[f64], off_diagonal: &[f64]) -> f64 {
+    let off = |i: usize| off_diagonal.get(i).copied().unwrap_or(0.0).abs();
+    let n = diagonal.len();
+    let bound = |i: usize| diagonal[i] + off(i) + if i > 0 { off(i - 1) } else { 0.0 };
+    let mut high = (0..n).map(bound).fold(0.0, f64::max);
+    let mut low = 0.0;
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        let mut pivot = -1.0;
+        let above = (0..n).any(|i| {
+            let coupling = if i > 0 { off(i - 1).powi(2) } else { 0.0 };
+            pivot = diagonal[i] - middle - coupling / pivot;
+            pivot >= 0.0
+        });
+        if above {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+/// The coefficients (c₁, c₂) of the steps d ← c₁ d + c₂ D⁻¹(b − A x), x ← x + d of the Chebyshev
+/// iteration on the interval [`low`, `high`] (Saad, Iterative Methods, Algorithm 12.1).
+pub(super) fn chebyshev(degree: usize, low: f64, high: f64) -> Vec<[f64; 2]> {
+    let (centre, half) = (0.5 * (high + low), 0.5 * (high - low));
+    let sigma = centre / half;
+    let mut rho = 1.0 / sigma;
+    let mut steps = vec![[0.0, 1.0 / centre]];
+    for _ in 1..degree {
+        let next = 1.0 / (2.0 * sigma - rho);
+        steps.push([next * rho, 2.0 * next / half]);
+        rho = next;
+    }
+    steps
+}
