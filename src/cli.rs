@@ -1,6 +1,7 @@
 //! The command line: arguments, progress, exit codes. No numerics.
 
 mod adapters;
+mod bench;
 mod check;
 mod solve;
 mod table1;
@@ -41,6 +42,8 @@ enum Command {
     },
     /// Reproduce Table 1 of the paper: outer steps and products with A
     Table1(Table1Arguments),
+    /// CPU against GPU, direct against iterative, on the same contact problem (reference case B)
+    Bench(BenchArguments),
     /// List the GPUs and software adapters, the one that would be taken first
     Adapters,
 }
@@ -83,6 +86,21 @@ struct Table1Arguments {
     json: Option<PathBuf>,
 }
 
+#[derive(clap::Args)]
+struct BenchArguments {
+    /// Refinements k of the mesh: n ≈ 1200 k²
+    #[arg(long, value_delimiter = ',', value_name = "K,…", default_values_t = [3, 7, 13])]
+    k: Vec<usize>,
+    /// Unknowns up to which the direct path is measured as well
+    #[arg(long, value_name = "N", default_value_t = 1_000_000)]
+    max_cholesky: usize,
+    #[command(flatten)]
+    gpu: GpuArguments,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
 /// What does the arithmetic.
 #[derive(clap::Args)]
 struct EngineArguments {
@@ -92,12 +110,33 @@ struct EngineArguments {
     /// How to solve with the stiffness matrix
     #[arg(long, value_enum, default_value = "auto")]
     stiffness: Stiffness,
+    #[command(flatten)]
+    gpu: GpuArguments,
+}
+
+/// Which GPU, and how.
+#[derive(clap::Args)]
+struct GpuArguments {
     /// Arithmetic of the GPU kernels; the answer is f64-accurate in any case
     #[arg(long, value_enum, default_value = "auto")]
     precision: Precision,
     /// A part of the adapter's name, or its number in the list of `signorini adapters`
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
+}
+
+impl GpuArguments {
+    fn options(&self) -> gpu::Options {
+        gpu::Options {
+            adapter: self.adapter.clone(),
+            precision: match self.precision {
+                Precision::Auto => None,
+                Precision::F64 => Some(gpu::Precision::F64),
+                Precision::F32 => Some(gpu::Precision::F32),
+            },
+            ..Default::default()
+        }
+    }
 }
 
 impl EngineArguments {
@@ -114,15 +153,7 @@ impl EngineArguments {
                 Stiffness::Pcg => engine::Stiffness::Pcg,
             },
             preconditioner: Default::default(),
-            gpu: gpu::Options {
-                adapter: self.adapter.clone(),
-                precision: match self.precision {
-                    Precision::Auto => None,
-                    Precision::F64 => Some(gpu::Precision::F64),
-                    Precision::F32 => Some(gpu::Precision::F32),
-                },
-                ..Default::default()
-            },
+            gpu: self.gpu.options(),
         }
     }
 }
@@ -169,6 +200,7 @@ pub fn run() -> ExitCode {
         Command::Solve(arguments) => solve::run(&arguments),
         Command::Check { case, settings } => check::run(&case, &settings),
         Command::Table1(arguments) => table1::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
         Command::Adapters => adapters::run(),
     };
     match outcome {

@@ -84,6 +84,11 @@ pub trait DualOperator {
         roughly: bool,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError>;
+    /// PCG iterations of one system K x = f to a relative residual of `tolerance`, not counted in the costs;
+    /// None where K⁻¹ is not applied by iterations.
+    fn linear_iterations(&mut self, _tolerance: f64) -> Result<Option<usize>, DualError> {
+        Ok(None)
+    }
     /// What it has cost so far, where K⁻¹ is applied by iterations.
     fn costs(&self) -> Option<Costs> {
         None

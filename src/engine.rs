@@ -274,6 +274,10 @@ impl DualOperator for Engine<'_> {
         self.with_fallback(|dual| dual.displacement(lambda, roughly, stop))
     }
 
+    fn linear_iterations(&mut self, tolerance: f64) -> Result<Option<usize>, DualError> {
+        self.with_fallback(|dual| dual.linear_iterations(tolerance))
+    }
+
     fn costs(&self) -> Option<Costs> {
         match &self.path {
             Path::Cholesky(_) => None,

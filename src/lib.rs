@@ -63,6 +63,7 @@
 //! ```
 
 pub mod backend;
+pub mod bench;
 pub mod case;
 pub mod contact;
 pub mod dual;

@@ -23,6 +23,7 @@ use kernels::{Kernel, Shape};
 use rayon::prelude::*;
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, mpsc};
+use std::time::Instant;
 use wgpu::BufferUsages;
 
 /// Invocations of a workgroup; `WIDTH` in `shaders/shared/common.wgsl`.
@@ -267,6 +268,42 @@ impl Gpu {
             next_id: 2,
             counters: Counters::default(),
         })
+    }
+
+    /// Bytes per second of a copy on the device, read and written bytes added up: the measure for all that
+    /// memory bounds.
+    pub fn copy_bandwidth(&mut self) -> Result<f64, GpuError> {
+        const REPEATS: u64 = 10;
+        let most = if self.context.adapter.is_software {
+            64 << 20
+        } else {
+            512 << 20
+        };
+        let bytes = self.context.max_binding().min(most) / 16 * 16;
+        let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let from = self.allocate("copy", bytes, usage)?;
+        let to = self.allocate("copy", bytes, usage)?;
+        let mut best = f64::INFINITY;
+        for _ in 0..4 {
+            let mut encoder = self
+                .context
+                .device
+                .create_command_encoder(&Default::default());
+            for _ in 0..REPEATS {
+                let (from, to) = (&from.buffer.buffer, &to.buffer.buffer);
+                encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
+            }
+            let start = Instant::now();
+            self.context.queue.submit([encoder.finish()]);
+            // A fault shows in the check.
+            let _ = self
+                .context
+                .device
+                .poll(wgpu::PollType::wait_indefinitely());
+            best = best.min(start.elapsed().as_secs_f64());
+            self.context.check()?;
+        }
+        Ok((2 * bytes * REPEATS) as f64 / best)
     }
 
     /// The context it computes on.

@@ -140,6 +140,16 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
         Ok(u)
     }
 
+    fn linear_iterations(&mut self, tolerance: f64) -> Result<Option<usize>, DualError> {
+        let before = self.pcg.counts;
+        let mut x = vec![0.0; self.b.n_cols()];
+        self.pcg
+            .solve(self.problem.load(), &mut x, tolerance, &Stop::default())?;
+        let iterations = self.pcg.counts.iterations - before.iterations;
+        self.pcg.counts = before;
+        Ok(Some(iterations))
+    }
+
     fn costs(&self) -> Option<Costs> {
         Some(Costs {
             solves: self.pcg.counts,

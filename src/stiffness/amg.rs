@@ -256,6 +256,37 @@ impl<S: Real> Hierarchy<S> {
         sizes
     }
 
+    /// Bytes that one V-cycle must move: each pass reads its inputs once and writes its outputs once.
+    pub fn cycle_bytes(&self) -> usize {
+        let vector = |n: usize| n * size_of::<S>();
+        // The first step reads D⁻¹ and b and writes d and x; the others read A, D⁻¹, b, x, d and write
+        // d and the new x.
+        let smoothing = |smoother: &Smoother<S>, steps: usize, from_zero: bool| {
+            let n = vector(smoother.matrix.n_rows());
+            let diagonal = size_of_val(&smoother.inverse_diagonal[..]);
+            let others = steps - usize::from(from_zero);
+            others * (smoother.matrix.bytes() + diagonal + 5 * n)
+                + usize::from(from_zero) * (diagonal + 3 * n)
+        };
+        let levels: usize = (self.levels.iter())
+            .map(|level| {
+                let (smoother, p) = (&level.smoother, &level.prolongation);
+                let (fine, coarse) = (vector(p.n_rows()), vector(p.n_cols()));
+                let degree = smoother.steps.len();
+                smoothing(smoother, degree, true)
+                    + smoothing(smoother, degree, false)
+                    + (smoother.matrix.bytes() + 3 * fine)
+                    + (level.restriction.bytes() + fine + coarse)
+                    + (p.bytes() + 2 * fine + coarse)
+            })
+            .sum();
+        levels
+            + match &self.coarse {
+                Coarse::Inverse(dense) => size_of_val(&dense.values[..]) + 2 * vector(dense.n),
+                Coarse::Smoothed(smoother) => smoothing(smoother, smoother.steps.len(), true),
+            }
+    }
+
     /// Stored matrix entries of all levels over those of the finest; the inverse counts in full.
     pub fn operator_complexity(&self) -> f64 {
         let sizes = self.sizes();

@@ -41,8 +41,11 @@ pub enum PcgError {
 const CHUNK: usize = 16;
 /// At most this many, so that a request to stop is heard.
 const MAX_CHUNK: usize = 256;
-/// A correction in f32 reduces the residual by this factor: beyond it the recurrence drifts away.
+/// A correction in f32 is asked to reduce the residual by this factor at most: beyond it the recurrence
+/// drifts away from the true residual.
 const CORRECTION: f64 = 1e-4;
+/// And by this factor at least, however little the one before has achieved.
+const LEAST_CORRECTION: f64 = 0.05;
 /// Corrections that must not fail to halve the residual.
 const MAX_CORRECTIONS: usize = 60;
 
@@ -206,6 +209,7 @@ impl<B: Backend> Pcg<B> {
         let mut correction = vec![0.0; b.len()];
         x.fill(0.0);
         let start = self.counts.iterations;
+        let mut asked = CORRECTION;
         for _ in 0..MAX_CORRECTIONS {
             let length = norm(&residual);
             if length <= goal {
@@ -214,7 +218,7 @@ impl<B: Backend> Pcg<B> {
             let unit = power_of_two_below(length);
             let scaled: Vec<f64> = residual.iter().map(|v| v / unit).collect();
             self.backend.upload(&scaled, &mut self.r);
-            match self.run((0.5 * goal / length).max(CORRECTION), stop, None) {
+            match self.run((0.5 * goal / length).max(asked), stop, None) {
                 // In f32 a breakdown may be one of rounding: the residual in f64 tells.
                 Ok(_) | Err(PcgError::NotPositiveDefinite) => {}
                 Err(error) => return Err(error),
@@ -228,9 +232,13 @@ impl<B: Backend> Pcg<B> {
                 *r = b - *r;
             }
             // Written so that NaN stops it.
-            if !(norm(&residual) <= 0.5 * length) {
+            let achieved = norm(&residual) / length;
+            if !(achieved <= 0.5) {
                 break;
             }
+            // On fine meshes rounding K to f32 costs more than the recurrence knows: to ask for more than
+            // the last correction has achieved would be wasted.
+            asked = (0.5 * achieved).clamp(CORRECTION, LEAST_CORRECTION);
         }
         let reached = norm(&residual);
         if reached <= goal {

@@ -1,0 +1,331 @@
+//! The CPU against the GPU, and the direct against the iterative path, on the same contact problem.
+//!
+//! Times are wall times of one run on one machine: compare them within a run, not between machines. Beside
+//! each stands what it would be at the least: the bytes that the algorithm must move (each input read
+//! once, each output written once) at the bandwidth of a copy measured in the same run.
+
+use crate::backend::cpu::Cpu;
+use crate::backend::gpu::{Context, Gpu, Precision};
+use crate::backend::{Backend, GpuError};
+use crate::dual::{DualError, DualOperator, NestedDual};
+use crate::problem::ContactProblem;
+use crate::sparse::norm;
+use crate::ssnm::{self, Settings, SolveError, Status};
+use crate::stiffness::amg::Hierarchy;
+use crate::stiffness::cholesky::{CholeskyDual, FactorError};
+use crate::stiffness::pcg::{Pcg, PcgError};
+use serde::Serialize;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// A benchmark could not be run.
+#[derive(Debug, thiserror::Error)]
+pub enum BenchError {
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    #[error(transparent)]
+    Pcg(#[from] PcgError),
+    #[error(transparent)]
+    Factor(#[from] FactorError),
+    #[error(transparent)]
+    Dual(#[from] DualError),
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+}
+
+/// What a backend does with simple work of one size.
+#[derive(Clone, Debug, Serialize)]
+pub struct Speeds {
+    /// Where.
+    pub path: String,
+    pub n: usize,
+    /// Bytes per second of a copy, read and written bytes added up.
+    pub copy: f64,
+    /// Bytes per second of y −= K x.
+    pub product: f64,
+    /// Seconds per kernel launch with hardly any work; 0 on the CPU.
+    pub dispatch: f64,
+    /// Seconds of a PCG iteration with its V-cycle.
+    pub iteration: f64,
+    /// Seconds that its bytes take at the bandwidth of the copy.
+    pub iteration_floor: f64,
+    /// Iterations for K x = f to 1e-8.
+    pub iterations: usize,
+    /// Seconds to set up the hierarchy, on the CPU, and to move it.
+    pub set_up: f64,
+    /// Kernel launches per iteration.
+    pub dispatches: f64,
+}
+
+/// A contact problem solved on one path.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    pub path: String,
+    pub k: usize,
+    pub n: usize,
+    pub m: usize,
+    pub status: Status,
+    /// Seconds for the factor, or for the hierarchy and moving it.
+    pub set_up: f64,
+    /// Seconds for b, σ_max, the outer steps and the final check.
+    pub solve: f64,
+    pub total: f64,
+    pub iter: usize,
+    #[serde(rename = "n_A")]
+    pub n_a: usize,
+    pub v_cycles: Option<usize>,
+    /// V-cycles of one system with K to 1e-8.
+    pub v_cycles_linear: Option<usize>,
+    /// v_cycles / v_cycles_linear.
+    pub work_ratio: Option<f64>,
+    /// ‖u − u_reference‖ / ‖u_reference‖ against the first path.
+    pub difference: f64,
+    /// Whether the sets are those of the first path.
+    pub same_sets: bool,
+}
+
+/// Repetitions of simple work between two looks at the clock.
+const REPEATS: usize = 20;
+
+/// The fastest of a few runs, in seconds.
+fn fastest<T>(mut work: impl FnMut() -> Result<T, BenchError>) -> Result<f64, BenchError> {
+    let mut best = f64::INFINITY;
+    for _ in 0..4 {
+        let start = Instant::now();
+        work()?;
+        best = best.min(start.elapsed().as_secs_f64());
+    }
+    Ok(best)
+}
+
+/// Measures a backend on a problem; `copy` is the bandwidth of a copy there, `real` the bytes of a number.
+fn speeds<B: Backend>(
+    path: String,
+    backend: B,
+    problem: &ContactProblem,
+    copy: f64,
+    real: usize,
+) -> Result<Speeds, BenchError> {
+    let k = problem.stiffness();
+    let n = k.n_rows();
+    let start = Instant::now();
+    let hierarchy = Hierarchy::<B::Stored>::new(k, problem.coordinates(), &Default::default())
+        .map_err(PcgError::from)?;
+    let matrix_bytes = k.n_blocks() * (4 * real + 4);
+    // K p; p, q, x, r read and x, r written; r rounded; z read for the dot product and for the direction.
+    let iteration_bytes = matrix_bytes + n * (11 * real + 12) + hierarchy.cycle_bytes();
+    let mut pcg = Pcg::with_hierarchy(backend, k, hierarchy)?;
+    let set_up = start.elapsed().as_secs_f64();
+
+    let tiny = crate::sparse::Csr::from_triplets(1, n, [(0, 0, 1.0)]);
+    let b = &mut pcg.backend;
+    let (matrix, _) = b.matrix(k)?;
+    let (mut x, mut y) = (b.vector(n)?, b.vector(n)?);
+    b.upload(problem.load(), &mut x);
+    let mut one = b.vector(1)?;
+    let rows = b.rows(&tiny, &x, &one)?;
+    let mut number = [0.0];
+    let product = fastest(|| {
+        for _ in 0..REPEATS {
+            b.subtract_product(&matrix, &x, &mut y);
+        }
+        Ok(b.download(&one, &mut number)?)
+    })?;
+    let launches = 50 * REPEATS;
+    let dispatch = fastest(|| {
+        for _ in 0..launches {
+            b.multiply_rows(&rows, &x, &mut one);
+        }
+        Ok(b.download(&one, &mut number)?)
+    })?;
+
+    let before = pcg.backend.counters();
+    let mut u = vec![0.0; n];
+    let seconds = fastest(|| Ok(pcg.solve(problem.load(), &mut u, 1e-8, &Default::default())?))?;
+    let iterations = pcg.counts.iterations / pcg.counts.solves;
+    let issued = pcg.backend.counters().dispatches - before.dispatches;
+    Ok(Speeds {
+        path,
+        n: problem.n_free(),
+        copy,
+        product: (REPEATS * (matrix_bytes + 3 * n * real)) as f64 / product,
+        dispatch: if issued > 0 {
+            dispatch / launches as f64
+        } else {
+            0.0
+        },
+        iteration: seconds / iterations as f64,
+        iteration_floor: iteration_bytes as f64 / copy,
+        iterations,
+        set_up,
+        dispatches: issued as f64 / pcg.counts.iterations as f64,
+    })
+}
+
+/// Bytes per second of a copy in the memory of the CPU on all threads, with buffers beyond every cache.
+fn cpu_copy() -> f64 {
+    use rayon::prelude::*;
+    const LEN: usize = 1 << 25;
+    let from = vec![1.0f64; LEN];
+    let mut to = vec![0.0f64; LEN];
+    let mut best = f64::INFINITY;
+    for _ in 0..5 {
+        let start = Instant::now();
+        to.par_chunks_mut(1 << 20)
+            .zip(from.par_chunks(1 << 20))
+            .for_each(|(to, from)| to.copy_from_slice(from));
+        best = best.min(start.elapsed().as_secs_f64());
+    }
+    std::hint::black_box(&to);
+    (2 * 8 * LEN) as f64 / best
+}
+
+/// Simple work on the CPU and, with a context, on its device.
+pub fn measure(
+    problem: &ContactProblem,
+    context: Option<&Arc<Context>>,
+) -> Result<Vec<Speeds>, BenchError> {
+    let mut all = vec![speeds(
+        "cpu".to_owned(),
+        Cpu::<f32>::default(),
+        problem,
+        cpu_copy(),
+        8,
+    )?];
+    if let Some(context) = context {
+        let mut gpu = Gpu::new(context)?;
+        let copy = gpu.copy_bandwidth()?;
+        let real = context.precision.bytes() as usize;
+        let path = format!("gpu {}", context.precision);
+        // In f32 a solve to 1e-8 consists of corrections: the iteration is that of PCG in f32 all the same.
+        all.push(speeds(path, gpu, problem, copy, real)?);
+    }
+    Ok(all)
+}
+
+/// A way to solve.
+pub enum Path<'a> {
+    CpuCholesky,
+    CpuPcg,
+    Gpu(&'a Arc<Context>),
+}
+
+impl Path<'_> {
+    fn name(&self) -> String {
+        match self {
+            Self::CpuCholesky => "cpu cholesky".to_owned(),
+            Self::CpuPcg => "cpu pcg".to_owned(),
+            Self::Gpu(context) => match context.precision {
+                Precision::F64 => "gpu f64".to_owned(),
+                Precision::F32 => "gpu f32".to_owned(),
+            },
+        }
+    }
+}
+
+/// Solves the problem on each path; `before` hears which comes next.
+pub fn solve_on(
+    paths: &[Path],
+    k: usize,
+    problem: &ContactProblem,
+    tolerance: f64,
+    inner_tolerance: f64,
+    mut before: impl FnMut(&str),
+) -> Result<Vec<Row>, BenchError> {
+    let mut rows: Vec<Row> = Vec::new();
+    let mut reference: Option<ssnm::Solution> = None;
+    for path in paths {
+        before(&path.name());
+        let start = Instant::now();
+        let mut linear = None;
+        let mut dual: Box<dyn DualOperator> = match path {
+            Path::CpuCholesky => Box::new(CholeskyDual::new(problem)?),
+            Path::CpuPcg => {
+                let cpu = Cpu::<f32>::default();
+                let dual = NestedDual::new(problem, cpu, Default::default(), inner_tolerance)?;
+                Box::new(dual)
+            }
+            Path::Gpu(context) => {
+                let gpu = Gpu::new(context)?;
+                let dual = NestedDual::new(problem, gpu, Default::default(), inner_tolerance)?;
+                Box::new(dual)
+            }
+        };
+        let set_up = start.elapsed().as_secs_f64();
+        let settings = Settings {
+            tolerance,
+            ..Default::default()
+        };
+        let solution = ssnm::solve(problem, dual.as_mut(), &settings, |_| {
+            ControlFlow::Continue(())
+        })?;
+        let total = start.elapsed().as_secs_f64();
+        let v_cycles = dual.costs().map(|costs| costs.solves.iterations);
+        if v_cycles.is_some() {
+            linear = dual.linear_iterations(1e-8)?;
+        }
+        let (difference, same_sets) = match &reference {
+            None => (0.0, true),
+            Some(reference) => {
+                let change: Vec<f64> = solution
+                    .u
+                    .iter()
+                    .zip(&reference.u)
+                    .map(|(a, b)| a - b)
+                    .collect();
+                (
+                    norm(&change) / norm(&reference.u),
+                    solution.sets == reference.sets,
+                )
+            }
+        };
+        rows.push(Row {
+            path: path.name(),
+            k,
+            n: problem.n_free(),
+            m: problem.m(),
+            status: solution.status,
+            set_up,
+            solve: total - set_up,
+            total,
+            iter: solution.info.iter,
+            n_a: solution.info.n_a,
+            v_cycles,
+            v_cycles_linear: linear,
+            work_ratio: v_cycles.zip(linear).map(|(v, l)| v as f64 / l as f64),
+            difference,
+            same_sets,
+        });
+        reference.get_or_insert(solution);
+    }
+    Ok(rows)
+}
+
+/// The exponent p of seconds ∝ nᵖ that fits best (least squares of the logarithms); None for less than two
+/// sizes.
+pub fn growth(points: impl Iterator<Item = (usize, f64)>) -> Option<f64> {
+    let logs: Vec<(f64, f64)> = points
+        .filter(|&(n, seconds)| n > 0 && seconds > 0.0)
+        .map(|(n, seconds)| ((n as f64).ln(), seconds.ln()))
+        .collect();
+    let count = logs.len() as f64;
+    let mean = |f: fn(&(f64, f64)) -> f64| logs.iter().map(f).sum::<f64>() / count;
+    let (x, y) = (mean(|l| l.0), mean(|l| l.1));
+    let spread: f64 = logs.iter().map(|l| (l.0 - x).powi(2)).sum();
+    let joint: f64 = logs.iter().map(|l| (l.0 - x) * (l.1 - y)).sum();
+    (spread > 0.0).then(|| joint / spread)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::growth;
+
+    #[test]
+    fn the_growth_of_a_power_is_its_exponent() {
+        let points = [10usize, 100, 1000].map(|n| (n, 3.0 * (n as f64).powf(1.25)));
+        let found = growth(points.into_iter()).expect("three sizes");
+        approx::assert_relative_eq!(found, 1.25, max_relative = 1e-12);
+        assert!(growth([(10, 1.0)].into_iter()).is_none());
+    }
+}

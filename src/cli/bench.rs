@@ -1,0 +1,233 @@
+//! `signorini bench`.
+
+use super::{BenchArguments, NOT_CONVERGED, print};
+use signorini::backend::gpu::{Context, Options, Precision};
+use signorini::bench::{self, Path, Row, Speeds};
+use signorini::dual::INNER_TOLERANCE;
+use signorini::output::peak_memory_mib;
+use signorini::reference::{self, CASE_B, Geometry};
+use signorini::ssnm::Status;
+use std::collections::BTreeMap;
+use std::io::IsTerminal as _;
+use std::sync::Arc;
+
+/// ε of the contact problems.
+const TOLERANCE: f64 = 1e-4;
+
+pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
+    if arguments.k.contains(&0) {
+        return Err("--k 0: the smallest size is k = 1".into());
+    }
+    let contexts = contexts(arguments)?;
+    let software = contexts.first().is_some_and(|c| c.adapter.is_software);
+    match contexts.first() {
+        None => print("No adapter: only the CPU is measured.\n\n"),
+        Some(context) => {
+            print(&format!(
+                "GPU: {}, {}\n",
+                context.adapter, context.adapter.driver
+            ));
+            if software {
+                print(
+                    "This is a software adapter: its rows test the kernels and measure NO GPU; they say \
+                     nothing about the speed of one.\n",
+                );
+            }
+            print("\n");
+        }
+    }
+    let terminal = std::io::stderr().is_terminal();
+    let progress = |line: &str| {
+        if terminal {
+            eprint!("\r\x1b[2K{line}");
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let (mut speeds, mut rows) = (Vec::new(), Vec::new());
+    for &k in &arguments.k {
+        progress(&format!("k = {k}: assembly"));
+        let mesh = reference::mesh(Geometry::OneBody, k);
+        let problem =
+            reference::problem(Geometry::OneBody, &mesh, &CASE_B).map_err(|e| e.to_string())?;
+        let n = problem.n_free();
+        for (i, context) in contexts.iter().enumerate() {
+            progress(&format!("k = {k}: simple work, {}", context.precision));
+            let measured =
+                bench::measure(&problem, Some(context)).map_err(|e| format!("k = {k}: {e}"))?;
+            // The CPU is measured once.
+            speeds.extend(measured.into_iter().skip(usize::from(i > 0)));
+        }
+        if contexts.is_empty() {
+            speeds.extend(bench::measure(&problem, None).map_err(|e| format!("k = {k}: {e}"))?);
+        }
+        let mut paths = Vec::new();
+        if n <= arguments.max_cholesky {
+            paths.push(Path::CpuCholesky);
+        }
+        paths.push(Path::CpuPcg);
+        paths.extend(contexts.iter().map(Path::Gpu));
+        let found = bench::solve_on(&paths, k, &problem, TOLERANCE, INNER_TOLERANCE, |path| {
+            progress(&format!("k = {k}: {path}"));
+        });
+        rows.extend(found.map_err(|e| format!("k = {k}: {e}"))?);
+    }
+    progress("");
+
+    print(&speeds_table(&speeds));
+    print(&rows_table(&rows));
+    let fits = fits(&rows);
+    if !fits.is_empty() {
+        print("Seconds grow with n to the power of:\n");
+        for (path, [set_up, solve]) in &fits {
+            print(&format!(
+                "  {path:14} set-up {set_up:.2}, solve {solve:.2}\n"
+            ));
+        }
+        print("\n");
+    }
+    let peak = peak_memory_mib();
+    if let Some(peak) = peak {
+        print(&format!(
+            "Peak memory of all of it: {peak:.0} MiB; {threads} threads.\n"
+        ));
+    }
+    if let Some(path) = &arguments.json {
+        let document = serde_json::json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "case": "one body, reference case B",
+            "tolerance": TOLERANCE,
+            "threads": threads,
+            "adapter": contexts.first().map(|c| c.adapter.to_string()),
+            "driver": contexts.first().map(|c| c.adapter.driver.clone()),
+            "software_adapter": software,
+            "speeds": speeds,
+            "solves": rows,
+            "growth": fits,
+            "peak_memory_mib": peak,
+        });
+        std::fs::write(path, format!("{document:#}\n"))
+            .map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+    }
+    let sound = |row: &Row| row.status == Status::Converged && row.difference < 1e-3;
+    Ok(if rows.iter().all(sound) {
+        0
+    } else {
+        print("NOT all paths agree: see the columns status and difference.\n");
+        NOT_CONVERGED
+    })
+}
+
+/// The device in every precision that was not excluded; none where there is no adapter and none was named.
+fn contexts(arguments: &BenchArguments) -> Result<Vec<Arc<Context>>, String> {
+    let options = arguments.gpu.options();
+    let named = options.adapter.is_some();
+    let first = match Context::new(&options) {
+        Ok(context) => context,
+        Err(error) if named => return Err(error.to_string()),
+        Err(_) => return Ok(Vec::new()),
+    };
+    let mut contexts = vec![first];
+    if options.precision.is_none() && contexts[0].precision == Precision::F64 {
+        let options = Options {
+            precision: Some(Precision::F32),
+            ..options
+        };
+        contexts.push(Context::new(&options).map_err(|e| e.to_string())?);
+    }
+    Ok(contexts)
+}
+
+fn speeds_table(speeds: &[Speeds]) -> String {
+    let mut text = format!(
+        "{:8} {:>9}  {:>9} {:>9} {:>5}  {:>9}  {:>10} {:>10} {:>6}  {:>4}  {:>8} {:>10}\n",
+        "where",
+        "n",
+        "copy GB/s",
+        "Kx GB/s",
+        "%",
+        "µs/launch",
+        "iteration",
+        "floor ms",
+        "ratio",
+        "its",
+        "set-up s",
+        "launch/it"
+    );
+    for s in speeds {
+        text += &format!(
+            "{:8} {:9}  {:9.1} {:9.1} {:5.0}  {:9.2}  {:7.3} ms {:10.3} {:6.1}  {:4}  {:8.3} {:10.1}\n",
+            s.path,
+            s.n,
+            s.copy / 1e9,
+            s.product / 1e9,
+            100.0 * s.product / s.copy,
+            1e6 * s.dispatch,
+            1e3 * s.iteration,
+            1e3 * s.iteration_floor,
+            s.iteration / s.iteration_floor,
+            s.iterations,
+            s.set_up,
+            s.dispatches,
+        );
+    }
+    text + "\n"
+}
+
+fn rows_table(rows: &[Row]) -> String {
+    let mut text = format!(
+        "{:13} {:>3} {:>9}  {:>8} {:>8} {:>8}  {:>4} {:>4} {:>8} {:>6}  {:>10} {:>4}  status\n",
+        "path",
+        "k",
+        "n",
+        "set-up s",
+        "solve s",
+        "total s",
+        "iter",
+        "n_A",
+        "V-cycles",
+        "ratio",
+        "difference",
+        "sets"
+    );
+    for r in rows {
+        let optional = |value: Option<String>| value.unwrap_or_else(|| "–".to_owned());
+        text += &format!(
+            "{:13} {:3} {:9}  {:8.3} {:8.3} {:8.3}  {:4} {:4} {:>8} {:>6}  {:10.1e} {:>4}  {}\n",
+            r.path,
+            r.k,
+            r.n,
+            r.set_up,
+            r.solve,
+            r.total,
+            r.iter,
+            r.n_a,
+            optional(r.v_cycles.map(|v| v.to_string())),
+            optional(r.work_ratio.map(|w| format!("{w:.1}"))),
+            r.difference,
+            if r.same_sets { "same" } else { "≠" },
+            match r.status {
+                Status::Converged => "converged",
+                _ => "NOT converged",
+            }
+        );
+    }
+    text + "\n"
+}
+
+/// Growth exponents of set-up and solve per path.
+fn fits(rows: &[Row]) -> BTreeMap<&str, [f64; 2]> {
+    let mut paths: Vec<&str> = rows.iter().map(|r| r.path.as_str()).collect();
+    paths.sort_unstable();
+    paths.dedup();
+    let fit = |path: &str, seconds: fn(&Row) -> f64| {
+        let of_path = rows.iter().filter(|r| r.path == path);
+        bench::growth(of_path.map(|r| (r.n, seconds(r))))
+    };
+    paths
+        .into_iter()
+        .filter_map(|path| {
+            let both = fit(path, |r| r.set_up).zip(fit(path, |r| r.solve));
+            both.map(|(set_up, solve)| (path, [set_up, solve]))
+        })
+        .collect()
+}
