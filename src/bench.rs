@@ -230,7 +230,6 @@ pub fn solve_on(
     k: usize,
     problem: &ContactProblem,
     tolerance: f64,
-    inner_tolerance: f64,
     mut before: impl FnMut(&str),
 ) -> Result<Vec<Row>, BenchError> {
     let mut rows: Vec<Row> = Vec::new();
@@ -243,12 +242,12 @@ pub fn solve_on(
             Path::CpuCholesky => Box::new(CholeskyDual::new(problem)?),
             Path::CpuPcg => {
                 let cpu = Cpu::<f32>::default();
-                let dual = NestedDual::new(problem, cpu, Default::default(), inner_tolerance)?;
+                let dual = NestedDual::new(problem, cpu, Default::default())?;
                 Box::new(dual)
             }
             Path::Gpu(context) => {
                 let gpu = Gpu::new(context)?;
-                let dual = NestedDual::new(problem, gpu, Default::default(), inner_tolerance)?;
+                let dual = NestedDual::new(problem, gpu, Default::default())?;
                 Box::new(dual)
             }
         };

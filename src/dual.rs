@@ -2,7 +2,7 @@
 
 mod nested;
 
-pub use nested::{INNER_TOLERANCE, NestedDual};
+pub use nested::NestedDual;
 
 use crate::backend::Counters;
 use crate::sparse::{dot, norm};
@@ -69,19 +69,30 @@ impl Stop<'_> {
 /// What the semi-smooth Newton method needs of the linear algebra behind the contact problem.
 ///
 /// Implemented by the Cholesky path, by the nested path on any backend, and by whatever else can apply
-/// K⁻¹; the algorithms are written once over it. Where K⁻¹ is a matter of many iterations, they end with
+/// K⁻¹; the algorithms are written once over it. Where K⁻¹ is a matter of many iterations, they reduce the
+/// residual of the system with K to `accuracy` times its right-hand side and no further, and end with
 /// [`DualError::Stopped`] once `stop` says so.
 pub trait DualOperator {
     /// y = A p; both have length 2m, normal part first.
-    fn apply(&mut self, p: &[f64], y: &mut [f64], stop: &Stop) -> Result<(), DualError>;
+    fn apply(
+        &mut self,
+        p: &[f64],
+        y: &mut [f64],
+        accuracy: f64,
+        stop: &Stop,
+    ) -> Result<(), DualError>;
     /// b = B K⁻¹ f − c with c = (d, 0).
-    fn right_hand_side(&mut self, b: &mut [f64], stop: &Stop) -> Result<(), DualError>;
-    /// u = K⁻¹(f − Bᵀλ), as exactly as this operator can; or, for a solve that has ended without
-    /// convergence, only `roughly`, for pictures.
+    fn right_hand_side(
+        &mut self,
+        b: &mut [f64],
+        accuracy: f64,
+        stop: &Stop,
+    ) -> Result<(), DualError>;
+    /// u = K⁻¹(f − Bᵀλ).
     fn displacement(
         &mut self,
         lambda: &[f64],
-        roughly: bool,
+        accuracy: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError>;
     /// PCG iterations of one system K x = f to a relative residual of `tolerance`, not counted in the costs;
@@ -108,7 +119,7 @@ pub struct Costs {
 /// of products with A that it took.
 ///
 /// Lanczos with full reorthogonalisation; the Ritz value is taken when it has settled to 0.1 %, and
-/// raised by 2 % since it approaches σ_max from below.
+/// raised by 2 % since it approaches σ_max from below. The products need no more accuracy than that.
 pub fn sigma_max(
     dual: &mut impl DualOperator,
     len: usize,
@@ -117,6 +128,7 @@ pub fn sigma_max(
     const MAX_STEPS: usize = 30;
     const SETTLED: f64 = 1e-3;
     const MARGIN: f64 = 1.02;
+    const ACCURACY: f64 = 1e-3;
     // A fixed pseudo-random start, so that results do not change from run to run.
     let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
     let mut q: Vec<f64> = (0..len)
@@ -137,7 +149,7 @@ pub fn sigma_max(
             break;
         }
         q.iter_mut().for_each(|v| *v /= length);
-        dual.apply(&q, &mut w, stop)?;
+        dual.apply(&q, &mut w, ACCURACY, stop)?;
         alpha.push(dot(&q, &w));
         basis.push(std::mem::replace(&mut q, w.clone()));
         // Twice is enough.

@@ -87,38 +87,37 @@ pub struct Engine<'a> {
 }
 
 impl<'a> Engine<'a> {
-    /// Chooses and sets up. `inner_tolerance` is that of [`NestedDual::new`]; `log` hears, in one line each,
-    /// what was chosen and why, and of each way back to the CPU.
+    /// Chooses and sets up; `log` hears, in one line each, what was chosen and why, and of each way back to
+    /// the CPU.
     pub fn new(
         problem: &'a ContactProblem,
         options: Options,
-        inner_tolerance: f64,
         log: impl FnMut(&str) + 'a,
     ) -> Result<Self, EngineError> {
         let mut log: Box<dyn FnMut(&str) + 'a> = Box::new(log);
         let n = problem.n();
         let path = match (options.place, options.stiffness) {
             (Place::Gpu, Stiffness::Cholesky) => return Err(EngineError::NoCholeskyOnGpu),
-            (Place::Gpu, _) => on_gpu(problem, &options, inner_tolerance, &mut log)?,
-            (Place::Cpu, Stiffness::Pcg) => on_cpu(problem, &options, inner_tolerance)?,
+            (Place::Gpu, _) => on_gpu(problem, &options, &mut log)?,
+            (Place::Cpu, Stiffness::Pcg) => on_cpu(problem, &options)?,
             (_, Stiffness::Cholesky) => Path::Cholesky(Box::new(CholeskyDual::new(problem)?)),
             (place, Stiffness::Auto) => match CholeskyDual::new(problem) {
                 Ok(dual) => Path::Cholesky(Box::new(dual)),
                 Err(error @ (FactorError::OutOfMemory { .. } | FactorError::TooLarge)) => {
                     log(&format!("{error}: using PCG instead"));
                     if place == Place::Auto {
-                        on_best(problem, &options, inner_tolerance, &mut log)?
+                        on_best(problem, &options, &mut log)?
                     } else {
-                        on_cpu(problem, &options, inner_tolerance)?
+                        on_cpu(problem, &options)?
                     }
                 }
                 Err(error) => return Err(error.into()),
             },
             // Whoever names an adapter means it.
             (Place::Auto, Stiffness::Pcg) if n < WORTH_A_GPU && options.gpu.adapter.is_none() => {
-                on_cpu(problem, &options, inner_tolerance)?
+                on_cpu(problem, &options)?
             }
-            (Place::Auto, Stiffness::Pcg) => on_best(problem, &options, inner_tolerance, &mut log)?,
+            (Place::Auto, Stiffness::Pcg) => on_best(problem, &options, &mut log)?,
         };
         Ok(Self {
             problem,
@@ -205,20 +204,15 @@ impl<'a> Engine<'a> {
     }
 }
 
-fn on_cpu<'a>(
-    problem: &'a ContactProblem,
-    options: &Options,
-    tolerance: f64,
-) -> Result<Path<'a>, EngineError> {
+fn on_cpu<'a>(problem: &'a ContactProblem, options: &Options) -> Result<Path<'a>, EngineError> {
     let cpu = Cpu::<f32>::default();
-    let dual = NestedDual::new(problem, cpu, options.preconditioner, tolerance)?;
+    let dual = NestedDual::new(problem, cpu, options.preconditioner)?;
     Ok(Path::Cpu(Box::new(dual)))
 }
 
 fn on_gpu<'a>(
     problem: &'a ContactProblem,
     options: &Options,
-    tolerance: f64,
     log: &mut dyn FnMut(&str),
 ) -> Result<Path<'a>, EngineError> {
     let context = Context::new(&options.gpu)?;
@@ -234,7 +228,7 @@ fn on_gpu<'a>(
         }
     ));
     let gpu = Gpu::new(&context)?;
-    let dual = NestedDual::new(problem, gpu, options.preconditioner, tolerance)?;
+    let dual = NestedDual::new(problem, gpu, options.preconditioner)?;
     Ok(Path::Gpu(Box::new(dual), context))
 }
 
@@ -242,36 +236,46 @@ fn on_gpu<'a>(
 fn on_best<'a>(
     problem: &'a ContactProblem,
     options: &Options,
-    tolerance: f64,
     log: &mut dyn FnMut(&str),
 ) -> Result<Path<'a>, EngineError> {
     let mut hardware = options.clone();
     hardware.gpu.hardware_only = options.gpu.adapter.is_none();
-    match on_gpu(problem, &hardware, tolerance, log) {
+    match on_gpu(problem, &hardware, log) {
         Err(EngineError::Gpu(error)) => {
             log(&format!("{error}; computing on the CPU"));
-            on_cpu(problem, options, tolerance)
+            on_cpu(problem, options)
         }
         outcome => outcome,
     }
 }
 
 impl DualOperator for Engine<'_> {
-    fn apply(&mut self, p: &[f64], y: &mut [f64], stop: &Stop) -> Result<(), DualError> {
-        self.with_fallback(|dual| dual.apply(p, y, stop))
+    fn apply(
+        &mut self,
+        p: &[f64],
+        y: &mut [f64],
+        accuracy: f64,
+        stop: &Stop,
+    ) -> Result<(), DualError> {
+        self.with_fallback(|dual| dual.apply(p, y, accuracy, stop))
     }
 
-    fn right_hand_side(&mut self, b: &mut [f64], stop: &Stop) -> Result<(), DualError> {
-        self.with_fallback(|dual| dual.right_hand_side(b, stop))
+    fn right_hand_side(
+        &mut self,
+        b: &mut [f64],
+        accuracy: f64,
+        stop: &Stop,
+    ) -> Result<(), DualError> {
+        self.with_fallback(|dual| dual.right_hand_side(b, accuracy, stop))
     }
 
     fn displacement(
         &mut self,
         lambda: &[f64],
-        roughly: bool,
+        accuracy: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
-        self.with_fallback(|dual| dual.displacement(lambda, roughly, stop))
+        self.with_fallback(|dual| dual.displacement(lambda, accuracy, stop))
     }
 
     fn linear_iterations(&mut self, tolerance: f64) -> Result<Option<usize>, DualError> {

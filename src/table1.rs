@@ -1,6 +1,5 @@
 //! The paper's Table 1: its figures beside ours.
 
-use crate::dual::INNER_TOLERANCE;
 use crate::engine::{Engine, EngineError, Options};
 use crate::reference::{self, Geometry, ReferenceError, TABLE1};
 use crate::ssnm::{self, Settings, Status};
@@ -81,7 +80,7 @@ pub fn row(
 ) -> Result<Vec<Cell>, Table1Error> {
     let mesh = reference::mesh(geometry, k);
     let problem = reference::problem(geometry, &mesh, &TABLE1)?;
-    let mut dual = Engine::new(&problem, engine.clone(), INNER_TOLERANCE, log)?;
+    let mut dual = Engine::new(&problem, engine.clone(), log)?;
     let mut cells = Vec::new();
     for &beta in betas {
         if before_cell(beta).is_break() {

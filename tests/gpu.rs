@@ -8,12 +8,13 @@ use common::Random;
 use signorini::backend::cpu::Cpu;
 use signorini::backend::gpu::{self, Context, Gpu, GpuError, Options as GpuOptions, Precision};
 use signorini::backend::{Backend, Block, Progress};
-use signorini::dual::{Costs, DualOperator as _, INNER_TOLERANCE, NestedDual, Stop};
+use signorini::dual::{Costs, DualOperator as _, NestedDual, Stop};
 use signorini::engine::{Engine, Options as EngineOptions, Place, Stiffness};
 use signorini::problem::ContactProblem;
 use signorini::reference::{self, Geometry, TABLE1};
 use signorini::sparse::{BlockCsr, Csr};
 use signorini::ssnm::{self, Settings, Solution, Status};
+use signorini::stiffness::amg::{BlockMatrix, Dense};
 use signorini::stiffness::pcg::Preconditioner;
 use signorini::table1::BETAS;
 use std::ops::ControlFlow;
@@ -386,8 +387,8 @@ fn solve(
     options: &EngineOptions,
     settings: &Settings,
 ) -> (Solution, Option<Costs>) {
-    let mut engine = Engine::new(problem, options.clone(), INNER_TOLERANCE, |_| {})
-        .unwrap_or_else(|error| panic!("{error}"));
+    let mut engine =
+        Engine::new(problem, options.clone(), |_| {}).unwrap_or_else(|error| panic!("{error}"));
     let solution = ssnm::solve(
         problem,
         &mut engine,
@@ -415,11 +416,10 @@ fn every_path_takes_the_same_steps_on_the_table() {
             assert_eq!(found.info.iter, expected.info.iter, "{what}");
             assert_eq!(found.info.n_a, expected.info.n_a, "{what}");
             assert!(found.sets == expected.sets, "{what}");
-            assert!(common::distance(&found.u, &expected.u) < 1e-6, "{what}");
-            assert!(
-                common::distance(&found.lambda, &expected.lambda) < 1e-6,
-                "{what}"
-            );
+            // Both are that far from the solution; how far from each other is a matter of chance.
+            let apart = |a: &[f64], b: &[f64]| common::distance(a, b);
+            assert!(apart(&found.u, &expected.u) < 1e-3, "{what}");
+            assert!(apart(&found.lambda, &expected.lambda) < 1e-2, "{what}");
             let Costs { solves, device } = costs.expect("the nested path counts");
             // One look at the progress per system, rarely two; corrections in f32 need several, each with
             // its result.
@@ -472,16 +472,16 @@ fn manufactured_problems_on_every_path() {
 fn three_dispatches_per_iteration_and_few_read_backs() {
     let problem = one_body(1);
     let gpu = Gpu::new(&context(Precision::F64, None)).unwrap_or_else(|error| panic!("{error}"));
-    let mut dual = NestedDual::new(&problem, gpu, Preconditioner::BlockJacobi, 1e-6)
+    let mut dual = NestedDual::new(&problem, gpu, Preconditioner::BlockJacobi)
         .unwrap_or_else(|error| panic!("{error}"));
     let p = vec![1.0; 2 * problem.m()];
     let mut y = p.clone();
     // The first product learns how many iterations one takes.
-    dual.apply(&p, &mut y, &Stop::default())
+    dual.apply(&p, &mut y, 1e-6, &Stop::default())
         .unwrap_or_else(|error| panic!("{error}"));
     for _ in 0..4 {
         let before = dual.costs().expect("it counts");
-        dual.apply(&p, &mut y, &Stop::default())
+        dual.apply(&p, &mut y, 1e-6, &Stop::default())
             .unwrap_or_else(|error| panic!("{error}"));
         let after = dual.costs().expect("it counts");
         let iterations = after.solves.iterations - before.solves.iterations;
@@ -518,7 +518,7 @@ fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
             },
         };
         let log = std::cell::RefCell::new(Vec::new());
-        let mut engine = Engine::new(&problem, options, INNER_TOLERANCE, |line| {
+        let mut engine = Engine::new(&problem, options, |line| {
             log.borrow_mut().push(line.to_owned());
         })
         .unwrap_or_else(|error| panic!("{error}"));
@@ -613,8 +613,8 @@ fn limits_that_are_too_small_are_named() {
 fn a_request_to_stop_is_heard_inside_a_solve_with_k() {
     let problem = one_body(1);
     for (path, options) in paths() {
-        let mut engine = Engine::new(&problem, options, INNER_TOLERANCE, |_| {})
-            .unwrap_or_else(|error| panic!("{error}"));
+        let mut engine =
+            Engine::new(&problem, options, |_| {}).unwrap_or_else(|error| panic!("{error}"));
         let flag = AtomicBool::new(true);
         let settings = Settings {
             interrupt: Some(&flag),
@@ -663,7 +663,7 @@ fn a_singular_matrix_is_an_error_of_the_problem() {
                 ..options.clone()
             };
             // Multigrid notices when it is set up, block-Jacobi in the first solve.
-            let text = match Engine::new(&problem, options, INNER_TOLERANCE, |_| {}) {
+            let text = match Engine::new(&problem, options, |_| {}) {
                 Err(error) => error.to_string(),
                 Ok(mut engine) => {
                     let settings = Settings::default();
@@ -678,6 +678,144 @@ fn a_singular_matrix_is_an_error_of_the_problem() {
                 text.contains("supports"),
                 "{path}, {preconditioner:?}: {text}"
             );
+        }
+    }
+}
+
+/// A random matrix of a multigrid level: some empty rows, one long row if there is room.
+fn level_matrix(
+    block: [usize; 2],
+    rows: usize,
+    columns: usize,
+    random: &mut Random,
+) -> BlockMatrix<f32> {
+    let (mut row_ptr, mut col_idx) = (vec![0], Vec::new());
+    for i in 0..rows {
+        let mut own: Vec<u32> = match i % 11 {
+            4 => Vec::new(),
+            7 => (0..columns as u32).step_by(2).collect(),
+            _ => (0..1 + random.below(6))
+                .map(|_| random.below(columns) as u32)
+                .collect(),
+        };
+        own.sort_unstable();
+        own.dedup();
+        col_idx.extend(own);
+        row_ptr.push(col_idx.len() as u32);
+    }
+    let count = col_idx.len() * block[0] * block[1];
+    BlockMatrix {
+        block,
+        n_block_cols: columns,
+        row_ptr,
+        values: (0..count).map(|_| number(random) as f32).collect(),
+        col_idx,
+    }
+}
+
+/// Everything that a V-cycle is made of, on random data: each result through CG's own door, since vectors
+/// of a level have no other way to the host.
+fn level_results<B: Backend<Stored = f32>>(
+    b: &mut B,
+    block: usize,
+    rows: usize,
+    seed: u64,
+) -> Result<Vec<Vec<f64>>, GpuError> {
+    let mut random = Random(seed);
+    // A state that is not done, of a run on vectors of the same length.
+    let n = (rows * block).next_multiple_of(2);
+    let k = Arc::new(BlockCsr::from_triplets(n, n, (0..n).map(|i| (i, i, 1.0))));
+    let (k, _) = b.matrix(&k)?;
+    let r = numbers(&mut random, n);
+    let mut r_there = b.vector(n)?;
+    b.upload(&r, &mut r_there);
+    let (mut x, mut p) = (b.vector(n)?, b.vector(n)?);
+    let mut state = b.state(&k, &r_there)?;
+    let mut right = b.level_vector(n)?;
+    let mut results = Vec::new();
+
+    let a = level_matrix([block, block], rows, rows, &mut random);
+    let coarse_rows = 1 + rows / 3;
+    let restriction = level_matrix([3, block], coarse_rows, rows, &mut random);
+    let prolongation = level_matrix([block, 3], rows, coarse_rows, &mut random);
+    let dense = Dense {
+        n,
+        values: (0..n * n).map(|_| number(&mut random) as f32).collect(),
+    };
+    let diagonal: Vec<f32> = (0..rows * block * block)
+        .map(|_| number(&mut random) as f32)
+        .collect();
+    let a = b.level_matrix(a)?;
+    let restriction = b.level_matrix(restriction)?;
+    let prolongation = b.level_matrix(prolongation)?;
+    let dense = b.dense_matrix(dense)?;
+    let diagonal = b.level_diagonal(diagonal, block)?;
+    let (mut d, mut y, mut z) = (b.level_vector(n)?, b.level_vector(n)?, b.level_vector(n)?);
+    let mut coarse = b.level_vector(3 * coarse_rows)?;
+
+    // p = z + β p with the z in question, in the first iteration of a run: p = z.
+    macro_rules! keep {
+        ($z:expr) => {{
+            b.mg_step_2(&r_there, $z, &mut p, &mut state);
+            let mut out = vec![f64::NAN; n];
+            b.download(&p, &mut out)?;
+            results.push(out);
+            b.mg_load(&r_there, &mut x, &mut right, &mut state, 1e-3);
+        }};
+    }
+    b.mg_load(&r_there, &mut x, &mut right, &mut state, 1e-3);
+    b.chebyshev_first(&state, &diagonal, 0.75, &right, &mut d, &mut y);
+    keep!(&y);
+    keep!(&d);
+    b.chebyshev_step(
+        &state,
+        &a,
+        &diagonal,
+        [0.25, 0.5],
+        &right,
+        &y,
+        &mut d,
+        &mut z,
+    );
+    keep!(&z);
+    keep!(&d);
+    b.level_residual(&state, &a, &right, &y, &mut z);
+    keep!(&z);
+    b.level_product(&state, &restriction, &right, &mut coarse);
+    b.level_product_add(&state, &prolongation, &coarse, &mut z);
+    keep!(&z);
+    b.dense_product(&state, &dense, &right, &mut z);
+    keep!(&z);
+    Ok(results)
+}
+
+#[test]
+fn kernels_of_the_levels_at_awkward_sizes() {
+    for precision in PRECISIONS {
+        for max_binding in [None, Some(64 << 10)] {
+            let context = context(precision, max_binding);
+            for block in [2, 3] {
+                for rows in [1, 2, 31, 32, 33, 64, 127, 128, 129, 257, 1001] {
+                    let seed = (17 * rows + block) as u64;
+                    let what = format!("{rows} blocks of {block} in {precision}, {max_binding:?}");
+                    let mut gpu = Gpu::new(&context).unwrap_or_else(|error| panic!("{error}"));
+                    let found = match level_results(&mut gpu, block, rows, seed) {
+                        // A long row of the largest matrices exceeds the small binding, and the inverse.
+                        Err(GpuError::DenseRow { .. } | GpuError::TooLarge { .. })
+                            if max_binding.is_some() && rows > 64 =>
+                        {
+                            continue;
+                        }
+                        found => found.unwrap_or_else(|error| panic!("{what}: {error}")),
+                    };
+                    let expected = level_results(&mut Cpu::<f32>::default(), block, rows, seed)
+                        .unwrap_or_else(|error| panic!("{error}"));
+                    for (i, (f, e)) in found.iter().zip(&expected).enumerate() {
+                        // Sums of up to 3000 numbers of size one in f32, three in a row.
+                        assert_close(f, e, 3e-5, &format!("result {i}, {what}"));
+                    }
+                }
+            }
         }
     }
 }

@@ -3,7 +3,6 @@
 use super::{BenchArguments, NOT_CONVERGED, print};
 use signorini::backend::gpu::{Context, Options, Precision};
 use signorini::bench::{self, Path, Row, Speeds};
-use signorini::dual::INNER_TOLERANCE;
 use signorini::output::peak_memory_mib;
 use signorini::reference::{self, CASE_B, Geometry};
 use signorini::ssnm::Status;
@@ -66,7 +65,7 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
         }
         paths.push(Path::CpuPcg);
         paths.extend(contexts.iter().map(Path::Gpu));
-        let found = bench::solve_on(&paths, k, &problem, TOLERANCE, INNER_TOLERANCE, |path| {
+        let found = bench::solve_on(&paths, k, &problem, TOLERANCE, |path| {
             progress(&format!("k = {k}: {path}"));
         });
         rows.extend(found.map_err(|e| format!("k = {k}: {e}"))?);

@@ -2,7 +2,7 @@
 
 use super::{NOT_CONVERGED, SolveArguments};
 use signorini::case::Case;
-use signorini::dual::{Costs, DualOperator as _, INNER_TOLERANCE};
+use signorini::dual::{Costs, DualOperator as _};
 use signorini::engine::Engine;
 use signorini::output::{EnginePath, Report, Timings, write_report, write_solution};
 use signorini::ssnm::{self, SetSizes, Status, Step};
@@ -48,12 +48,9 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         ..Default::default()
     };
     let set_up_start = Instant::now();
-    let mut engine = Engine::new(
-        &build.problem,
-        arguments.engine.options(),
-        INNER_TOLERANCE,
-        |line| log.say(format_args!("{line}")),
-    )
+    let mut engine = Engine::new(&build.problem, arguments.engine.options(), |line| {
+        log.say(format_args!("{line}"))
+    })
     .map_err(|e| format!("{}: {e}", arguments.case.display()))?;
     timings.factor = set_up_start.elapsed().as_secs_f64();
     match engine.cholesky() {

@@ -6,11 +6,9 @@ use crate::problem::ContactProblem;
 use crate::sparse::{Csr, norm};
 use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner};
 
-/// Relative residual of the systems with K: small against any tolerance of the contact problem, so that
-/// outer steps and products are those of the exact path.
-pub const INNER_TOLERANCE: f64 = 1e-10;
-/// Relative residual for the displacement of a solve that has ended without convergence.
-const ROUGH_TOLERANCE: f64 = 1e-4;
+/// Residuals asked for are kept within these: below, f64 has nothing to give; above, a single iteration
+/// would not do what the method expects of a product.
+const ACCURACIES: (f64, f64) = (1e-12, 0.1);
 
 /// B and Bᵀ on the backend, with vectors of multipliers.
 struct OnBackend<B: Backend> {
@@ -30,17 +28,14 @@ pub struct NestedDual<'a, B: Backend> {
     b: Csr,
     pcg: Pcg<B>,
     on_backend: Option<OnBackend<B>>,
-    tolerance: f64,
 }
 
 impl<'a, B: Backend> NestedDual<'a, B> {
-    /// Moves the problem to the backend. `tolerance` is the relative residual of every system with K;
-    /// [`INNER_TOLERANCE`] suits all.
+    /// Moves the problem to the backend.
     pub fn new(
         problem: &'a ContactProblem,
         backend: B,
         preconditioner: Preconditioner,
-        tolerance: f64,
     ) -> Result<Self, PcgError> {
         let (k, coordinates) = (problem.stiffness(), problem.coordinates());
         let mut pcg = Pcg::new(backend, k, coordinates, preconditioner)?;
@@ -62,7 +57,6 @@ impl<'a, B: Backend> NestedDual<'a, B> {
             b,
             pcg,
             on_backend,
-            tolerance,
         })
     }
 
@@ -81,7 +75,14 @@ impl<'a, B: Backend> NestedDual<'a, B> {
 }
 
 impl<B: Backend> DualOperator for NestedDual<'_, B> {
-    fn apply(&mut self, p: &[f64], y: &mut [f64], stop: &Stop) -> Result<(), DualError> {
+    fn apply(
+        &mut self,
+        p: &[f64],
+        y: &mut [f64],
+        accuracy: f64,
+        stop: &Stop,
+    ) -> Result<(), DualError> {
+        let accuracy = accuracy.clamp(ACCURACIES.0, ACCURACIES.1);
         let Some(OnBackend {
             gather,
             scatter,
@@ -92,7 +93,7 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
             let mut load = vec![0.0; self.b.n_cols()];
             self.b.mul_transpose_add(1.0, p, &mut load);
             let mut x = vec![0.0; load.len()];
-            self.pcg.solve(&load, &mut x, self.tolerance, stop)?;
+            self.pcg.solve(&load, &mut x, accuracy, stop)?;
             self.b.mul(&x, y);
             return Ok(());
         };
@@ -108,16 +109,22 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
             out: y,
         };
         self.pcg.counts.solves += 1;
-        self.pcg.run(self.tolerance, stop, Some(gather))?;
+        self.pcg.run(accuracy, stop, Some(gather))?;
         let scale = unit * self.pcg.scale;
         y.iter_mut().for_each(|v| *v *= scale);
         Ok(())
     }
 
-    fn right_hand_side(&mut self, b: &mut [f64], stop: &Stop) -> Result<(), DualError> {
+    fn right_hand_side(
+        &mut self,
+        b: &mut [f64],
+        accuracy: f64,
+        stop: &Stop,
+    ) -> Result<(), DualError> {
+        let accuracy = accuracy.clamp(ACCURACIES.0, ACCURACIES.1);
         let mut x = vec![0.0; self.b.n_cols()];
         self.pcg
-            .solve(self.problem.load(), &mut x, self.tolerance, stop)?;
+            .solve(self.problem.load(), &mut x, accuracy, stop)?;
         self.gap(&x, b);
         Ok(())
     }
@@ -125,18 +132,14 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
     fn displacement(
         &mut self,
         lambda: &[f64],
-        roughly: bool,
+        accuracy: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
         let mut load = self.problem.load().to_vec();
         self.b.mul_transpose_add(-1.0, lambda, &mut load);
-        let tolerance = if roughly {
-            self.tolerance.max(ROUGH_TOLERANCE)
-        } else {
-            self.tolerance
-        };
+        let accuracy = accuracy.clamp(ACCURACIES.0, ACCURACIES.1);
         let mut u = vec![0.0; load.len()];
-        self.pcg.solve(&load, &mut u, tolerance, stop)?;
+        self.pcg.solve(&load, &mut u, accuracy, stop)?;
         Ok(u)
     }
 

@@ -87,18 +87,29 @@ impl<'a, D: DualOperator + ?Sized> Scaled<'a, D> {
 }
 
 impl<D: DualOperator + ?Sized> DualOperator for Scaled<'_, D> {
-    fn apply(&mut self, p: &[f64], y: &mut [f64], stop: &Stop) -> Result<(), DualError> {
+    fn apply(
+        &mut self,
+        p: &[f64],
+        y: &mut [f64],
+        accuracy: f64,
+        stop: &Stop,
+    ) -> Result<(), DualError> {
         let mut scaled = std::mem::take(&mut self.buffer);
         scaled.copy_from_slice(p);
         self.times(&mut scaled);
-        let outcome = self.dual.apply(&scaled, y, stop);
+        let outcome = self.dual.apply(&scaled, y, accuracy, stop);
         self.times(y);
         self.buffer = scaled;
         outcome
     }
 
-    fn right_hand_side(&mut self, b: &mut [f64], stop: &Stop) -> Result<(), DualError> {
-        self.dual.right_hand_side(b, stop)?;
+    fn right_hand_side(
+        &mut self,
+        b: &mut [f64],
+        accuracy: f64,
+        stop: &Stop,
+    ) -> Result<(), DualError> {
+        self.dual.right_hand_side(b, accuracy, stop)?;
         self.times(b);
         Ok(())
     }
@@ -106,11 +117,11 @@ impl<D: DualOperator + ?Sized> DualOperator for Scaled<'_, D> {
     fn displacement(
         &mut self,
         lambda: &[f64],
-        roughly: bool,
+        accuracy: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
         let mut lambda = lambda.to_vec();
         self.times(&mut lambda);
-        self.dual.displacement(&lambda, roughly, stop)
+        self.dual.displacement(&lambda, accuracy, stop)
     }
 }

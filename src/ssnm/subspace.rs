@@ -57,6 +57,16 @@ impl Subspace {
         }
     }
 
+    /// Splits x into its part in the span, of which only the image is kept, and the rest.
+    pub fn split(&self, x: &mut [f64], image: &mut [f64]) {
+        image.fill(0.0);
+        for (direction, known) in self.directions.iter().zip(&self.images) {
+            let c = dot(known, x);
+            subtract(c, direction, x);
+            subtract(-c, known, image);
+        }
+    }
+
     /// Moves to the minimum of q over the span: λ −= W Wᵀr, r −= AW Wᵀr. No product with A is spent.
     pub fn minimise(&self, lambda: &mut [f64], r: &mut [f64]) {
         for (direction, image) in self.directions.iter().zip(&self.images) {

@@ -316,7 +316,13 @@ impl CholeskyDual {
 }
 
 impl DualOperator for CholeskyDual {
-    fn apply(&mut self, p: &[f64], y: &mut [f64], _stop: &Stop) -> Result<(), DualError> {
+    fn apply(
+        &mut self,
+        p: &[f64],
+        y: &mut [f64],
+        _accuracy: f64,
+        _stop: &Stop,
+    ) -> Result<(), DualError> {
         let mut x = std::mem::take(&mut self.workspace);
         x.fill(0.0);
         self.b.mul_transpose_add(1.0, p, &mut x);
@@ -326,7 +332,12 @@ impl DualOperator for CholeskyDual {
         Ok(())
     }
 
-    fn right_hand_side(&mut self, b: &mut [f64], _stop: &Stop) -> Result<(), DualError> {
+    fn right_hand_side(
+        &mut self,
+        b: &mut [f64],
+        _accuracy: f64,
+        _stop: &Stop,
+    ) -> Result<(), DualError> {
         let mut x = self.reduced_load[self.n_leading..].to_vec();
         self.solve_touched(&mut x);
         self.b.mul(&x, b);
@@ -339,7 +350,7 @@ impl DualOperator for CholeskyDual {
     fn displacement(
         &mut self,
         lambda: &[f64],
-        _roughly: bool,
+        _accuracy: f64,
         _stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
         let mut x = self.reduced_load.clone();
