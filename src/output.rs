@@ -52,12 +52,16 @@ pub struct EnginePath {
     pub stiffness: &'static str,
     /// Systems with K, PCG iterations, dispatches; None on the direct path.
     pub costs: Option<Costs>,
+    /// PCG iterations of one system with K to 1e-8, where they were counted.
+    #[serde(skip)]
+    pub v_cycles_linear: Option<usize>,
 }
 
 impl EnginePath {
     /// That of an engine, as it is after a solve.
     pub fn of(engine: &Engine) -> Self {
         Self {
+            v_cycles_linear: None,
             backend: engine.backend(),
             adapter: engine.adapter(),
             precision: engine.precision(),
@@ -118,8 +122,11 @@ impl<'a> Report<'a> {
             rho: info.rho,
             sigma_max: info.sigma_max,
             v_cycles: path.costs.map(|costs| costs.solves.iterations),
-            v_cycles_linear: None,
-            work_ratio: None,
+            v_cycles_linear: path.v_cycles_linear,
+            work_ratio: path
+                .costs
+                .zip(path.v_cycles_linear)
+                .map(|(costs, linear)| costs.solves.iterations as f64 / linear.max(1) as f64),
             path,
             sets: solution.sets.sizes(),
             kkt: info.kkt,

@@ -91,7 +91,11 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     if let Some(costs) = costs {
         log.say(format_args!("{}", describe_costs(&costs)));
     }
-    let path = EnginePath::of(&engine);
+    let mut path = EnginePath::of(&engine);
+    if solution.status == Status::Converged {
+        // What the whole solve has cost in linear solves; whoever has asked to stop does not wait for it.
+        path.v_cycles_linear = engine.linear_iterations(1e-8).ok().flatten();
+    }
     drop(engine);
 
     let output_start = Instant::now();

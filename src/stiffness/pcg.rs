@@ -39,6 +39,8 @@ pub enum PcgError {
 
 /// Iterations between two looks at the progress, where the first look came too early: at least this many.
 const CHUNK: usize = 16;
+/// Iterations before the first look at least.
+const LEAST_CHUNK: usize = 4;
 /// At most this many, so that a request to stop is heard.
 const MAX_CHUNK: usize = 256;
 /// A correction in f32 is asked to reduce the residual by this factor at most: beyond it the recurrence
@@ -287,7 +289,7 @@ impl<B: Backend> Pcg<B> {
         }
         // More than it should take: a look too early costs more than an iteration without effect.
         let predicted = (1.0 / tolerance).ln() / self.rate;
-        let mut chunk = (predicted.ceil() as usize + 2).clamp(CHUNK / 2, MAX_CHUNK);
+        let mut chunk = (predicted.ceil() as usize + 1).clamp(LEAST_CHUNK, MAX_CHUNK);
         let mut issued = 0;
         loop {
             for _ in 0..chunk {

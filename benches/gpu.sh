@@ -1,0 +1,31 @@
+#!/bin/sh
+# On a GPU host, from the built binary alone: are the answers right in both precisions, and how fast are
+# they? Needs no compiler; takes at most 8 minutes; writes one JSON file.
+#
+#   benches/gpu.sh [BINARY [OUTPUT.json]]
+#
+# Build and strip the binary elsewhere if need be: cargo build --release && strip target/release/signorini
+set -eu
+binary="${1:-$(dirname "$0")/../target/release/signorini}"
+output="${2:-gpu.json}"
+sizes="${SIZES:-3,7,13,26,40}"
+
+"$binary" adapters
+echo
+for precision in auto f32; do
+    echo "Table 1 on the GPU, precision $precision (iter and n_A are those of the CPU, or the test fails):"
+    "$binary" table1 --max-k 3 --backend gpu --precision "$precision" --json "$output.table" >/dev/null
+    "$binary" table1 --max-k 3 --backend cpu --stiffness cholesky --json "$output.expected" >/dev/null
+    counts() { grep -E '"(iter|n_A|status)":' "$1"; }
+    if [ "$(counts "$output.table")" = "$(counts "$output.expected")" ]; then
+        echo "  the same in all cells"
+    else
+        echo "  DIFFERENT"
+        exit 1
+    fi
+    rm -f "$output.table" "$output.expected"
+done
+echo
+# The benchmark compares the solutions of all paths and fails if they differ.
+timeout 420 "$binary" bench --k "$sizes" --json "$output"
+echo "Figures written to $output"
