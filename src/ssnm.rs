@@ -227,10 +227,16 @@ pub fn solve(
         deadline: settings.time_limit.map(|limit| start + limit),
         interrupt: settings.interrupt,
     };
+    // What the products have to resolve: ε, or in the exact method what the inner problems are solved to.
+    let accuracy = RELAXED
+        * match settings.method {
+            Method::Inexact => settings.tolerance,
+            Method::Exact => EXACT.min(settings.tolerance),
+        };
     let mut dual = Scaled::new(problem, dual);
     let mut b = vec![0.0; len];
     let set_up = dual
-        .right_hand_side(&mut b, RELAXED * settings.tolerance, &stop)
+        .right_hand_side(&mut b, accuracy, &stop)
         .and_then(|()| sigma_max(&mut dual, len, &stop));
     let setup_seconds = start.elapsed().as_secs_f64();
     let mut failure = None;
@@ -255,13 +261,13 @@ pub fn solve(
         known: Subspace::default(),
         sigma,
         allowed: 0.0,
-        check_accuracy: RELAXED * settings.tolerance,
+        check_accuracy: accuracy,
         stop,
     };
     let mut point = newton.origin();
     // err⁰ at λ = 0 even for a warm start: a good start must not make the same tolerance harder.
     let err0 = newton.error(&point);
-    newton.allowed = RELAXED * settings.tolerance * err0;
+    newton.allowed = accuracy * err0;
     let mut history: Vec<Step> = Vec::new();
     let mut first_met = None;
     let outcome = match failure {

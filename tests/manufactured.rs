@@ -4,7 +4,9 @@ mod common;
 
 use common::{Node, Random, distance, manufactured, solve};
 use proptest::prelude::*;
-use signorini::ssnm::{Method, Settings, Status};
+use signorini::engine::{Engine, Options, Place, Stiffness};
+use signorini::ssnm::{self, Method, Settings, Status};
+use std::ops::ControlFlow;
 
 fn node() -> impl Strategy<Value = Node> {
     (any::<bool>(), -1i8..=1).prop_map(|(separated, slip)| Node { separated, slip })
@@ -188,4 +190,55 @@ fn no_friction() {
     assert_eq!(b.status, Status::Converged);
     assert!(distance(&a.u, &b.u) < 1e-5);
     assert!(a.lambda[12..].iter().all(|&l| l == 0.0));
+}
+
+#[test]
+fn products_by_iterations_lead_the_same_way() {
+    let mut random = Random(99);
+    let (mut differ, mut exact_products, mut nested_products) = (0, 0, 0);
+    const COUNT: usize = 240;
+    for i in 0..COUNT {
+        let m = 1 + random.below(40);
+        let n = 2 * m + 1 + random.below(200);
+        let nodes: Vec<Node> = (0..m)
+            .map(|_| Node {
+                separated: random.below(3) == 0,
+                slip: random.below(3) as i8 - 1,
+            })
+            .collect();
+        let problem = manufactured(n, &nodes, i % 2 == 0, &mut random).problem;
+        let settings = Settings {
+            tolerance: [1e-4, 1e-6, 1e-9][i % 3],
+            beta: [0.05, 1.0, 1.9, 30.0][i % 4],
+            ..Default::default()
+        };
+        let [exact, nested] = [Stiffness::Cholesky, Stiffness::Pcg].map(|stiffness| {
+            let options = Options {
+                place: Place::Cpu,
+                stiffness,
+                ..Default::default()
+            };
+            let mut engine =
+                Engine::new(&problem, options, |_| {}).unwrap_or_else(|error| panic!("{error}"));
+            let solution = ssnm::solve(&problem, &mut engine, &settings, |_| {
+                ControlFlow::Continue(())
+            })
+            .unwrap_or_else(|error| panic!("{i}: {error}"));
+            assert_eq!(solution.status, Status::Converged, "{i}: {stiffness:?}");
+            solution.info
+        });
+        differ += usize::from(exact.iter != nested.iter);
+        exact_products += exact.n_a;
+        nested_products += nested.n_a;
+    }
+    // Where two sets are almost as good, rounding may choose either.
+    assert!(
+        differ <= COUNT / 15,
+        "{differ} of {COUNT} took other outer steps"
+    );
+    let ratio = nested_products as f64 / exact_products as f64;
+    assert!(
+        (ratio - 1.0).abs() < 0.05,
+        "{nested_products} for {exact_products} products"
+    );
 }
