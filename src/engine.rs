@@ -119,6 +119,11 @@ impl<'a> Engine<'a> {
             }
             (Place::Auto, Stiffness::Pcg) => on_best(problem, &options, &mut log)?,
         };
+        if !matches!(path, Path::Cholesky(_)) && problem.coordinates().is_none() {
+            log(
+                "no coordinates are given: multigrid has no rotations to work with and needs more iterations",
+            );
+        }
         Ok(Self {
             problem,
             path,

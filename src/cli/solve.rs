@@ -49,7 +49,7 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     };
     let set_up_start = Instant::now();
     let mut engine = Engine::new(&build.problem, arguments.engine.options(), |line| {
-        log.say(format_args!("{line}"))
+        log.tell(line)
     })
     .map_err(|e| format!("{}: {e}", arguments.case.display()))?;
     timings.factor = set_up_start.elapsed().as_secs_f64();
@@ -229,6 +229,13 @@ impl Log {
             quiet: arguments.quiet,
             verbose: arguments.verbose,
             terminal: std::io::stderr().is_terminal(),
+        }
+    }
+
+    /// What the user should know without asking.
+    fn tell(&self, line: &str) {
+        if !self.quiet {
+            eprintln!("{line}");
         }
     }
 

@@ -119,12 +119,15 @@ const STORAGE_BUFFERS: u32 = 8;
 ///
 /// The variables `WGPU_BACKEND` and `WGPU_POWER_PREF` are respected.
 pub fn adapters() -> Vec<AdapterSummary> {
-    sorted_adapters().into_iter().map(|(_, s)| s).collect()
+    let all = sorted_adapters(wgpu::Backends::all());
+    all.into_iter().map(|(_, s)| s).collect()
 }
 
-fn sorted_adapters() -> Vec<(wgpu::Adapter, AdapterSummary)> {
-    let instance =
-        wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+/// The adapters of some interfaces, as far as the environment allows these.
+fn sorted_adapters(interfaces: wgpu::Backends) -> Vec<(wgpu::Adapter, AdapterSummary)> {
+    let mut description = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+    description.backends &= interfaces;
+    let instance = wgpu::Instance::new(description);
     let low_power = wgpu::PowerPreference::from_env() == Some(wgpu::PowerPreference::LowPower);
     let mut found: Vec<_> = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()))
         .into_iter()
@@ -406,7 +409,18 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// The adapter to take, and why.
 fn choose(options: &Options) -> Result<(wgpu::Adapter, AdapterSummary, String), GpuError> {
-    let all = sorted_adapters();
+    let variable = std::env::var("WGPU_ADAPTER_NAME").ok();
+    let by_variable = options.adapter.is_none() && variable.is_some();
+    let wanted = options.adapter.clone().or(variable);
+    // GL shows the devices of the other interfaces once more, with less to offer, and asking for it takes
+    // time and may write to standard error: only where nothing else is there, or to look for a name.
+    let mut all = match wanted {
+        Some(_) => Vec::new(),
+        None => sorted_adapters(!wgpu::Backends::GL),
+    };
+    if all.iter().all(|(_, s)| s.unsuitable.is_some()) {
+        all = sorted_adapters(wgpu::Backends::all());
+    }
     let list = || {
         all.iter()
             .enumerate()
@@ -420,9 +434,6 @@ fn choose(options: &Options) -> Result<(wgpu::Adapter, AdapterSummary, String), 
                 .to_owned(),
         ));
     }
-    let variable = std::env::var("WGPU_ADAPTER_NAME").ok();
-    let by_variable = options.adapter.is_none() && variable.is_some();
-    let wanted = options.adapter.clone().or(variable);
     let position = match &wanted {
         Some(wanted) => {
             let by_number = wanted.parse::<usize>().ok().filter(|&i| i < all.len());
