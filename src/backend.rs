@@ -32,7 +32,7 @@ pub struct Progress {
     pub broken: bool,
 }
 
-/// What a backend has done so far; all zero on the CPU but for the preconditioner.
+/// What a backend has done so far; all zero on the CPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Counters {
     /// Kernel launches.

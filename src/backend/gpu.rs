@@ -12,6 +12,7 @@
 
 mod context;
 mod kernels;
+mod sliced;
 
 pub use context::{AdapterSummary, Context, GpuError, Options, Precision, adapters};
 
@@ -21,6 +22,7 @@ use crate::stiffness::amg::{BlockMatrix, Dense};
 use context::Buffer;
 use kernels::{Kernel, Shape};
 use rayon::prelude::*;
+use sliced::{LevelLayout, PartLayout};
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, mpsc};
 use std::time::Instant;
@@ -28,8 +30,6 @@ use wgpu::BufferUsages;
 
 /// Invocations of a workgroup; `WIDTH` in `shaders/shared/common.wgsl`.
 const WIDTH: u32 = 128;
-/// Block rows of a slice of K.
-const SLICE: usize = 32;
 /// Bytes that a pair of unknowns may take in any array: a 2×2 block of the preconditioner in f32, or two f64.
 const PAIR_BYTES: u64 = 16;
 /// Bytes of a CG state that are copied to the host.
@@ -296,10 +296,7 @@ impl Gpu {
             let start = Instant::now();
             self.context.queue.submit([encoder.finish()]);
             // A fault shows in the check.
-            let _ = self
-                .context
-                .device
-                .poll(wgpu::PollType::wait_indefinitely());
+            let _ = self.context.wait();
             best = best.min(start.elapsed().as_secs_f64());
             self.context.check()?;
         }
@@ -341,10 +338,7 @@ impl Gpu {
             if bytes.len() as u64 > PIECE_BYTES {
                 queue.submit([]);
                 // The poll only frees memory here; a fault shows in the check.
-                let _ = self
-                    .context
-                    .device
-                    .poll(wgpu::PollType::wait_indefinitely());
+                let _ = self.context.wait();
             }
         }
         self.context.check()?;
@@ -365,7 +359,7 @@ impl Gpu {
     /// Pairs of a segment at most: a whole number of slices.
     fn segment_pairs(&self) -> usize {
         let pairs = (self.context.max_binding() / PAIR_BYTES) as usize;
-        (pairs / SLICE * SLICE).max(SLICE)
+        (pairs / sliced::SLICE * sliced::SLICE).max(sliced::SLICE)
     }
 
     /// The ranges of pairs of the segments of a vector.
@@ -532,10 +526,7 @@ impl Gpu {
             // Nobody listens any more only if the wait below has failed.
             let _ = sender.send(result);
         });
-        let polled = self
-            .context
-            .device
-            .poll(wgpu::PollType::wait_indefinitely());
+        let polled = self.context.wait();
         self.context.check()?;
         let fault = |reason: String| GpuError::Fault {
             adapter: self.context.adapter.to_string(),
@@ -736,7 +727,7 @@ impl Backend for Gpu {
             }
         };
         let ranges = self.ranges(k.n_block_rows());
-        let layouts = layouts(k, &ranges, self.context.max_binding(), self.real_bytes())
+        let layouts = PartLayout::all(k, &ranges, self.context.max_binding(), self.real_bytes())
             .ok_or_else(|| GpuError::DenseRow {
                 adapter: self.context.adapter.to_string(),
                 limit_mib: self.context.max_binding() >> 20,
@@ -748,8 +739,10 @@ impl Backend for Gpu {
         let mut parts = Vec::new();
         for layout in layouts {
             let rows = &ranges[layout.row_segment];
-            let (columns, values) =
-                layout.fill(k, rows.start, &ranges[layout.column_segment], scale, self);
+            let by_rows = self.context.precision == Precision::F64;
+            let columns = &ranges[layout.column_segment];
+            let (columns, values) = layout.fill(k, rows.start, columns, scale, by_rows);
+            let values = self.real_array(&values);
             let slot_count = layout.slots();
             parts.push(Part {
                 row_segment: layout.row_segment,
@@ -1055,17 +1048,14 @@ impl Backend for Gpu {
 
     fn level_matrix(&mut self, m: BlockMatrix<f32>) -> Result<LevelMatrix, GpuError> {
         let layouts =
-            level_layouts(&m, self.context.max_binding()).ok_or_else(|| GpuError::DenseRow {
+            LevelLayout::all(&m, self.context.max_binding()).ok_or_else(|| GpuError::DenseRow {
                 adapter: self.context.adapter.to_string(),
                 limit_mib: self.context.max_binding() >> 20,
             })?;
         let block = m.block[0] * m.block[1];
-        let slots: usize = layouts
-            .iter()
-            .map(|l| l.slices[l.slices.len() - 1] as usize)
-            .sum();
+        let slots: u64 = layouts.iter().map(LevelLayout::slots).sum();
         self.context
-            .check_memory("the multigrid hierarchy", (slots * (block + 1) * 4) as u64)?;
+            .check_memory("the multigrid hierarchy", slots * (block as u64 + 1) * 4)?;
         let mut parts = Vec::new();
         for layout in layouts {
             let (structure, values) = layout.fill(&m);
@@ -1349,212 +1339,4 @@ impl Backend for Gpu {
         })?;
         Ok(progress.expect("a successful read has called its closure"))
     }
-}
-
-/// Which slices a part of K has, and where they start.
-struct PartLayout {
-    row_segment: usize,
-    column_segment: usize,
-    /// First block row, within the segment.
-    first: usize,
-    count: usize,
-    /// First slot of each slice, and one past the last.
-    slices: Vec<u32>,
-}
-
-impl PartLayout {
-    fn slots(&self) -> u64 {
-        self.slices.last().copied().unwrap_or(0).into()
-    }
-
-    /// The columns and values of all slots; padding points at column 0 with the value 0.
-    fn fill(
-        &self,
-        k: &BlockCsr<2>,
-        segment_start: usize,
-        columns_of_segment: &std::ops::Range<usize>,
-        scale: f64,
-        gpu: &Gpu,
-    ) -> (Vec<u32>, Vec<u8>) {
-        let slots = self.slots() as usize;
-        let mut columns = vec![0u32; slots];
-        let mut values = vec![0.0f64; 4 * slots];
-        // Each slice owns a range of both arrays.
-        let mut pieces = Vec::new();
-        let (mut columns_left, mut values_left) = (&mut columns[..], &mut values[..]);
-        for (s, ends) in self.slices.windows(2).enumerate() {
-            let size = (ends[1] - ends[0]) as usize;
-            let (c, c_rest) = columns_left.split_at_mut(size);
-            let (v, v_rest) = values_left.split_at_mut(4 * size);
-            (columns_left, values_left) = (c_rest, v_rest);
-            pieces.push((s, c, v));
-        }
-        let planes = gpu.context.precision == Precision::F64;
-        pieces.into_par_iter().for_each(|(s, columns, values)| {
-            for lane in 0..SLICE.min(self.count - s * SLICE) {
-                let row = segment_start + self.first + s * SLICE + lane;
-                let (cols, blocks) = k.row(row);
-                let own = cols
-                    .iter()
-                    .zip(blocks)
-                    .filter(|(j, _)| columns_of_segment.contains(&(**j as usize)));
-                for (c, (&j, block)) in own.enumerate() {
-                    let slot = c * SLICE + lane;
-                    columns[slot] = j - columns_of_segment.start as u32;
-                    for (a, row) in block.iter().enumerate() {
-                        for (b, v) in row.iter().enumerate() {
-                            let place = if planes {
-                                4 * c * SLICE + 2 * a * SLICE + 2 * lane + b
-                            } else {
-                                4 * slot + 2 * a + b
-                            };
-                            values[place] = v * scale;
-                        }
-                    }
-                }
-            }
-        });
-        (columns, gpu.real_array(&values))
-    }
-}
-
-/// The parts of K: for each pair of segments the rows that have entries there, cut so that no array exceeds
-/// `max_binding` bytes; None if a single slice does.
-fn layouts(
-    k: &BlockCsr<2>,
-    ranges: &[std::ops::Range<usize>],
-    max_binding: u64,
-    real_bytes: u64,
-) -> Option<Vec<PartLayout>> {
-    let most_slots = (max_binding / (4 * real_bytes)).min(u64::from(u32::MAX)) as usize;
-    let mut parts = Vec::new();
-    for (row_segment, rows) in ranges.iter().enumerate() {
-        // The part on the diagonal writes all rows and comes first; the others add to it.
-        let others = (0..ranges.len()).filter(|&c| c != row_segment);
-        for column_segment in std::iter::once(row_segment).chain(others) {
-            let columns = &ranges[column_segment];
-            let widths: Vec<usize> = (rows.start..rows.end)
-                .into_par_iter()
-                .step_by(SLICE)
-                .map(|first| {
-                    (first..(first + SLICE).min(rows.end))
-                        .map(|i| {
-                            let cols = k.row(i).0;
-                            let below = |end: usize| cols.partition_point(|&j| (j as usize) < end);
-                            below(columns.end) - below(columns.start)
-                        })
-                        .max()
-                        .unwrap_or(0)
-                })
-                .collect();
-            let diagonal = row_segment == column_segment;
-            let filled = |s: &usize| diagonal || widths[*s] > 0;
-            let mut next = 0;
-            while let Some(start) = (next..widths.len()).find(filled) {
-                let mut slices = vec![0u32];
-                let mut total = 0;
-                next = start;
-                while next < widths.len() && filled(&next) {
-                    let size = widths[next] * SLICE;
-                    if total + size > most_slots {
-                        break;
-                    }
-                    total += size;
-                    slices.push(total as u32);
-                    next += 1;
-                }
-                if next == start {
-                    return None;
-                }
-                let first = start * SLICE;
-                parts.push(PartLayout {
-                    row_segment,
-                    column_segment,
-                    first,
-                    count: (next * SLICE).min(rows.len()) - first,
-                    slices,
-                });
-            }
-        }
-    }
-    Some(parts)
-}
-
-/// Which slices a part of a matrix of a multigrid level has, and where they start.
-struct LevelLayout {
-    first: usize,
-    count: usize,
-    /// First slot of each slice, and one past the last.
-    slices: Vec<u32>,
-}
-
-impl LevelLayout {
-    /// Slices and columns in one array, and the values of all slots, entry by entry of a block; padding
-    /// points at column 0 with the value 0.
-    fn fill(&self, m: &BlockMatrix<f32>) -> (Vec<u32>, Vec<f32>) {
-        let block = m.block[0] * m.block[1];
-        let slots = self.slices[self.slices.len() - 1] as usize;
-        let mut structure = self.slices.clone();
-        structure.resize(self.slices.len() + slots, 0);
-        let mut values = vec![0.0f32; block * slots];
-        let mut pieces = Vec::new();
-        let (_, mut columns_left) = structure.split_at_mut(self.slices.len());
-        let mut values_left = &mut values[..];
-        for (s, ends) in self.slices.windows(2).enumerate() {
-            let size = (ends[1] - ends[0]) as usize;
-            let (c, c_rest) = columns_left.split_at_mut(size);
-            let (v, v_rest) = values_left.split_at_mut(block * size);
-            (columns_left, values_left) = (c_rest, v_rest);
-            pieces.push((s, c, v));
-        }
-        pieces.into_par_iter().for_each(|(s, columns, values)| {
-            for lane in 0..SLICE.min(self.count - s * SLICE) {
-                let row = self.first + s * SLICE + lane;
-                for (c, k) in (m.row_ptr[row] as usize..m.row_ptr[row + 1] as usize).enumerate() {
-                    columns[c * SLICE + lane] = m.col_idx[k];
-                    for e in 0..block {
-                        values[(c * block + e) * SLICE + lane] = m.values[k * block + e];
-                    }
-                }
-            }
-        });
-        (structure, values)
-    }
-}
-
-/// The parts of a matrix of a multigrid level, cut so that no array exceeds `max_binding` bytes; None if a
-/// single slice does.
-fn level_layouts(m: &BlockMatrix<f32>, max_binding: u64) -> Option<Vec<LevelLayout>> {
-    let block = m.block[0] * m.block[1];
-    let n = m.n_block_rows();
-    let most = (max_binding / (4 * block as u64)).min(u64::from(u32::MAX) / block as u64) as usize;
-    let mut parts = Vec::new();
-    let mut first = 0;
-    while first < n {
-        let mut slices = vec![0u32];
-        let (mut total, mut next) = (0, first);
-        while next < n {
-            let end = (next + SLICE).min(n);
-            let widest = (next..end)
-                .map(|i| (m.row_ptr[i + 1] - m.row_ptr[i]) as usize)
-                .max();
-            let size = widest.unwrap_or(0) * SLICE;
-            if total + size > most {
-                break;
-            }
-            total += size;
-            slices.push(total as u32);
-            next = end;
-        }
-        if next == first {
-            return None;
-        }
-        parts.push(LevelLayout {
-            first,
-            count: next - first,
-            slices,
-        });
-        first = next;
-    }
-    Some(parts)
 }

@@ -6,9 +6,11 @@ use crate::problem::ContactProblem;
 use crate::sparse::{Csr, norm};
 use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner};
 
-/// Residuals asked for are kept within these: below, f64 has nothing to give; above, a single iteration
+/// The relative residual to ask for: below 1e-12, f64 has nothing to give; above 0.1, a single iteration
 /// would not do what the method expects of a product.
-const ACCURACIES: (f64, f64) = (1e-12, 0.1);
+fn within_reach(accuracy: f64) -> f64 {
+    accuracy.clamp(1e-12, 0.1)
+}
 
 /// B and Bᵀ on the backend, with vectors of multipliers.
 struct OnBackend<B: Backend> {
@@ -82,7 +84,7 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
         accuracy: f64,
         stop: &Stop,
     ) -> Result<(), DualError> {
-        let accuracy = accuracy.clamp(ACCURACIES.0, ACCURACIES.1);
+        let accuracy = within_reach(accuracy);
         let Some(OnBackend {
             gather,
             scatter,
@@ -121,7 +123,7 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
         accuracy: f64,
         stop: &Stop,
     ) -> Result<(), DualError> {
-        let accuracy = accuracy.clamp(ACCURACIES.0, ACCURACIES.1);
+        let accuracy = within_reach(accuracy);
         let mut x = vec![0.0; self.b.n_cols()];
         self.pcg
             .solve(self.problem.load(), &mut x, accuracy, stop)?;
@@ -137,7 +139,7 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
     ) -> Result<Vec<f64>, DualError> {
         let mut load = self.problem.load().to_vec();
         self.b.mul_transpose_add(-1.0, lambda, &mut load);
-        let accuracy = accuracy.clamp(ACCURACIES.0, ACCURACIES.1);
+        let accuracy = within_reach(accuracy);
         let mut u = vec![0.0; load.len()];
         self.pcg.solve(&load, &mut u, accuracy, stop)?;
         Ok(u)

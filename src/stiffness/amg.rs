@@ -30,6 +30,7 @@ pub(crate) use matrix::BlockView;
 pub use matrix::{BlockMatrix, Real};
 pub(crate) use smoother::inverse_diagonal;
 
+use crate::backend::power_of_two_below;
 use crate::sparse::BlockCsr;
 use aggregation::{Aggregates, NONE, aggregate, strength};
 use matrix::store;
@@ -200,8 +201,8 @@ impl<S: Real> Hierarchy<S> {
         if !(largest > 0.0 && largest.is_finite()) {
             return Err(AmgError::NotPositiveDefinite { node: 0 });
         }
-        // 2^−⌊log₂⌋ is exact, so that scaling costs no digit.
-        let scale = (-largest.log2().floor()).exp2();
+        // A power of two, so that scaling costs no digit.
+        let scale = power_of_two_below(largest).recip();
         let modes = rigid_body_modes::<M>(k.n_block_rows(), coordinates);
         let mut levels = Vec::new();
         let mut step = coarsen::<2, M, S>(k, modes, scale, settings.theta, settings)?;

@@ -190,14 +190,21 @@ impl<B: Backend> Pcg<B> {
         if !self.is_f64() {
             return self.refine(b, x, tolerance, stop);
         }
-        // Powers of two keep f32 in the preconditioner within its range and change no digit.
-        let unit = power_of_two_below(norm(b));
-        let scaled: Vec<f64> = b.iter().map(|v| v / unit).collect();
-        self.backend.upload(&scaled, &mut self.r);
+        let factor = self.load(b, norm(b));
         self.run(tolerance, stop, None)?;
         self.backend.download(&self.x, x)?;
-        x.iter_mut().for_each(|v| *v *= unit * self.scale);
+        x.iter_mut().for_each(|v| *v *= factor);
         Ok(())
+    }
+
+    /// Hands the right-hand side b of norm `length` to CG; returns what the solution has to be multiplied by.
+    ///
+    /// Powers of two bring b near one, within the range of f32, and change no digit.
+    fn load(&mut self, b: &[f64], length: f64) -> f64 {
+        let unit = power_of_two_below(length);
+        let scaled: Vec<f64> = b.iter().map(|v| v / unit).collect();
+        self.backend.upload(&scaled, &mut self.r);
+        unit * self.scale
     }
 
     /// As [`Pcg::solve`], with corrections by CG in low precision.
@@ -219,9 +226,7 @@ impl<B: Backend> Pcg<B> {
             if length <= goal {
                 return Ok(());
             }
-            let unit = power_of_two_below(length);
-            let scaled: Vec<f64> = residual.iter().map(|v| v / unit).collect();
-            self.backend.upload(&scaled, &mut self.r);
+            let factor = self.load(&residual, length);
             match self.run((0.5 * goal / length).max(asked), stop, None) {
                 // In f32 a breakdown may be one of rounding: the residual in f64 tells.
                 Ok(_) | Err(PcgError::NotPositiveDefinite) => {}
@@ -229,7 +234,7 @@ impl<B: Backend> Pcg<B> {
             }
             self.backend.download(&self.x, &mut correction)?;
             for (x, c) in x.iter_mut().zip(&correction) {
-                *x += c * unit * self.scale;
+                *x += c * factor;
             }
             self.k.mul(x, &mut residual);
             for (r, b) in residual.iter_mut().zip(b) {

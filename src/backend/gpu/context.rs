@@ -327,6 +327,11 @@ impl Context {
         }
     }
 
+    /// Waits for all work submitted so far.
+    pub(super) fn wait(&self) -> Result<wgpu::PollStatus, wgpu::PollError> {
+        self.device.poll(wgpu::PollType::wait_indefinitely())
+    }
+
     /// Bytes of one storage binding.
     pub(super) fn max_binding(&self) -> u64 {
         self.max_binding
