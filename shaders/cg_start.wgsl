@@ -1,4 +1,4 @@
-// Start of CG on one segment: x = 0, p = M⁻¹ r, and the partial sums of rᵀp and rᵀr.
+// Start of CG on one segment: x = 0 unless it continues, p = M⁻¹ r, and the partial sums of rᵀp and rᵀr.
 
 @group(0) @binding(0) var<uniform> params: Params;
 /// D⁻¹, 2×2 blocks by rows.
@@ -18,7 +18,9 @@ fn cg_start(
     for (var i = group.x * WIDTH + lane; i < params.count; i += groups.x * WIDTH) {
         let residual = r[i];
         let z = precondition(inverse_diagonal[i], residual);
-        x[i] = real2();
+        if (params.flags & CONTINUES) == 0u {
+            x[i] = real2();
+        }
         p[i] = z;
         sums += real2(dot(residual, z), dot(residual, residual));
     }

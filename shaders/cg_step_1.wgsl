@@ -47,10 +47,6 @@ fn cg_step_1(
         partials[params.first_partial + group.x] = sum;
     }
     if writes_state {
-        next.rz = state.rz;
-        next.goal = state.goal;
-        next.broken = u32(!positive);
-        next.done = 0u;
-        next.iterations = state.iterations;
+        next = after_step(state, alpha, positive);
     }
 }

@@ -23,15 +23,13 @@ fn cg_step_2(
         return;
     }
     let sum = sum_of_partials(lane);
-    // Written so that NaN ends the run.
-    let done = !(sum.y > state.goal) || state.broken != 0u;
+    var after = state;
+    after.rz = sum.x;
+    after.rr = sum.y;
+    let done = is_over(after);
+    after.done = u32(done);
     if (params.flags & WRITES_STATE) != 0u && group.x == 0u && lane == 0u {
-        next.rz = sum.x;
-        next.rr = sum.y;
-        next.goal = state.goal;
-        next.done = u32(done);
-        next.broken = state.broken;
-        next.iterations = state.iterations + u32(state.broken == 0u);
+        next = after;
     }
     if done {
         return;

@@ -13,7 +13,6 @@ fn mg_check(@builtin(local_invocation_index) lane: u32) {
     let rr = sum_of_partials(lane).y;
     if lane == 0u {
         next.rr = rr;
-        // Written so that NaN ends the run.
-        next.done = u32(!(rr > next.goal) || next.broken != 0u);
+        next.done = u32(is_over(next));
     }
 }

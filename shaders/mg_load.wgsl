@@ -1,4 +1,4 @@
-// Start of CG with multigrid: x = 0, the residual in f32 for the cycle, and the partial sums of rᵀr.
+// Start of CG with multigrid: x = 0 unless it continues, the residual in f32 for the cycle, and the partial sums of rᵀr.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> r: array<real2>;
@@ -15,7 +15,9 @@ fn mg_load(
     var sums = real2();
     for (var i = group.x * WIDTH + lane; i < params.count; i += groups.x * WIDTH) {
         let residual = r[i];
-        x[i] = real2();
+        if (params.flags & CONTINUES) == 0u {
+            x[i] = real2();
+        }
         rounded[i] = vec2<f32>(residual);
         sums.y += dot(residual, residual);
     }

@@ -45,10 +45,6 @@ fn mg_step_1(
         partials[params.first_partial + group.x] = sum;
     }
     if writes_state {
-        next.rz = state.rz;
-        next.goal = state.goal;
-        next.broken = u32(!positive);
-        next.done = 0u;
-        next.iterations = state.iterations + u32(positive);
+        next = after_step(state, alpha, positive);
     }
 }

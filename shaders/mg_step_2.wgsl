@@ -19,21 +19,14 @@ fn mg_step_2(
     let writes_state = group.x == 0u && lane == 0u;
     if state.done != 0u {
         if writes_state {
-            next.rr = state.rr;
-            next.done = 1u;
-            next.broken = state.broken;
-            next.iterations = state.iterations;
+            next = state;
         }
         return;
     }
     let rz = sum_of_partials(lane).x;
     if writes_state {
+        next = state;
         next.rz = rz;
-        next.rr = state.rr;
-        next.goal = state.goal;
-        next.done = 0u;
-        next.broken = 0u;
-        next.iterations = state.iterations;
     }
     let first = state.rz == real(0.0);
     var beta = real(0.0);

@@ -26,10 +26,31 @@ pub struct Progress {
     pub rr: f64,
     /// ‖r‖² at which the run ends.
     pub goal: f64,
+    /// ‖r‖² at its start.
+    pub rr_start: f64,
+    /// What the iterations have lowered eᵀKe by, e the error of x: the sum of all α rᵀz.
+    pub energy: f64,
+    /// The last α rᵀz.
+    pub decrease: f64,
     /// The run is over: the goal is reached, or the run broke down, or a number is not finite.
     pub done: bool,
     /// A direction had no positive curvature.
     pub broken: bool,
+}
+
+/// Where a CG run starts and when it ends: at the first goal that it reaches.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Run {
+    /// Starts from the x that is there, with r = b − Kx on entry; from x = 0 otherwise.
+    pub continues: bool,
+    /// ‖r‖.
+    pub residual: f64,
+    /// ‖r‖ relative to the r on entry: the larger of the two counts.
+    pub residual_part: f64,
+    /// α rᵀz of the last iteration.
+    pub decrease: f64,
+    /// The same relative to the sum over all iterations, to be added.
+    pub decrease_part: f64,
 }
 
 /// What a backend has done so far; all zero on the CPU.
@@ -94,6 +115,8 @@ pub trait Backend {
     fn upload(&mut self, from: &[f64], to: &mut Self::Vector);
     /// Copies a vector to the host.
     fn download(&mut self, from: &Self::Vector, to: &mut [f64]) -> Result<(), GpuError>;
+    /// to = from.
+    fn copy(&mut self, from: &Self::Vector, to: &mut Self::Vector);
     /// x = 0.
     fn clear(&mut self, x: &mut Self::Vector);
     /// y = M x on the rows of M that have entries; y is left as it is elsewhere.
@@ -101,7 +124,7 @@ pub trait Backend {
     /// y −= K x.
     fn subtract_product(&mut self, k: &Self::Matrix, x: &Self::Vector, y: &mut Self::Vector);
 
-    /// Starts CG with block-Jacobi for K x = b, r = b on entry: x = 0, p = D⁻¹r; the run ends at ‖r‖ ≤ `tolerance` ‖b‖.
+    /// Starts CG with block-Jacobi for K x = b, r = b on entry: p = D⁻¹r, and x = 0 unless it continues.
     fn cg_start(
         &mut self,
         d: &Self::BlockDiagonal,
@@ -109,7 +132,7 @@ pub trait Backend {
         x: &mut Self::Vector,
         p: &mut Self::Vector,
         state: &mut Self::State,
-        tolerance: f64,
+        run: Run,
     );
     /// q = K p, and pᵀq.
     fn cg_multiply(
@@ -208,14 +231,15 @@ pub trait Backend {
         x: &mut Self::LevelVector,
     );
 
-    /// Starts CG with multigrid for K x = b, r = b on entry: x = 0, and r rounded for the cycle.
+    /// Starts CG with multigrid for K x = b, r = b on entry: r rounded for the cycle, and x = 0 unless it
+    /// continues.
     fn mg_load(
         &mut self,
         r: &Self::Vector,
         x: &mut Self::Vector,
         rounded: &mut Self::LevelVector,
         state: &mut Self::State,
-        tolerance: f64,
+        run: Run,
     );
     /// α = rᵀz / pᵀq, x += α p, r −= α q, r rounded for the cycle; ends the run where its goal is reached.
     fn mg_step_1(

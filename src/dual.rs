@@ -8,6 +8,8 @@ use crate::backend::Counters;
 use crate::sparse::{dot, norm};
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::{PcgError, SolveCounts};
+
+pub use crate::stiffness::pcg::Accuracy;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -69,26 +71,38 @@ impl Stop<'_> {
 /// What the semi-smooth Newton method needs of the linear algebra behind the contact problem.
 ///
 /// Implemented by the Cholesky path, by the nested path on any backend, and by whatever else can apply
-/// K⁻¹; the algorithms are written once over it. Where K⁻¹ is a matter of many iterations, they reduce the
-/// residual of the system with K to `accuracy` times its right-hand side and no further, and end with
-/// [`DualError::Stopped`] once `stop` says so.
+/// K⁻¹; the algorithms are written once over it. Where K⁻¹ is a matter of many iterations, they stop at the
+/// accuracy asked for, and end with [`DualError::Stopped`] once `stop` says so.
 pub trait DualOperator {
     /// y = A p; both have length 2m, normal part first.
     fn apply(
         &mut self,
         p: &[f64],
         y: &mut [f64],
-        accuracy: f64,
+        accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError>;
     /// b = B K⁻¹ f − c with c = (d, 0).
     fn right_hand_side(
         &mut self,
         b: &mut [f64],
-        accuracy: f64,
+        accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError>;
-    /// u = K⁻¹(f − Bᵀλ).
+    /// r = Aλ − b = c − B u with u = K⁻¹(f − Bᵀλ), where u is kept and its error is lowered from one time to
+    /// the next.
+    ///
+    /// None, without a result, where products are exact and r can be carried along.
+    fn gradient(
+        &mut self,
+        _lambda: &[f64],
+        _r: &mut [f64],
+        _accuracy: Accuracy,
+        _stop: &Stop,
+    ) -> Result<Option<Followed>, DualError> {
+        Ok(None)
+    }
+    /// u = K⁻¹(f − Bᵀλ), where the solver iterates to ‖f − Bᵀλ − Ku‖ ≤ `accuracy` ‖f‖.
     fn displacement(
         &mut self,
         lambda: &[f64],
@@ -104,6 +118,15 @@ pub trait DualOperator {
     fn costs(&self) -> Option<Costs> {
         None
     }
+}
+
+/// How a u that follows λ has come closer to K⁻¹(f − Bᵀλ), in the norm √(vᵀKv).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Followed {
+    /// What it has moved by.
+    pub change: f64,
+    /// What it is off by now, as far as PCG can tell.
+    pub remaining: f64,
 }
 
 /// What the nested path has cost.
@@ -128,7 +151,10 @@ pub fn sigma_max(
     const MAX_STEPS: usize = 30;
     const SETTLED: f64 = 1e-3;
     const MARGIN: f64 = 1.02;
-    const ACCURACY: f64 = 1e-3;
+    const ACCURACY: Accuracy = Accuracy::Energy {
+        absolute: 0.0,
+        relative: 0.05,
+    };
     // A fixed pseudo-random start, so that results do not change from run to run.
     let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
     let mut q: Vec<f64> = (0..len)

@@ -4,7 +4,7 @@
 use crate::backend::GpuError;
 use crate::backend::cpu::Cpu;
 use crate::backend::gpu::{Context, Gpu, Options as GpuOptions, Precision};
-use crate::dual::{Costs, DualError, DualOperator, NestedDual, Stop};
+use crate::dual::{Accuracy, Costs, DualError, DualOperator, Followed, NestedDual, Stop};
 use crate::problem::ContactProblem;
 use crate::stiffness::cholesky::{CholeskyDual, FactorError};
 use crate::stiffness::pcg::{PcgError, Preconditioner};
@@ -259,7 +259,7 @@ impl DualOperator for Engine<'_> {
         &mut self,
         p: &[f64],
         y: &mut [f64],
-        accuracy: f64,
+        accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
         self.with_fallback(|dual| dual.apply(p, y, accuracy, stop))
@@ -268,10 +268,20 @@ impl DualOperator for Engine<'_> {
     fn right_hand_side(
         &mut self,
         b: &mut [f64],
-        accuracy: f64,
+        accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
         self.with_fallback(|dual| dual.right_hand_side(b, accuracy, stop))
+    }
+
+    fn gradient(
+        &mut self,
+        lambda: &[f64],
+        r: &mut [f64],
+        accuracy: Accuracy,
+        stop: &Stop,
+    ) -> Result<Option<Followed>, DualError> {
+        self.with_fallback(|dual| dual.gradient(lambda, r, accuracy, stop))
     }
 
     fn displacement(

@@ -8,7 +8,8 @@
 //! Five things go beyond the text of the paper, none of which changes the limit:
 //!
 //! - **Products are carried.** r = Aλ − b is updated along with λ, so a product with A is spent only on
-//!   a direction of CG, on the jump of the multipliers that change to a bound, and on P_Λ(λ) − λ.
+//!   a direction of CG, on the jump of the multipliers that change to a bound, and on P_Λ(λ) − λ. Where
+//!   products are a matter of iterations they are as accurate as need be (`products`).
 //! - **CG is continued, not restarted,** where the next step has the same sets, and it is cut short once
 //!   its residual is below a part of the last error and the sets that it would lead to have changed.
 //! - **Multipliers are scaled** where the stiffness under the contact varies by more than a factor of four.
@@ -21,15 +22,17 @@
 //!   and the set prediction uses no more than that ρ from then on. Each time it acts it stays for twice
 //!   as many steps, hence q decreases to its minimum whatever β was.
 
+mod products;
 mod scaling;
 mod sets;
 mod subspace;
 
 pub use sets::{SetSizes, Sets};
 
-use crate::dual::{DualError, DualOperator, Stop, Stopped, sigma_max};
+use crate::dual::{DualError, DualOperator, Stop, Stopped};
 use crate::problem::{ContactProblem, Kkt, slip_violation};
 use crate::sparse::{dot, norm, norm_max};
+use products::Products;
 use scaling::Scaled;
 use std::ops::ControlFlow;
 use std::sync::atomic::AtomicBool;
@@ -196,16 +199,12 @@ const EXACT: f64 = 1e-12;
 /// Faces of Λ that a safeguarded step may visit: one at first, four times as many each time that the
 /// safeguard has to act again, up to this.
 const MAX_FACES: usize = 64;
-/// The part of the error to reach by which one product may falsify the carried r, and the accuracy of b and
-/// of the final check relative to ε.
-const RELAXED: f64 = 0.05;
-/// The same after a final check that failed, relative to before.
+/// The accuracy of a final check after one that failed, relative to before.
 const TIGHTER: f64 = 0.1;
 /// Relative residual for the displacement of a solve that has ended without convergence.
 const ROUGH: f64 = 1e-4;
 /// CG may stop early, on sets that have changed, once its residual is below this part of err.
 const SETS_CHANGED: f64 = 0.3;
-
 /// Solves the problem with the given dual operator.
 ///
 /// `observer` is called after every outer step and may stop the solve.
@@ -227,47 +226,44 @@ pub fn solve(
         deadline: settings.time_limit.map(|limit| start + limit),
         interrupt: settings.interrupt,
     };
-    // What the products have to resolve: ε, or in the exact method what the inner problems are solved to.
-    let accuracy = RELAXED
-        * match settings.method {
-            Method::Inexact => settings.tolerance,
-            Method::Exact => EXACT.min(settings.tolerance),
-        };
-    let mut dual = Scaled::new(problem, dual);
-    let mut b = vec![0.0; len];
-    let set_up = dual
-        .right_hand_side(&mut b, accuracy, &stop)
-        .and_then(|()| sigma_max(&mut dual, len, &stop));
+    let exact = settings.method == Method::Exact;
+    let dual = Scaled::new(problem, dual);
+    let g = dual.slip_bound(problem.slip_bound());
+    let mut c = problem.gap().to_vec();
+    c.resize(len, 0.0);
+    dual.times(&mut c);
+    let mut products = Products::new(dual, stop);
+    let set_up = products.set_up(c, exact);
     let setup_seconds = start.elapsed().as_secs_f64();
     let mut failure = None;
-    let (sigma, n_a_sigma) = set_up.unwrap_or_else(|error| {
+    let (b, n_a_sigma) = set_up.unwrap_or_else(|error| {
         failure = Some(error);
-        (0.0, 0)
+        (vec![0.0; len], 0)
     });
-
+    // Without contact, or with a B that K makes infinitely stiff, any ρ will do.
+    let alpha = if products.sigma > 0.0 {
+        1.0 / products.sigma
+    } else {
+        1.0
+    };
     let mut newton = Newton {
-        g: &dual.slip_bound(problem.slip_bound()),
+        problem,
+        g: &g,
         b,
-        // Without contact, or with a B that K makes infinitely stiff, any ρ will do.
-        rho: if sigma > 0.0 {
-            settings.beta / sigma
-        } else {
-            1.0
-        },
-        alpha: if sigma > 0.0 { 1.0 / sigma } else { 1.0 },
-        dual,
-        n_a: 0,
+        rho: settings.beta * alpha,
+        alpha,
+        products,
         checked: None,
-        known: Subspace::default(),
-        sigma,
-        allowed: 0.0,
-        check_accuracy: accuracy,
-        stop,
+        level: 0.0,
+        exact,
+        check_accuracy: settings.tolerance,
     };
     let mut point = newton.origin();
     // err⁰ at λ = 0 even for a warm start: a good start must not make the same tolerance harder.
     let err0 = newton.error(&point);
-    newton.allowed = accuracy * err0;
+    newton.level = err0 * settings.tolerance.min(if exact { EXACT } else { 1.0 });
+    newton.products.aim_at(newton.level);
+    newton.allow(err0);
     let mut history: Vec<Step> = Vec::new();
     let mut first_met = None;
     let outcome = match failure {
@@ -283,8 +279,8 @@ pub fn solve(
                     &mut history,
                     &mut observer,
                     |newton, point, goal, iter| {
-                        first_met.get_or_insert((iter, newton.n_a));
-                        newton.verify(problem, point, goal, err0, settings.tolerance)
+                        first_met.get_or_insert((iter, newton.products.n_a));
+                        newton.verify(point, goal, err0, settings.tolerance)
                     },
                 )
             }),
@@ -296,19 +292,23 @@ pub fn solve(
     };
     let (u, kkt) = match checked {
         Some(checked) => checked,
-        None => match newton.optimality(problem, &point, true) {
-            Ok(ending) => ending,
+        // Whoever has asked to stop does not wait for more than a picture.
+        None => match newton.displacement(&point, ROUGH, Stop::default()) {
+            Ok(u) => {
+                let kkt = newton.optimality(&point, &u);
+                (u, kkt)
+            }
             Err(error) => return Err(newton.failed(error, point, history)),
         },
     };
     let sets = Sets::at_solution(&point.lambda, &point.r, newton.g);
     let info = Info {
         iter: history.len(),
-        n_a: newton.n_a,
+        n_a: newton.products.n_a,
         first_met,
         n_a_sigma,
         rho: newton.rho,
-        sigma_max: sigma,
+        sigma_max: newton.products.sigma,
         err_relative: if err0 > 0.0 {
             newton.error(&point) / err0
         } else {
@@ -320,7 +320,7 @@ pub fn solve(
         solve_seconds: start.elapsed().as_secs_f64() - setup_seconds,
     };
     let mut lambda = point.lambda;
-    newton.dual.times(&mut lambda);
+    newton.products.dual.times(&mut lambda);
     Ok(Solution {
         status,
         u,
@@ -461,53 +461,55 @@ struct Cg {
 
 /// The state that all steps share.
 struct Newton<'a, D: ?Sized> {
+    problem: &'a ContactProblem,
     g: &'a [f64],
     b: Vec<f64>,
     /// ρ = β/σ_max: of the error, and of the sets until the safeguard has acted.
     rho: f64,
     /// The length of safeguarding projected gradient steps, < 2/σ_max.
     alpha: f64,
-    dual: Scaled<'a, D>,
-    n_a: usize,
+    products: Products<'a, D>,
     /// u and the optimality conditions of the last final check.
     checked: Option<(Vec<f64>, Kkt)>,
-    /// All directions whose product is known.
-    known: Subspace,
-    /// The estimate of σ_max.
-    sigma: f64,
-    /// By how much a product may falsify the carried r.
-    allowed: f64,
-    /// Relative residual of the system for the displacement in the final check.
+    /// What err has to come down to, or in the exact method what the inner problems are solved to.
+    level: f64,
+    exact: bool,
+    /// ‖f − Bᵀλ − Ku‖ / ‖f‖ in the final check.
     check_accuracy: f64,
-    stop: Stop<'a>,
 }
 
 impl<D: DualOperator + ?Sized> Newton<'_, D> {
-    /// A p for a step of length `step` along p, as accurately as r needs it.
-    ///
-    /// **Recycling.** What of p lies in the span of the known directions has a known image; only the rest
-    /// p' = p − W WᵀA p goes through K⁻¹. This is the projection of the system with K on all earlier
-    /// solutions K⁻¹Bᵀw, which are K-orthogonal as the w are A-orthogonal, without storing any of them.
-    ///
-    /// **Relaxation.** An inner residual ρ falsifies A p' by B K⁻¹ρ, at most √σ_max ‖ρ‖ in the norm of K⁻¹,
-    /// in which the right-hand side Bᵀp' has the length √(p'ᵀA p') ≤ √σ_max ‖p'‖. So a relative residual τ
-    /// in that norm changes the carried r by at most τ · step · σ_max ‖p'‖, and τ is chosen to make this
-    /// `allowed`; PCG measures the residual in the Euclidean norm, and the final check measures the sum of
-    /// all. The tolerance grows as the steps shrink, as in Simoncini and Szyld, SIAM J. Sci. Comput. 25
-    /// (2003) 454–477.
-    fn apply(&mut self, p: &[f64], ap: &mut [f64], step: f64) -> Result<(), DualError> {
-        let mut rest = p.to_vec();
-        self.known.split(&mut rest, ap);
-        let reach = step * self.sigma * norm(&rest);
-        if reach <= self.allowed {
-            return Ok(());
+    /// Sets what products may falsify r by at an error of `err`.
+    fn allow(&mut self, err: f64) {
+        let needed = if self.exact {
+            self.level
+        } else {
+            err.max(self.level)
+        };
+        self.products.allow(needed);
+    }
+
+    /// r at a point made afresh, where it is not exact anyhow.
+    fn refresh(&mut self, point: &mut Point) -> Result<bool, DualError> {
+        if self.products.are_exact() {
+            return Ok(false);
         }
-        let mut image = vec![0.0; rest.len()];
-        self.dual
-            .apply(&rest, &mut image, self.allowed / reach, &self.stop)?;
-        self.n_a += 1;
-        ap.iter_mut().zip(&image).for_each(|(a, i)| *a += i);
-        Ok(())
+        let Point { lambda, r } = point;
+        let (g, rho, exact, level) = (self.g, self.rho, self.exact, self.level);
+        let made = self.products.refresh(lambda, r, |r| {
+            if exact {
+                level
+            } else {
+                norm(&reduced_gradient(lambda, r, rho, g)).max(level)
+            }
+        })?;
+        if !made {
+            // A GPU has failed in between and products are exact from now on, but nothing known so far is.
+            let u = self.displacement(point, EXACT, self.products.stop)?;
+            self.take_from(&u, point);
+            self.products.n_a += 1;
+        }
+        Ok(true)
     }
 
     /// λ = 0, where r = −b.
@@ -524,14 +526,14 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         if let Some(initial) = initial {
             assert_eq!(initial.len(), self.b.len(), "λ⁰ needs 2m entries");
             let mut target = initial.to_vec();
-            self.dual.divide(&mut target);
+            self.products.dual.divide(&mut target);
             project(&mut target, self.g);
             self.move_to(&mut point, target)?;
         }
         Ok(point)
     }
 
-    /// Moves to λ = `target`, carrying r along: one product, or none if it is there already.
+    /// Moves to λ = `target`, and r with it: one product, or none if it is there already.
     fn move_to(&mut self, point: &mut Point, target: Vec<f64>) -> Result<bool, DualError> {
         let jump: Vec<f64> = target
             .iter()
@@ -541,54 +543,51 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         if jump.iter().all(|&v| v == 0.0) {
             return Ok(false);
         }
-        let mut image = vec![0.0; jump.len()];
-        self.apply(&jump, &mut image, 1.0)?;
         point.lambda = target;
-        point.r.iter_mut().zip(&image).for_each(|(r, a)| *r += a);
-        self.known.add(jump, image);
+        if !self.products.carry(&jump, &mut point.r)? {
+            self.refresh(point)?;
+        }
         Ok(true)
     }
 
     /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ.
     fn error(&self, point: &Point) -> f64 {
-        norm(&reduced_gradient(point, self.rho, self.g))
+        norm(&reduced_gradient(&point.lambda, &point.r, self.rho, self.g))
     }
 
-    /// Replaces the carried r by what the displacement says: d − Nu and −Tu.
-    fn refresh(&self, problem: &ContactProblem, u: &[f64], point: &mut Point) {
-        let m = problem.m();
-        let (rn, rt) = point.r.split_at_mut(m);
+    /// Replaces r by what the displacement says: d − Nu and −Tu.
+    fn take_from(&mut self, u: &[f64], point: &mut Point) {
+        let problem = self.problem;
+        let (rn, rt) = point.r.split_at_mut(problem.m());
         problem.normal().mul(u, rn);
         problem.tangential().mul(u, rt);
         rn.iter_mut()
             .zip(problem.gap())
             .for_each(|(r, d)| *r = d - *r);
         rt.iter_mut().for_each(|r| *r = -*r);
-        self.dual.times(&mut point.r);
+        self.products.dual.times(&mut point.r);
+        self.products.checked(&point.r);
     }
 
-    /// u at a point, and the optimality conditions there; `roughly` for a solve that has ended without
-    /// convergence: whoever has asked to stop does not wait for more than a picture.
-    fn optimality(
+    /// u at a point.
+    fn displacement(
         &mut self,
-        problem: &ContactProblem,
         point: &Point,
-        roughly: bool,
-    ) -> Result<(Vec<f64>, Kkt), DualError> {
-        let (accuracy, stop) = if roughly {
-            (ROUGH, Stop::default())
-        } else {
-            (self.check_accuracy, self.stop)
-        };
-        let u = self.dual.displacement(&point.lambda, accuracy, &stop)?;
+        accuracy: f64,
+        stop: Stop,
+    ) -> Result<Vec<f64>, DualError> {
+        (self.products.dual).displacement(&point.lambda, accuracy, &stop)
+    }
+
+    /// The optimality conditions at a point.
+    fn optimality(&self, point: &Point, u: &[f64]) -> Kkt {
         let mut lambda = point.lambda.clone();
-        self.dual.times(&mut lambda);
-        let kkt = problem.kkt(&u, &lambda);
-        Ok((u, kkt))
+        self.products.dual.times(&mut lambda);
+        self.problem.kkt(u, &lambda)
     }
 
     fn failed(&self, error: DualError, mut point: Point, history: Vec<Step>) -> SolveError {
-        self.dual.times(&mut point.lambda);
+        self.products.dual.times(&mut point.lambda);
         SolveError {
             error,
             lambda: point.lambda,
@@ -599,11 +598,11 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     /// Whether a point meets the goal, in the units of the problem.
     fn meets(&self, goal: &Goal, point: &Point, err: f64) -> bool {
         let (mut lambda, mut r, mut g) = (point.lambda.clone(), point.r.clone(), point.r.clone());
-        self.dual.times(&mut lambda);
-        self.dual.divide(&mut r);
+        self.products.dual.times(&mut lambda);
+        self.products.dual.divide(&mut r);
         let m = self.g.len();
         g[m..].copy_from_slice(self.g);
-        self.dual.times(&mut g);
+        self.products.dual.times(&mut g);
         goal.met(&lambda, &r, err, &g[m..])
     }
 
@@ -611,14 +610,14 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     /// None if the goal has to be closer.
     fn verify(
         &mut self,
-        problem: &ContactProblem,
         point: &mut Point,
         goal: &mut Goal,
         err0: f64,
         tolerance: f64,
     ) -> Result<Option<Status>, DualError> {
-        let (u, kkt) = self.optimality(problem, point, false)?;
-        self.refresh(problem, &u, point);
+        let u = self.displacement(point, self.check_accuracy, self.products.stop)?;
+        let kkt = self.optimality(point, &u);
+        self.take_from(&u, point);
         let err = self.error(point);
         // Equilibrium does not depend on λ: no further step can mend it. A goal that was met again and
         // again and still fails the check is at the limit of rounding.
@@ -670,6 +669,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         // Safeguarded steps still to make, and how many the next discarded steps will cost.
         let (mut guarded, mut penalty, mut faces) = (0usize, 1usize, 0usize);
         loop {
+            self.allow(err);
             // Step 1.
             if self.meets(&goal, point, err) {
                 if let Some(status) = verify(self, point, &mut goal, history.len())? {
@@ -678,15 +678,15 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 // r is fresh now. Where it had drifted, so have the images of the known directions.
                 err = self.error(point);
                 if err > goal.err {
-                    self.known = Subspace::default();
-                    self.allowed *= TIGHTER;
+                    self.products.sharpen();
+                    self.products.known = Subspace::default();
                 }
                 self.check_accuracy *= TIGHTER;
                 best = point.clone();
                 cg = None;
                 continue;
             }
-            let stop = self.stop.now();
+            let stop = self.products.stop.now();
             if stop.is_some() || history.len() >= settings.max_iterations {
                 *point = best;
                 return Ok(stop.map_or(Status::IterationLimit, Status::from));
@@ -715,7 +715,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             history.push(Step {
                 iter: history.len() + 1,
                 inner,
-                n_a: self.n_a,
+                n_a: self.products.n_a,
                 err: err / err0,
                 sets: sets.sizes(),
                 changes: previous.map_or(0, |old| old.differences(&sets)),
@@ -727,7 +727,8 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             // Progress is a real part of what a projected gradient step from the best point would gain,
             // or a clearly smaller error: rounding must not pass for it.
             let lost = best.q_change(point);
-            let least = self.alpha * norm(&reduced_gradient(&best, self.alpha, self.g)).powi(2);
+            let least = self.alpha
+                * norm(&reduced_gradient(&best.lambda, &best.r, self.alpha, self.g)).powi(2);
             let progress = -lost >= GAIN * least && lost < 0.0 || err <= 0.9 * best_err;
             if progress {
                 fruitless = 0;
@@ -750,8 +751,15 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 *point = best.clone();
                 err = self.error(point);
                 if safeguarded {
-                    // Not even a projected gradient step lowers q or the error: rounding.
-                    return Ok(Status::Stagnated);
+                    // Not even a projected gradient step lowers q or the error: products are not accurate
+                    // enough, or this is rounding.
+                    if !self.products.sharpen() {
+                        return Ok(Status::Stagnated);
+                    }
+                    self.allow(err);
+                    self.refresh(point)?;
+                    err = self.error(point);
+                    best = point.clone();
                 }
                 best_err = err;
                 fruitless = 0;
@@ -794,6 +802,10 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         })?;
         // Step 3.4 takes the error at a point of Λ, and the next step goes on from there.
         if !self.move_into_bounds(point, rho)? {
+            self.allow(self.error(point));
+            if self.products.has_drifted() {
+                self.refresh(point)?;
+            }
             *kept = Some(cg);
         }
         Ok((sets, inner))
@@ -801,7 +813,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
 
     /// Starts CG on the free multipliers of `sets` from the minimum over the known directions there.
     fn cg_on(&self, sets: Sets, point: &mut Point) -> Cg {
-        let span = self.known.fitting(&sets);
+        let span = self.products.known.fitting(&sets);
         span.minimise(&mut point.lambda, &mut point.r);
         Cg { sets, span }
     }
@@ -822,16 +834,24 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         let limit = 2 * cg.sets.n_free() + 50;
         let mut inner = 0;
         // Of the last iteration; before the first, what a well-conditioned A would give.
-        let mut step = 2.0 / self.sigma;
-        while inner < limit && self.stop.now().is_none() {
+        let mut step = 2.0 / self.products.sigma;
+        while inner < limit && self.products.stop.now().is_none() {
+            // Where images are not exact, what the last step has left in the span is taken out again.
+            if inner > 0 && !self.products.are_exact() {
+                cg.span.minimise(&mut point.lambda, &mut point.r);
+            }
             let mut p: Vec<f64> = point.r.iter().map(|r| -r).collect();
             cg.sets.mask(&mut p);
             let residual = norm(&p);
-            if residual <= target || (inner > 0 && enough(self, point, residual)) {
+            // Below its drift the residual says nothing.
+            let drift = self.products.drift();
+            if residual <= target
+                || (inner > 0 && (residual <= drift || enough(self, point, residual)))
+            {
                 break;
             }
             cg.span.make_conjugate(&mut p, None);
-            self.apply(&p, &mut image, step)?;
+            self.products.apply(&p, &mut image, step, residual)?;
             let curvature = dot(&p, &image);
             if !(curvature > 0.0) {
                 break;
@@ -842,7 +862,6 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 point.lambda[i] += step * p[i];
                 point.r[i] += step * image[i];
             }
-            self.known.add(p.clone(), image.clone());
             let scale = 1.0 / curvature.sqrt();
             p.iter_mut().for_each(|v| *v *= scale);
             cg.span.push(p, image.iter().map(|v| v * scale).collect());
@@ -908,7 +927,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 end = point.lowest_towards(&end);
             }
             *point = if cut.q_change(&end) < 0.0 { end } else { cut };
-            if !sets.hold_at_bounds(&point.lambda, self.g) || self.stop.now().is_some() {
+            if !sets.hold_at_bounds(&point.lambda, self.g) || self.products.stop.now().is_some() {
                 break;
             }
         }
@@ -931,16 +950,11 @@ pub fn project(lambda: &mut [f64], g: &[f64]) {
 }
 
 /// The reduced gradient (10): r̃_α(λ) = (λ − P_Λ(λ − α r)) / α.
-fn reduced_gradient(point: &Point, alpha: f64, g: &[f64]) -> Vec<f64> {
-    let mut step: Vec<f64> = point
-        .lambda
-        .iter()
-        .zip(&point.r)
-        .map(|(l, r)| l - alpha * r)
-        .collect();
+fn reduced_gradient(lambda: &[f64], r: &[f64], alpha: f64, g: &[f64]) -> Vec<f64> {
+    let mut step: Vec<f64> = lambda.iter().zip(r).map(|(l, r)| l - alpha * r).collect();
     project(&mut step, g);
     step.iter_mut()
-        .zip(&point.lambda)
+        .zip(lambda)
         .for_each(|(s, l)| *s = (l - *s) / alpha);
     step
 }

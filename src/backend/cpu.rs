@@ -5,7 +5,7 @@ mod levels;
 pub use levels::Diagonal;
 pub(crate) use levels::times;
 
-use super::{Backend, Block, Counters, GpuError, Progress};
+use super::{Backend, Block, Counters, GpuError, Progress, Run};
 use crate::sparse::{BlockCsr, Csr, ROWS_PER_TASK, dot};
 use crate::stiffness::amg::{BlockMatrix, Dense, Real};
 use rayon::prelude::*;
@@ -32,12 +32,53 @@ pub struct State {
     rz: f64,
     rr: f64,
     goal: f64,
+    rr_start: f64,
+    energy: f64,
+    decrease: f64,
+    decrease_goal: f64,
+    decrease_part: f64,
     curvature: f64,
     /// Of the step under way.
     next_rz: f64,
     done: bool,
     broken: bool,
     iterations: usize,
+}
+
+impl State {
+    fn started(rz: f64, rr: f64, run: Run) -> Self {
+        let goal = (run.residual_part * run.residual_part * rr).max(run.residual * run.residual);
+        Self {
+            rz,
+            rr,
+            goal,
+            rr_start: rr,
+            decrease_goal: run.decrease,
+            decrease_part: run.decrease_part,
+            done: !(rr > goal),
+            ..Self::default()
+        }
+    }
+
+    /// α of the step that begins, None where the direction has no positive curvature.
+    fn step(&mut self) -> Option<f64> {
+        self.broken = !(self.curvature > 0.0);
+        if self.broken {
+            return None;
+        }
+        let alpha = self.rz / self.curvature;
+        self.decrease = alpha * self.rz;
+        self.energy += self.decrease;
+        self.iterations += 1;
+        Some(alpha)
+    }
+
+    /// Whether an iteration has ended the run. Written so that NaN does.
+    fn is_over(&self) -> bool {
+        !(self.rr > self.goal)
+            || !(self.decrease > self.decrease_goal + self.decrease_part * self.energy)
+            || self.broken
+    }
 }
 
 /// Scalars handled by one parallel task.
@@ -95,6 +136,10 @@ impl<S: Real> Backend for Cpu<S> {
         Ok(())
     }
 
+    fn copy(&mut self, from: &Vec<f64>, to: &mut Vec<f64>) {
+        to.copy_from_slice(from);
+    }
+
     fn clear(&mut self, x: &mut Vec<f64>) {
         x.fill(0.0);
     }
@@ -125,9 +170,11 @@ impl<S: Real> Backend for Cpu<S> {
         x: &mut Vec<f64>,
         p: &mut Vec<f64>,
         state: &mut State,
-        tolerance: f64,
+        run: Run,
     ) {
-        x.fill(0.0);
+        if !run.continues {
+            x.fill(0.0);
+        }
         let partials: Vec<[f64; 2]> = p
             .par_chunks_mut(TASK)
             .zip(r.par_chunks(TASK))
@@ -144,14 +191,7 @@ impl<S: Real> Backend for Cpu<S> {
             })
             .collect();
         let [rz, rr] = total(&partials);
-        let goal = tolerance * tolerance * rr;
-        *state = State {
-            rz,
-            rr,
-            goal,
-            done: !(rr > goal),
-            ..State::default()
-        };
+        *state = State::started(rz, rr, run);
     }
 
     fn cg_multiply(&mut self, k: &Self::Matrix, p: &Vec<f64>, q: &mut Vec<f64>, state: &mut State) {
@@ -175,11 +215,9 @@ impl<S: Real> Backend for Cpu<S> {
         if state.done {
             return;
         }
-        state.broken = !(state.curvature > 0.0);
-        if state.broken {
+        let Some(alpha) = state.step() else {
             return;
-        }
-        let alpha = state.rz / state.curvature;
+        };
         let partials: Vec<[f64; 2]> = x
             .par_chunks_mut(TASK)
             .zip(r.par_chunks_mut(TASK))
@@ -201,7 +239,6 @@ impl<S: Real> Backend for Cpu<S> {
             })
             .collect();
         [state.next_rz, state.rr] = total(&partials);
-        state.iterations += 1;
     }
 
     fn cg_step_2(
@@ -214,7 +251,7 @@ impl<S: Real> Backend for Cpu<S> {
         if state.done {
             return;
         }
-        state.done = !(state.rr > state.goal) || state.broken;
+        state.done = state.is_over();
         if state.done {
             return;
         }
@@ -315,27 +352,22 @@ impl<S: Real> Backend for Cpu<S> {
         x: &mut Vec<f64>,
         rounded: &mut Vec<S>,
         state: &mut State,
-        tolerance: f64,
+        run: Run,
     ) {
         let partials: Vec<f64> = (r.par_chunks(TASK))
             .zip(x.par_chunks_mut(TASK))
             .zip(rounded.par_chunks_mut(TASK))
             .map(|((r, x), rounded)| {
-                x.fill(0.0);
+                if !run.continues {
+                    x.fill(0.0);
+                }
                 for (rounded, &r) in rounded.iter_mut().zip(r) {
                     *rounded = S::from_f64(r);
                 }
                 dot(r, r)
             })
             .collect();
-        let rr = partials.iter().sum();
-        let goal = tolerance * tolerance * rr;
-        *state = State {
-            rr,
-            goal,
-            done: !(rr > goal),
-            ..State::default()
-        };
+        *state = State::started(0.0, partials.iter().sum(), run);
     }
 
     fn mg_step_1(
@@ -350,11 +382,10 @@ impl<S: Real> Backend for Cpu<S> {
         if state.done {
             return;
         }
-        if !(state.curvature > 0.0) {
-            (state.broken, state.done) = (true, true);
+        let Some(alpha) = state.step() else {
+            state.done = true;
             return;
-        }
-        let alpha = state.rz / state.curvature;
+        };
         let partials: Vec<f64> = (x.par_chunks_mut(TASK))
             .zip(r.par_chunks_mut(TASK))
             .zip(p.par_chunks(TASK).zip(q.par_chunks(TASK)))
@@ -369,8 +400,7 @@ impl<S: Real> Backend for Cpu<S> {
             })
             .collect();
         state.rr = partials.iter().sum();
-        state.iterations += 1;
-        state.done = !(state.rr > state.goal);
+        state.done = state.is_over();
     }
 
     fn mg_step_2(&mut self, r: &Vec<f64>, z: &Vec<S>, p: &mut Vec<f64>, state: &mut State) {
@@ -407,6 +437,9 @@ impl<S: Real> Backend for Cpu<S> {
             iterations: state.iterations,
             rr: state.rr,
             goal: state.goal,
+            rr_start: state.rr_start,
+            energy: state.energy,
+            decrease: state.decrease,
             done: state.done,
             broken: state.broken,
         })

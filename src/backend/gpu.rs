@@ -16,7 +16,7 @@ mod sliced;
 
 pub use context::{AdapterSummary, Context, GpuError, Options, Precision, adapters};
 
-use super::{Backend, Block, Counters, Progress, power_of_two_below, scaled_to_f32};
+use super::{Backend, Block, Counters, Progress, Run, power_of_two_below, scaled_to_f32};
 use crate::sparse::{BlockCsr, Csr};
 use crate::stiffness::amg::{BlockMatrix, Dense};
 use context::Buffer;
@@ -33,7 +33,7 @@ const WIDTH: u32 = 128;
 /// Bytes that a pair of unknowns may take in any array: a 2×2 block of the preconditioner in f32, or two f64.
 const PAIR_BYTES: u64 = 16;
 /// Bytes of a CG state that are copied to the host.
-const STATE_BYTES: u64 = 48;
+const STATE_BYTES: u64 = 80;
 /// Bytes copied to the host in one piece.
 const PIECE_BYTES: u64 = 64 << 20;
 /// Submissions under way at most.
@@ -46,6 +46,7 @@ mod flag {
     pub const RESIDUAL: u32 = 2;
     pub const DOT: u32 = 4;
     pub const WRITES_STATE: u32 = 16;
+    pub const CONTINUES: u32 = 32;
 }
 
 /// The words of a uniform buffer.
@@ -209,7 +210,7 @@ pub struct State {
     current: Handle,
     /// What the preconditioner and the second halves read.
     next: Handle,
-    tolerance: Handle,
+    goals: Handle,
     partials: Handle,
     /// Partial sums of pᵀKp come first, then those of the vectors.
     n_curvature: u32,
@@ -222,6 +223,7 @@ enum Command {
         bind_group: wgpu::BindGroup,
         groups: u32,
     },
+    Copy(Handle, Handle),
     Clear(Handle),
 }
 
@@ -454,6 +456,10 @@ impl Gpu {
         let mut commands = self.commands.drain(..).peekable();
         while let Some(command) = commands.next() {
             match command {
+                Command::Copy(from, to) => {
+                    let (source, target) = (&from.buffer.buffer, &to.buffer.buffer);
+                    encoder.copy_buffer_to_buffer(source, 0, target, 0, from.buffer.size);
+                }
                 Command::Clear(handle) => encoder.clear_buffer(&handle.buffer.buffer, 0, None),
                 Command::Dispatch {
                     kernel,
@@ -619,18 +625,29 @@ impl Gpu {
         }
     }
 
-    /// Sets the tolerance of the run that is about to be recorded.
-    fn write_tolerance(&mut self, state: &State, tolerance: f64) {
+    /// Sets the goals of the run that is about to be recorded.
+    fn write_goals(&mut self, state: &State, run: Run) {
         if self.recorded_start {
-            // The one before must not be overwritten until it has been used.
+            // Those of the one before must not be overwritten until they have been used.
             self.submit(None);
         }
         self.recorded_start = true;
-        // The range of f32 ends at about 1e-38.
-        let square = self.real_array(&[(tolerance * tolerance).max(1e-30)]);
+        // The range of f32 ends at about 1e-38. A goal of zero stays zero: never reached.
+        let least = match self.context.precision {
+            Precision::F64 => 0.0,
+            Precision::F32 => 1e-30,
+        };
+        let within_range = |goal: f64| if goal > 0.0 { goal.max(least) } else { 0.0 };
+        let goals = [
+            run.residual_part * run.residual_part,
+            run.residual * run.residual,
+            run.decrease,
+            run.decrease_part,
+        ];
+        let goals = self.real_array(&goals.map(within_range));
         self.context
             .queue
-            .write_buffer(&state.tolerance.buffer.buffer, 0, &square);
+            .write_buffer(&state.goals.buffer.buffer, 0, &goals);
     }
 
     /// The only segment of a vector: multigrid works on vectors that fit into one binding.
@@ -655,6 +672,11 @@ impl Gpu {
     fn vector_bytes(&self, count: u32, arrays: u64) -> u64 {
         u64::from(count) * 2 * self.real_bytes() * arrays
     }
+}
+
+/// The flag of a run that starts from the x that is there.
+fn continues(run: Run) -> u32 {
+    if run.continues { flag::CONTINUES } else { 0 }
 }
 
 /// Real numbers of the device.
@@ -837,7 +859,7 @@ impl Backend for Gpu {
         Ok(State {
             current: self.allocate("CG state", STATE_BYTES, usage)?,
             next: self.allocate("CG state", STATE_BYTES, usage)?,
-            tolerance: self.allocate("CG tolerance", STATE_BYTES, usage)?,
+            goals: self.allocate("goals of CG", STATE_BYTES, usage)?,
             partials: self.allocate("partial sums", partials, usage)?,
             n_curvature,
             n_vector,
@@ -879,6 +901,13 @@ impl Backend for Gpu {
             }
         }
         Ok(())
+    }
+
+    fn copy(&mut self, from: &Vector, to: &mut Vector) {
+        for (from, to) in from.segments.iter().zip(&to.segments) {
+            let (from, to) = (Arc::clone(&from.data), Arc::clone(&to.data));
+            self.commands.push(Command::Copy(from, to));
+        }
     }
 
     fn clear(&mut self, x: &mut Vector) {
@@ -923,9 +952,9 @@ impl Backend for Gpu {
         x: &mut Vector,
         p: &mut Vector,
         state: &mut State,
-        tolerance: f64,
+        run: Run,
     ) {
-        self.write_tolerance(state, tolerance);
+        self.write_goals(state, run);
         let groups = self.vector_groups(r);
         let mut first_partial = state.n_curvature;
         for (s, segment) in r.segments.iter().enumerate() {
@@ -934,6 +963,7 @@ impl Backend for Gpu {
                 Params {
                     count: segment.count,
                     first_partial,
+                    flags: continues(run),
                     ..Params::default()
                 },
                 &[
@@ -955,7 +985,7 @@ impl Backend for Gpu {
                 n_read: state.n_vector,
                 ..Params::default()
             },
-            &[&state.tolerance, &state.partials, &state.current],
+            &[&state.goals, &state.partials, &state.current],
             1,
             0,
         );
@@ -1212,13 +1242,14 @@ impl Backend for Gpu {
         x: &mut Vector,
         rounded: &mut LevelVector,
         state: &mut State,
-        tolerance: f64,
+        run: Run,
     ) {
-        self.write_tolerance(state, tolerance);
+        self.write_goals(state, run);
         let segment = self.whole(r);
         let params = Params {
             count: segment.count,
             first_partial: state.n_curvature,
+            flags: continues(run),
             ..Params::default()
         };
         let x = self.whole(x);
@@ -1230,12 +1261,7 @@ impl Backend for Gpu {
             n_read: state.n_vector,
             ..Params::default()
         };
-        let buffers = [
-            &state.tolerance,
-            &state.partials,
-            &state.current,
-            &state.next,
-        ];
+        let buffers = [&state.goals, &state.partials, &state.current, &state.next];
         self.dispatch(Kernel::MgBegin, params, &buffers, 1, 0);
     }
 
@@ -1323,14 +1349,17 @@ impl Backend for Gpu {
         }
         let mut progress = None;
         self.read(&sources, |bytes| {
-            let mut reals = [0.0; 3];
+            let mut reals = [0.0; 8];
             read_reals(precision, bytes, &mut reals);
-            let words = &bytes[3 * real as usize..];
+            let words = &bytes[reals.len() * real as usize..];
             let word =
                 |i: usize| u32::from_ne_bytes(words[4 * i..][..4].try_into().expect("four bytes"));
             progress = Some(Progress {
                 rr: reals[1],
                 goal: reals[2],
+                rr_start: reals[3],
+                energy: reals[4],
+                decrease: reals[5],
                 done: word(0) != 0,
                 broken: word(1) != 0,
                 iterations: word(2) as usize,

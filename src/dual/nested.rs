@@ -1,23 +1,22 @@
 //! The nested path: A p = B K⁻¹ Bᵀ p with K⁻¹ applied by preconditioned conjugate gradients.
 
-use super::{Costs, DualError, DualOperator, Stop};
-use crate::backend::{Backend, power_of_two_below};
+use super::{Costs, DualError, DualOperator, Followed, Stop};
+use crate::backend::{Backend, Run, power_of_two_below};
 use crate::problem::ContactProblem;
 use crate::sparse::{Csr, norm};
-use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner};
+use crate::stiffness::pcg::{Accuracy, Gather, Pcg, PcgError, Preconditioner};
 
-/// The relative residual to ask for: below 1e-12, f64 has nothing to give; above 0.1, a single iteration
-/// would not do what the method expects of a product.
-fn within_reach(accuracy: f64) -> f64 {
-    accuracy.clamp(1e-12, 0.1)
-}
-
-/// B and Bᵀ on the backend, with vectors of multipliers.
+/// B, Bᵀ and u on the backend.
 struct OnBackend<B: Backend> {
     gather: B::Rows,
     scatter: B::Rows,
     p: B::Vector,
     y: B::Vector,
+    /// From (λ, 1) to f − Bᵀλ, on the rows of Bᵀ that have entries.
+    loads: B::Rows,
+    lambda: B::Vector,
+    f: B::Vector,
+    u: B::Vector,
 }
 
 /// The dual operator of a problem by PCG on a backend.
@@ -29,6 +28,10 @@ pub struct NestedDual<'a, B: Backend> {
     problem: &'a ContactProblem,
     b: Csr,
     pcg: Pcg<B>,
+    /// A power of two near ‖f‖: what f and u are divided by on the backend.
+    unit: f64,
+    /// u of the last gradient or displacement, the start for the next, where it is kept on the host.
+    u: Vec<f64>,
     on_backend: Option<OnBackend<B>>,
 }
 
@@ -42,22 +45,36 @@ impl<'a, B: Backend> NestedDual<'a, B> {
         let (k, coordinates) = (problem.stiffness(), problem.coordinates());
         let mut pcg = Pcg::new(backend, k, coordinates, preconditioner)?;
         let b = problem.contact_matrix();
+        let unit = power_of_two_below(norm(problem.load()));
+        let mut u = Vec::new();
         let on_backend = if pcg.is_f64() {
             let backend = &mut pcg.backend;
             let (p, y) = (backend.vector(b.n_rows())?, backend.vector(b.n_rows())?);
+            let lambda = backend.vector(b.n_rows() + 1)?;
+            let mut f = backend.vector(b.n_cols())?;
+            let scaled: Vec<f64> = problem.load().iter().map(|f| f / unit).collect();
+            backend.upload(&scaled, &mut f);
+            let transposed = b.transposed();
             Some(OnBackend {
                 gather: backend.rows(&b, &pcg.x, &y)?,
-                scatter: backend.rows(&b.transposed(), &p, &pcg.x)?,
+                scatter: backend.rows(&transposed, &p, &pcg.x)?,
                 p,
                 y,
+                loads: backend.rows(&loads(&transposed, &scaled), &lambda, &pcg.x)?,
+                lambda,
+                f,
+                u: backend.vector(b.n_cols())?,
             })
         } else {
+            u = vec![0.0; b.n_cols()];
             None
         };
         Ok(Self {
             problem,
             b,
             pcg,
+            unit,
+            u,
             on_backend,
         })
     }
@@ -67,13 +84,83 @@ impl<'a, B: Backend> NestedDual<'a, B> {
         self.pcg.hierarchy.as_deref()
     }
 
-    /// B x − c, on the host.
-    fn gap(&self, x: &[f64], out: &mut [f64]) {
-        self.b.mul(x, out);
-        for (out, d) in out.iter_mut().zip(self.problem.gap()) {
-            *out -= d;
-        }
+    /// Solves K u = f − Bᵀλ from the u of the last time; and y = B u.
+    fn follow(
+        &mut self,
+        lambda: &[f64],
+        y: &mut [f64],
+        accuracy: Following,
+        stop: &Stop,
+    ) -> Result<Followed, DualError> {
+        let length = norm(self.problem.load());
+        let Some(there) = &mut self.on_backend else {
+            let mut load = self.problem.load().to_vec();
+            self.b.mul_transpose_add(-1.0, lambda, &mut load);
+            let accuracy = match accuracy {
+                Following::Energy(accuracy) => accuracy,
+                // Relative to the right-hand side there, to f here.
+                Following::Residual(tolerance) if length > 0.0 => {
+                    Accuracy::Residual(tolerance * length / norm(&load))
+                }
+                Following::Residual(tolerance) => Accuracy::Residual(tolerance),
+            };
+            let followed = self.pcg.refine(&load, &mut self.u, accuracy, stop)?;
+            self.b.mul(&self.u, y);
+            return Ok(followed);
+        };
+        let unit = self.unit;
+        let mut scaled: Vec<f64> = lambda.iter().map(|l| l / unit).collect();
+        scaled.push(1.0);
+        let run = match accuracy {
+            Following::Energy(accuracy) => self.pcg.run_to(accuracy, unit),
+            Following::Residual(tolerance) => Run {
+                residual: tolerance * if length > 0.0 { length } else { norm(lambda) } / unit,
+                ..Run::default()
+            },
+        };
+        let run = Run {
+            continues: true,
+            ..run
+        };
+        let pcg = &mut self.pcg;
+        pcg.backend.upload(&scaled, &mut there.lambda);
+        pcg.backend.copy(&there.f, &mut pcg.r);
+        pcg.backend
+            .multiply_rows(&there.loads, &there.lambda, &mut pcg.r);
+        pcg.subtract_product(&there.u);
+        let gather = Gather {
+            rows: &there.gather,
+            y: &mut there.y,
+            out: y,
+        };
+        pcg.counts.solves += 1;
+        std::mem::swap(&mut pcg.x, &mut there.u);
+        let outcome = pcg.run(run, stop, Some(gather));
+        std::mem::swap(&mut pcg.x, &mut there.u);
+        y.iter_mut().for_each(|v| *v *= unit);
+        Ok(pcg.followed(&outcome?, unit))
     }
+}
+
+/// Accuracy of a u that follows λ.
+enum Following {
+    Energy(Accuracy),
+    /// ‖f − Bᵀλ − Ku‖ relative to ‖f‖.
+    Residual(f64),
+}
+
+/// The rows of Bᵀ that have entries, as (−Bᵀ, f).
+fn loads(transposed: &Csr, f: &[f64]) -> Csr {
+    let columns = transposed.n_cols();
+    let triplets = transposed.filled_rows().into_iter().flat_map(|i| {
+        let i = i as usize;
+        let (cols, values) = transposed.row(i);
+        cols.iter()
+            .zip(values)
+            .map(move |(&j, v)| (i, j as usize, -v[0][0]))
+            .chain([(i, columns, f[i])])
+    });
+    Csr::from_triplets(transposed.n_rows(), columns + 1, triplets)
 }
 
 impl<B: Backend> DualOperator for NestedDual<'_, B> {
@@ -81,37 +168,31 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
         &mut self,
         p: &[f64],
         y: &mut [f64],
-        accuracy: f64,
+        accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
-        let accuracy = within_reach(accuracy);
-        let Some(OnBackend {
-            gather,
-            scatter,
-            p: p_there,
-            y: y_there,
-        }) = &mut self.on_backend
-        else {
+        let Some(there) = &mut self.on_backend else {
             let mut load = vec![0.0; self.b.n_cols()];
             self.b.mul_transpose_add(1.0, p, &mut load);
             let mut x = vec![0.0; load.len()];
-            self.pcg.solve(&load, &mut x, accuracy, stop)?;
+            self.pcg.refine(&load, &mut x, accuracy, stop)?;
             self.b.mul(&x, y);
             return Ok(());
         };
         let unit = power_of_two_below(norm(p));
         let scaled: Vec<f64> = p.iter().map(|v| v / unit).collect();
+        let run = self.pcg.run_to(accuracy, unit);
         let backend = &mut self.pcg.backend;
-        backend.upload(&scaled, p_there);
+        backend.upload(&scaled, &mut there.p);
         backend.clear(&mut self.pcg.r);
-        backend.multiply_rows(scatter, p_there, &mut self.pcg.r);
+        backend.multiply_rows(&there.scatter, &there.p, &mut self.pcg.r);
         let gather = Gather {
-            rows: gather,
-            y: y_there,
+            rows: &there.gather,
+            y: &mut there.y,
             out: y,
         };
         self.pcg.counts.solves += 1;
-        self.pcg.run(accuracy, stop, Some(gather))?;
+        self.pcg.run(run, stop, Some(gather))?;
         let scale = unit * self.pcg.scale;
         y.iter_mut().for_each(|v| *v *= scale);
         Ok(())
@@ -120,15 +201,28 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
     fn right_hand_side(
         &mut self,
         b: &mut [f64],
-        accuracy: f64,
+        accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
-        let accuracy = within_reach(accuracy);
-        let mut x = vec![0.0; self.b.n_cols()];
-        self.pcg
-            .solve(self.problem.load(), &mut x, accuracy, stop)?;
-        self.gap(&x, b);
+        let zero = vec![0.0; self.b.n_rows()];
+        self.gradient(&zero, b, accuracy, stop)?;
+        b.iter_mut().for_each(|b| *b = -*b);
         Ok(())
+    }
+
+    fn gradient(
+        &mut self,
+        lambda: &[f64],
+        r: &mut [f64],
+        accuracy: Accuracy,
+        stop: &Stop,
+    ) -> Result<Option<Followed>, DualError> {
+        let followed = self.follow(lambda, r, Following::Energy(accuracy), stop)?;
+        r.iter_mut().for_each(|r| *r = -*r);
+        for (r, d) in r.iter_mut().zip(self.problem.gap()) {
+            *r += d;
+        }
+        Ok(Some(followed))
     }
 
     fn displacement(
@@ -137,11 +231,17 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
         accuracy: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
-        let mut load = self.problem.load().to_vec();
-        self.b.mul_transpose_add(-1.0, lambda, &mut load);
-        let accuracy = within_reach(accuracy);
-        let mut u = vec![0.0; load.len()];
-        self.pcg.solve(&load, &mut u, accuracy, stop)?;
+        let mut y = vec![0.0; self.b.n_rows()];
+        self.follow(lambda, &mut y, Following::Residual(accuracy), stop)?;
+        let Some(there) = &self.on_backend else {
+            return Ok(self.u.clone());
+        };
+        let mut u = vec![0.0; self.b.n_cols()];
+        self.pcg
+            .backend
+            .download(&there.u, &mut u)
+            .map_err(PcgError::from)?;
+        u.iter_mut().for_each(|u| *u *= self.unit);
         Ok(u)
     }
 

@@ -1,6 +1,6 @@
 //! Scaling of the multipliers where the stiffness under the contact varies widely.
 
-use crate::dual::{DualError, DualOperator, Stop};
+use crate::dual::{Accuracy, DualError, DualOperator, Followed, Stop};
 use crate::problem::ContactProblem;
 use crate::sparse::Csr;
 
@@ -91,7 +91,7 @@ impl<D: DualOperator + ?Sized> DualOperator for Scaled<'_, D> {
         &mut self,
         p: &[f64],
         y: &mut [f64],
-        accuracy: f64,
+        accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
         let mut scaled = std::mem::take(&mut self.buffer);
@@ -106,12 +106,28 @@ impl<D: DualOperator + ?Sized> DualOperator for Scaled<'_, D> {
     fn right_hand_side(
         &mut self,
         b: &mut [f64],
-        accuracy: f64,
+        accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
         self.dual.right_hand_side(b, accuracy, stop)?;
         self.times(b);
         Ok(())
+    }
+
+    fn gradient(
+        &mut self,
+        lambda: &[f64],
+        r: &mut [f64],
+        accuracy: Accuracy,
+        stop: &Stop,
+    ) -> Result<Option<Followed>, DualError> {
+        let mut lambda = lambda.to_vec();
+        self.times(&mut lambda);
+        let made = self.dual.gradient(&lambda, r, accuracy, stop)?;
+        if made.is_some() {
+            self.times(r);
+        }
+        Ok(made)
     }
 
     fn displacement(

@@ -57,14 +57,18 @@ impl Subspace {
         }
     }
 
-    /// Splits x into its part in the span, of which only the image is kept, and the rest.
-    pub fn split(&self, x: &mut [f64], image: &mut [f64]) {
+    /// Splits x into its part in the span, of which only the image is kept, and the rest; returns √(xᵀAx) of
+    /// that part.
+    pub fn split(&self, x: &mut [f64], image: &mut [f64]) -> f64 {
         image.fill(0.0);
+        let mut energy = 0.0;
         for (direction, known) in self.directions.iter().zip(&self.images) {
             let c = dot(known, x);
             subtract(c, direction, x);
             subtract(-c, known, image);
+            energy += c * c;
         }
+        energy.sqrt()
     }
 
     /// Moves to the minimum of q over the span: λ −= W Wᵀr, r −= AW Wᵀr. No product with A is spent.

@@ -13,7 +13,7 @@
 
 use super::ordering::{Ordering, contact_last};
 use super::panel;
-use crate::dual::{DualError, DualOperator, Stop};
+use crate::dual::{Accuracy, DualError, DualOperator, Stop};
 use crate::problem::ContactProblem;
 use crate::sparse::{BlockCsr, Csr, norm};
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -320,7 +320,7 @@ impl DualOperator for CholeskyDual {
         &mut self,
         p: &[f64],
         y: &mut [f64],
-        _accuracy: f64,
+        _accuracy: Accuracy,
         _stop: &Stop,
     ) -> Result<(), DualError> {
         let mut x = std::mem::take(&mut self.workspace);
@@ -335,7 +335,7 @@ impl DualOperator for CholeskyDual {
     fn right_hand_side(
         &mut self,
         b: &mut [f64],
-        _accuracy: f64,
+        _accuracy: Accuracy,
         _stop: &Stop,
     ) -> Result<(), DualError> {
         let mut x = self.reduced_load[self.n_leading..].to_vec();

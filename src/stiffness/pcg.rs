@@ -5,8 +5,8 @@
 //! the true K, so that the answer is as accurate as that of the other path, whatever f32 has lost.
 
 use super::amg::{AmgError, Hierarchy, Multigrid, inverse_diagonal};
-use crate::backend::{Backend, GpuError, Progress, power_of_two_below};
-use crate::dual::{Stop, Stopped};
+use crate::backend::{Backend, GpuError, Progress, Run, power_of_two_below};
+use crate::dual::{Followed, Stop, Stopped};
 use crate::sparse::{BlockCsr, norm};
 use std::sync::Arc;
 
@@ -37,10 +37,23 @@ pub enum PcgError {
     Stopped(Stopped),
 }
 
+/// How accurately a system K x = b is solved; e is the error of x.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Accuracy {
+    /// ‖b − Kx‖ ≤ τ‖b‖.
+    Residual(f64),
+    /// √(eᵀKe) ≤ `absolute`, or ≤ `relative` · √(xᵀKx), or a sum of squares of the two.
+    ///
+    /// PCG lowers eᵀKe by α rᵀz in every iteration. What is still to come is estimated from the last
+    /// of these terms and from how fast they have fallen so far: Hestenes and Stiefel, J. Res. Nat. Bur.
+    /// Standards 49 (1952) 409–436, §6; Strakoš and Tichý, ETNA 13 (2002) 56–80.
+    Energy { absolute: f64, relative: f64 },
+}
+
 /// Iterations between two looks at the progress, where the first look came too early: at least this many.
 const CHUNK: usize = 16;
 /// Iterations before the first look at least.
-const LEAST_CHUNK: usize = 4;
+const LEAST_CHUNK: usize = 2;
 /// At most this many, so that a request to stop is heard.
 const MAX_CHUNK: usize = 256;
 /// A correction in f32 is asked to reduce the residual by this factor at most: beyond it the recurrence
@@ -52,6 +65,15 @@ const LEAST_CORRECTION: f64 = 0.05;
 const AT_ROUNDING: f64 = 1e-8;
 /// Corrections that must not fail to halve the residual.
 const MAX_CORRECTIONS: usize = 60;
+
+/// By what factor α rᵀz falls in an iteration, before the first run has told, and the range in which it is
+/// believed.
+const FALL: f64 = 0.25;
+const FALLS: (f64, f64) = (0.02, 0.98);
+/// The relative error in energy that rounding leaves of a correction in f32, before the first has told.
+const ROUNDING: f64 = 0.1;
+/// A relative residual that rounding keeps out of reach.
+const UNREACHABLE: f64 = 1e-15;
 
 /// ‖r‖² never grows by this factor unless K is singular.
 const GROWTH: f64 = 1e14;
@@ -100,6 +122,12 @@ pub struct Pcg<B: Backend> {
     /// By what factor an iteration of the last run has reduced the residual, as a logarithm: it tells how
     /// many the next run will need.
     rate: f64,
+    /// By what factor α rᵀz falls in an iteration.
+    fall: f64,
+    /// Iterations of the last run to an energy.
+    last: usize,
+    /// The relative error in energy that rounding leaves of a correction in low precision.
+    rounding: f64,
     /// What it has cost.
     pub counts: SolveCounts,
 }
@@ -169,6 +197,9 @@ impl<B: Backend> Pcg<B> {
             q,
             state,
             rate: 1.0,
+            fall: FALL,
+            last: 0,
+            rounding: ROUNDING,
             counts: SolveCounts::default(),
         })
     }
@@ -186,12 +217,18 @@ impl<B: Backend> Pcg<B> {
         tolerance: f64,
         stop: &Stop,
     ) -> Result<(), PcgError> {
-        self.counts.solves += 1;
         if !self.is_f64() {
-            return self.refine(b, x, tolerance, stop);
+            x.fill(0.0);
+            self.refine(b, x, Accuracy::Residual(tolerance), stop)?;
+            return Ok(());
         }
+        self.counts.solves += 1;
         let factor = self.load(b, norm(b));
-        self.run(tolerance, stop, None)?;
+        let run = Run {
+            residual_part: tolerance,
+            ..Run::default()
+        };
+        self.run(run, stop, None)?;
         self.backend.download(&self.x, x)?;
         x.iter_mut().for_each(|v| *v *= factor);
         Ok(())
@@ -207,66 +244,178 @@ impl<B: Backend> Pcg<B> {
         unit * self.scale
     }
 
-    /// As [`Pcg::solve`], with corrections by CG in low precision.
-    fn refine(
+    /// The run that solves a system to an accuracy, for a right-hand side that was divided by `unit`.
+    pub(crate) fn run_to(&self, accuracy: Accuracy, unit: f64) -> Run {
+        match accuracy {
+            Accuracy::Residual(tolerance) => Run {
+                residual_part: tolerance,
+                ..Run::default()
+            },
+            Accuracy::Energy { absolute, relative } => {
+                let to_come = self.to_come();
+                Run {
+                    decrease: absolute * absolute / (self.energy_unit(unit) * to_come),
+                    decrease_part: relative * relative / to_come,
+                    residual_part: UNREACHABLE,
+                    ..Run::default()
+                }
+            }
+        }
+    }
+
+    /// What the energy on the backend has to be multiplied by if the right-hand side was divided by `unit`.
+    pub(crate) fn energy_unit(&self, unit: f64) -> f64 {
+        unit * unit * self.scale
+    }
+
+    /// What a run has changed of x and has left, for a right-hand side that was divided by `unit`.
+    pub(crate) fn followed(&self, progress: &Progress, unit: f64) -> Followed {
+        let unit = self.energy_unit(unit);
+        Followed {
+            change: (unit * progress.energy).sqrt(),
+            remaining: (unit * progress.decrease * self.to_come()).sqrt(),
+        }
+    }
+
+    /// The sum of all decreases of the energy to come, relative to the last one: a geometric series.
+    fn to_come(&self) -> f64 {
+        self.fall / (1.0 - self.fall)
+    }
+
+    /// Lowers the error of x in K x = b by CG in low precision inside f64.
+    pub(crate) fn refine(
         &mut self,
         b: &[f64],
         x: &mut [f64],
-        tolerance: f64,
+        accuracy: Accuracy,
         stop: &Stop,
-    ) -> Result<(), PcgError> {
-        let goal = tolerance * norm(b);
-        let mut residual = b.to_vec();
-        let mut correction = vec![0.0; b.len()];
-        x.fill(0.0);
+    ) -> Result<Followed, PcgError> {
+        self.counts.solves += 1;
+        let length_b = norm(b);
         let start = self.counts.iterations;
+        let mut correction = vec![0.0; b.len()];
+        let mut residual = vec![0.0; b.len()];
+        let subtract_from_b = |k: &BlockCsr<2>, x: &[f64], residual: &mut [f64]| {
+            k.mul(x, residual);
+            for (r, b) in residual.iter_mut().zip(b) {
+                *r = b - *r;
+            }
+        };
+        if x.iter().all(|&v| v == 0.0) {
+            residual.copy_from_slice(b);
+        } else {
+            subtract_from_b(&self.k, x, &mut residual);
+        }
+        let goal = match accuracy {
+            Accuracy::Residual(tolerance) => tolerance * length_b,
+            // As far as f64 goes.
+            Accuracy::Energy { .. } => UNREACHABLE * length_b,
+        };
         let mut asked = CORRECTION;
+        let (mut energy, mut last, mut remains) = (0.0, f64::INFINITY, 0.0_f64);
+        let followed = |energy: f64, remains: f64| Followed {
+            change: energy.sqrt(),
+            remaining: remains.sqrt(),
+        };
+        let mut length = norm(&residual);
         for _ in 0..MAX_CORRECTIONS {
-            let length = norm(&residual);
             if length <= goal {
-                return Ok(());
+                return Ok(followed(energy, remains));
             }
             let factor = self.load(&residual, length);
-            match self.run((0.5 * goal / length).max(asked), stop, None) {
+            let unit = factor / self.scale;
+            // Of the energy error, what is allowed in the end and what this correction may leave.
+            let (run, target, left) = match accuracy {
+                Accuracy::Residual(_) => {
+                    let run = Accuracy::Residual((0.5 * goal / length).max(asked));
+                    (run, 0.0, 0.0)
+                }
+                Accuracy::Energy { absolute, relative } => {
+                    let target = absolute * absolute + relative * relative * energy;
+                    let relative = relative.max(CORRECTION);
+                    let absolute = target.sqrt();
+                    (Accuracy::Energy { absolute, relative }, target, relative)
+                }
+            };
+            let run = self.run_to(run, unit);
+            let gained = match self.run(run, stop, None) {
+                Ok(progress) => progress.energy * self.energy_unit(unit),
                 // In f32 a breakdown may be one of rounding: the residual in f64 tells.
-                Ok(_) | Err(PcgError::NotPositiveDefinite) => {}
+                Err(PcgError::NotPositiveDefinite) => 0.0,
                 Err(error) => return Err(error),
-            }
+            };
             self.backend.download(&self.x, &mut correction)?;
             for (x, c) in x.iter_mut().zip(&correction) {
                 *x += c * factor;
             }
-            self.k.mul(x, &mut residual);
-            for (r, b) in residual.iter_mut().zip(b) {
-                *r = b - *r;
+            energy += gained;
+            if let Accuracy::Energy { relative, .. } = accuracy {
+                if last.is_finite() {
+                    // What the correction before has left shows now.
+                    self.rounding = (gained / last)
+                        .sqrt()
+                        .clamp(0.5 * left, self.rounding.max(0.5));
+                }
+                remains = gained * left.max(self.rounding).powi(2);
+                if gained > 0.0 && remains <= target.max(relative * relative * energy) {
+                    return Ok(followed(energy, remains));
+                }
             }
-            // Written so that NaN stops it.
-            let achieved = norm(&residual) / length;
-            if !(achieved <= 0.5) {
+            subtract_from_b(&self.k, x, &mut residual);
+            let before = std::mem::replace(&mut length, norm(&residual));
+            // A short run may lower the energy error and not the residual. Written so that NaN stops it.
+            let achieved = length / before;
+            let progress = match accuracy {
+                Accuracy::Residual(_) => achieved <= 0.5,
+                Accuracy::Energy { .. } => gained <= 0.25 * last,
+            };
+            if !progress {
                 break;
             }
+            last = gained;
             // On fine meshes rounding K to f32 costs more than the recurrence knows: to ask for more than
             // the last correction has achieved would be wasted.
             asked = (0.5 * achieved).clamp(CORRECTION, LEAST_CORRECTION);
         }
-        let reached = norm(&residual);
         // What f64 cannot give is not asked for again: whether it is enough shows in the final check.
-        if reached <= goal.max(AT_ROUNDING * norm(b)) {
-            return Ok(());
+        if length <= goal.max(AT_ROUNDING * length_b) {
+            return Ok(followed(energy, remains));
         }
+        let asked = match accuracy {
+            Accuracy::Residual(tolerance) => tolerance,
+            Accuracy::Energy { relative, .. } => relative,
+        };
         Err(PcgError::Stalled {
-            reached: reached / norm(b),
-            asked: tolerance,
+            reached: length / length_b,
+            asked,
             iterations: self.counts.iterations - start,
         })
     }
 
-    /// CG for the right-hand side in `r`, down to `tolerance` times its norm; the result is in `x`.
+    /// r −= K x.
+    pub(crate) fn subtract_product(&mut self, x: &B::Vector) {
+        self.backend.subtract_product(&self.matrix, x, &mut self.r);
+    }
+
+    /// Learns how fast the energy error falls from a run that has ended.
+    fn learn(&mut self, progress: &Progress) {
+        if progress.iterations < 2 || !(progress.energy > 0.0) {
+            return;
+        }
+        // The first decrease is nearly all of the energy.
+        let fall = (progress.decrease / progress.energy)
+            .powf(1.0 / (progress.iterations - 1) as f64)
+            .clamp(FALLS.0, FALLS.1);
+        // It may slow down at once, but one good run is not believed.
+        self.fall = fall.max(0.5 * (self.fall + fall));
+    }
+
+    /// CG for the right-hand side in `r`; the result is in `x`.
     ///
     /// With `gather`, y = M x comes along with each look at the progress.
     pub(crate) fn run(
         &mut self,
-        tolerance: f64,
+        goals: Run,
         stop: &Stop,
         mut gather: Option<Gather<B>>,
     ) -> Result<Progress, PcgError> {
@@ -289,14 +438,19 @@ impl<B: Backend> Pcg<B> {
         };
         match preconditioner {
             PreconditionerThere::Multigrid(m) => {
-                backend.mg_load(r, x, m.r(), state, tolerance);
+                backend.mg_load(r, x, m.r(), state, goals);
                 m.cycle(backend, state);
                 backend.mg_step_2(r, m.z(), p, state);
             }
-            PreconditionerThere::BlockJacobi(d) => backend.cg_start(d, r, x, p, state, tolerance),
+            PreconditionerThere::BlockJacobi(d) => backend.cg_start(d, r, x, p, state, goals),
         }
         // More than it should take: a look too early costs more than an iteration without effect.
-        let predicted = (1.0 / tolerance).ln() / self.rate;
+        let to_energy = goals.decrease > 0.0 || goals.decrease_part > 0.0;
+        let predicted = if to_energy {
+            self.last as f64
+        } else {
+            -(goals.residual_part.max(1e-16)).ln() / self.rate
+        };
         let mut chunk = (predicted.ceil() as usize + 1).clamp(LEAST_CHUNK, MAX_CHUNK);
         let mut issued = 0;
         loop {
@@ -324,8 +478,11 @@ impl<B: Backend> Pcg<B> {
             };
             if progress.done {
                 self.counts.iterations += progress.iterations;
-                if progress.iterations > 0 {
-                    let reached = 0.5 * (progress.rr * tolerance * tolerance / progress.goal).ln();
+                if to_energy {
+                    self.last = progress.iterations;
+                    self.learn(&progress);
+                } else if progress.iterations > 0 {
+                    let reached = 0.5 * (progress.rr / progress.rr_start).ln();
                     self.rate = (-reached / progress.iterations as f64).clamp(1e-4, 10.0);
                 }
                 if progress.broken || !progress.rr.is_finite() {
@@ -338,12 +495,12 @@ impl<B: Backend> Pcg<B> {
                 return Err(PcgError::Stopped(stopped));
             }
             // A residual that grows without end belongs to a singular matrix.
-            let grown = progress.rr > GROWTH * progress.goal / (tolerance * tolerance);
+            let grown = progress.rr > GROWTH * progress.rr_start;
             if issued >= limit || grown {
                 self.counts.iterations += progress.iterations;
                 return Err(PcgError::Stalled {
-                    reached: tolerance * (progress.rr / progress.goal).sqrt(),
-                    asked: tolerance,
+                    reached: (progress.rr / progress.rr_start).sqrt(),
+                    asked: (progress.goal / progress.rr_start).sqrt(),
                     iterations: progress.iterations,
                 });
             }

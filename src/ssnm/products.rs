@@ -1,0 +1,269 @@
+//! Products with A and the gradient r = Aλ − b, as accurately as the present error needs them.
+//!
+//! Where K⁻¹ is applied by a factor, products are exact and r is carried along with λ. Where it is a matter
+//! of iterations, three things keep their number low:
+//!
+//! - **Relaxation.** A product that is falsified by E p falsifies the carried r by α E p, α the length of
+//!   the step. So after some steps r is off by at most Σ αⱼ ‖Eⱼpⱼ‖, and CG works on as if products were
+//!   exact for as long as this sum is below the residual (van den Eshof and Sleijpen, SIAM J. Matrix Anal.
+//!   Appl. 26 (2004) 125–153; Simoncini and Szyld, SIAM J. Sci. Comput. 25 (2003) 454–477). Each
+//!   product may add a fixed part of the present error ([`RELAXED`]); the sum is kept as `drift`, CG ends
+//!   where it reaches the residual, and r is made afresh once it is no longer small beside the error.
+//! - **Following.** r made afresh is c − B u with u = K⁻¹(f − Bᵀλ), and the u of the last time is a good
+//!   start. What a product has left out does not pile up: it is part of the residual f − Bᵀλ − K u that the
+//!   next one starts from. A jump of λ needs no product of its own, r is made afresh where it lands.
+//! - **Recycling.** What of p lies in the span of the directions known so far has a known image; only the
+//!   rest p' = p − W WᵀA p goes through K⁻¹. This is the projection of the system with K on all earlier
+//!   solutions K⁻¹Bᵀw, which are K-orthogonal as the w are A-orthogonal, without storing any of them.
+//!
+//! An error e of K⁻¹Bᵀp or of u falsifies A p or r by B e, at most √σ_max · √(eᵀKe) in length. That bound
+//! is 30 to 150 times too large for all but the smoothest e, so the ratio ‖Be‖ / √(eᵀKe) is taken from
+//! what the last change of u has brought. The final check, which trusts nothing, tells if that was too bold.
+
+use super::Subspace;
+use super::scaling::Scaled;
+use crate::dual::{Accuracy, DualError, DualOperator, Followed, Stop, sigma_max};
+use crate::sparse::norm;
+
+/// The part of the present error by which one product, or r made afresh, may be off.
+const RELAXED: f64 = 0.1;
+/// The same after a final check that failed, or where nothing else makes progress, relative to before.
+const TIGHTER: f64 = 0.1;
+/// At least this part is asked for.
+const LEAST_PART: f64 = 1e-6;
+/// No product is made with a larger relative error than this: it could not tell a direction of descent.
+const LOOSEST: f64 = 0.3;
+/// r made afresh is good enough at this multiple of what it may be off by.
+const ENOUGH: f64 = 2.0;
+/// Times that the accuracy is raised where r made afresh shows a much smaller error than expected.
+const MOST_PASSES: usize = 5;
+/// r is made afresh once the drift is more than this multiple of what one product may add.
+const DRIFTED: f64 = 2.0;
+/// The relative accuracy of b, on which nothing but err⁰ rests.
+const ROUGH: f64 = 1e-2;
+/// A part of the error to reach that does not matter.
+const NEGLIGIBLE: f64 = 0.05;
+
+/// The dual operator with all that is known of it.
+pub(super) struct Products<'a, D: ?Sized> {
+    pub dual: Scaled<'a, D>,
+    pub stop: Stop<'a>,
+    /// Products so far.
+    pub n_a: usize,
+    /// The estimate of σ_max.
+    pub sigma: f64,
+    /// All directions whose product is known.
+    pub known: Subspace,
+    /// By how much a product may falsify r.
+    allowed: f64,
+    /// The same relative to the present error.
+    part: f64,
+    /// A change of r that does not matter.
+    negligible: f64,
+    /// What r is made afresh from, where products are not exact.
+    following: Option<Following>,
+}
+
+/// The u that follows λ, as far as the multipliers see it.
+struct Following {
+    /// c − B u.
+    r: Vec<f64>,
+    /// ‖Be‖ / √(eᵀKe) for the last change e of u; 0 before the first.
+    gain: f64,
+    /// What r is off by.
+    off: f64,
+    /// What products may have falsified the carried r by since then.
+    drift: f64,
+}
+
+impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
+    /// Makes b and the estimate of σ_max; returns b and the products that the latter took. `c` is (d, 0),
+    /// and `exact` asks for all that can be had.
+    pub fn set_up(&mut self, c: Vec<f64>, exact: bool) -> Result<(Vec<f64>, usize), DualError> {
+        let accuracy = Accuracy::Energy {
+            absolute: 0.0,
+            relative: if exact { super::EXACT } else { ROUGH },
+        };
+        let zero = vec![0.0; c.len()];
+        let mut b = zero.clone();
+        // At λ = 0 and u = 0, r is c.
+        self.following = Some(Following {
+            r: c,
+            gain: 0.0,
+            off: 0.0,
+            drift: 0.0,
+        });
+        if self.follow(&zero, &mut b, accuracy)? {
+            b.iter_mut().for_each(|b| *b = -*b);
+        } else {
+            self.dual.right_hand_side(&mut b, accuracy, &self.stop)?;
+        }
+        let (sigma, products) = sigma_max(&mut self.dual, b.len(), &self.stop)?;
+        self.sigma = sigma;
+        Ok((b, products))
+    }
+
+    /// Before [`Products::set_up`].
+    pub fn new(dual: Scaled<'a, D>, stop: Stop<'a>) -> Self {
+        Self {
+            dual,
+            stop,
+            n_a: 0,
+            sigma: 0.0,
+            known: Subspace::default(),
+            allowed: 0.0,
+            part: RELAXED,
+            negligible: 0.0,
+            following: None,
+        }
+    }
+
+    /// Sets what is negligible on the way to an error of `goal`.
+    pub fn aim_at(&mut self, goal: f64) {
+        self.negligible = NEGLIGIBLE * goal;
+    }
+
+    /// Sets what a product may falsify r by at an error of `err`.
+    pub fn allow(&mut self, err: f64) {
+        self.allowed = self.part * err;
+    }
+
+    /// Asks for more accuracy from here on, and forgets what was known with less; false where there is none
+    /// to be had.
+    pub fn sharpen(&mut self) -> bool {
+        if self.following.is_none() || self.part <= LEAST_PART {
+            return false;
+        }
+        self.part *= TIGHTER;
+        self.known = Subspace::default();
+        true
+    }
+
+    /// What products may have falsified the carried r by.
+    pub fn drift(&self) -> f64 {
+        self.following.as_ref().map_or(0.0, |f| f.drift)
+    }
+
+    /// Whether r ought to be made afresh.
+    pub fn has_drifted(&self) -> bool {
+        self.drift() > DRIFTED * self.allowed
+    }
+
+    /// Whether r is carried without error.
+    pub fn are_exact(&self) -> bool {
+        self.following.is_none()
+    }
+
+    /// A p, which a step of length `step` along p adds to r, a vector of about the length `size`.
+    pub fn apply(
+        &mut self,
+        p: &[f64],
+        ap: &mut [f64],
+        step: f64,
+        size: f64,
+    ) -> Result<(), DualError> {
+        let mut rest = p.to_vec();
+        let known = self.known.split(&mut rest, ap);
+        if step * self.sigma * norm(&rest) <= self.negligible {
+            return Ok(());
+        }
+        let relative = (self.allowed / size).clamp(super::EXACT, LOOSEST);
+        let accuracy = Accuracy::Energy {
+            absolute: relative * known,
+            relative,
+        };
+        let mut image = vec![0.0; rest.len()];
+        self.dual.apply(&rest, &mut image, accuracy, &self.stop)?;
+        self.n_a += 1;
+        if let Some(following) = &mut self.following {
+            following.drift += relative * size;
+        }
+        ap.iter_mut().zip(&image).for_each(|(a, i)| *a += i);
+        self.known.add(rest, image);
+        Ok(())
+    }
+
+    /// Carries r along a jump of λ; false where it ought to be made afresh at its end instead.
+    pub fn carry(&mut self, jump: &[f64], r: &mut [f64]) -> Result<bool, DualError> {
+        let mut image = vec![0.0; jump.len()];
+        if self.are_exact() {
+            self.apply(jump, &mut image, 1.0, f64::INFINITY)?;
+        } else {
+            let mut rest = jump.to_vec();
+            self.known.split(&mut rest, &mut image);
+            if self.sigma * norm(&rest) > self.negligible {
+                return Ok(false);
+            }
+        }
+        r.iter_mut().zip(&image).for_each(|(r, a)| *r += a);
+        Ok(true)
+    }
+
+    /// r at λ made afresh, as accurately as the error there needs it: `error` says how large it is. Counts as
+    /// one product. False, and nothing done, where products are exact.
+    pub fn refresh(
+        &mut self,
+        lambda: &[f64],
+        r: &mut [f64],
+        error: impl Fn(&[f64]) -> f64,
+    ) -> Result<bool, DualError> {
+        for _ in 0..MOST_PASSES {
+            let Some(following) = &self.following else {
+                return Ok(false);
+            };
+            let gain = if following.gain > 0.0 {
+                following.gain
+            } else {
+                self.sigma.sqrt()
+            };
+            let accuracy = Accuracy::Energy {
+                absolute: self.allowed / gain,
+                relative: 0.0,
+            };
+            if !self.follow(lambda, r, accuracy)? {
+                return Ok(false);
+            }
+            self.allow(error(r));
+            let off = self.following.as_ref().map_or(0.0, |f| f.off);
+            if off <= ENOUGH * self.allowed {
+                break;
+            }
+        }
+        self.n_a += 1;
+        Ok(true)
+    }
+
+    /// r at λ made afresh; false where there is no need to, as products are exact.
+    fn follow(
+        &mut self,
+        lambda: &[f64],
+        r: &mut [f64],
+        accuracy: Accuracy,
+    ) -> Result<bool, DualError> {
+        let made = self.dual.gradient(lambda, r, accuracy, &self.stop)?;
+        let (Some(following), Some(Followed { change, remaining })) = (&mut self.following, made)
+        else {
+            self.following = None;
+            self.known = Subspace::default();
+            return Ok(false);
+        };
+        let moved: f64 = (following.r.iter().zip(&*r))
+            .map(|(old, new)| (new - old).powi(2))
+            .sum();
+        if change > 0.0 && moved > 0.0 {
+            following.gain = moved.sqrt() / change;
+        }
+        following.off = following.gain * remaining;
+        following.r.copy_from_slice(r);
+        following.drift = 0.0;
+        Ok(true)
+    }
+
+    /// Takes note of an r that the displacement of the final check has given.
+    pub fn checked(&mut self, r: &[f64]) {
+        if let Some(following) = &mut self.following {
+            following.r.copy_from_slice(r);
+            following.drift = 0.0;
+        }
+    }
+}
