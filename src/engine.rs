@@ -6,7 +6,7 @@ use crate::backend::cpu::Cpu;
 use crate::backend::gpu::{Context, Gpu, Options as GpuOptions, Precision};
 use crate::dual::{Accuracy, Costs, DualError, DualOperator, Followed, NestedDual, Stop};
 use crate::problem::ContactProblem;
-use crate::stiffness::cholesky::{CholeskyDual, FactorError};
+use crate::stiffness::cholesky::{CholeskyDual, FactorError, Plan};
 use crate::stiffness::pcg::{PcgError, Preconditioner};
 use std::sync::Arc;
 
@@ -24,7 +24,8 @@ pub enum Place {
 /// How to apply K⁻¹.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stiffness {
-    /// The sparse factor where it can be had, PCG otherwise; PCG on a GPU.
+    /// The sparse factor where it is predicted to fit into half of the memory and not to take much longer
+    /// than PCG; PCG otherwise, and on a GPU.
     #[default]
     Auto,
     Cholesky,
@@ -69,6 +70,18 @@ impl From<PcgError> for EngineError {
 /// Unknowns from which a GPU is worth its launches in `Auto`.
 const WORTH_A_GPU: usize = 50_000;
 
+/// Seconds of the factorisation for an operation and, with ordering and solves, for an unknown; seconds of the
+/// iterative path for an unknown, all of it, shared by up to so many threads. Measured with the reference
+/// problems of n = 2e5 to 8e5 on two cores (`signorini bench`); only their ratio matters.
+const FACTOR_OPERATION: f64 = 5e-11;
+const FACTOR_UNKNOWN: f64 = 1.2e-6;
+const ITERATIVE_UNKNOWN: f64 = 12e-6;
+const ITERATIVE_THREADS: f64 = 8.0;
+/// The factor, which no mesh can surprise, may take so many times longer.
+const PREFERRED: f64 = 2.0;
+/// Predictions below this many seconds are not worth a word.
+const WORTH_A_WORD: f64 = 1.0;
+
 enum Path<'a> {
     Cholesky(Box<CholeskyDual>),
     Cpu(Box<NestedDual<'a, Cpu>>),
@@ -101,17 +114,17 @@ impl<'a> Engine<'a> {
             (Place::Gpu, _) => on_gpu(problem, &options, &mut log)?,
             (Place::Cpu, Stiffness::Pcg) => on_cpu(problem, &options)?,
             (_, Stiffness::Cholesky) => Path::Cholesky(Box::new(CholeskyDual::new(problem)?)),
-            (place, Stiffness::Auto) => match CholeskyDual::new(problem) {
-                Ok(dual) => Path::Cholesky(Box::new(dual)),
-                Err(error @ (FactorError::OutOfMemory { .. } | FactorError::TooLarge)) => {
-                    log(&format!("{error}: using PCG instead"));
-                    if place == Place::Auto {
-                        on_best(problem, &options, &mut log)?
-                    } else {
-                        on_cpu(problem, &options)?
-                    }
+            (place, Stiffness::Auto) => match direct(
+                problem,
+                memory_bytes(),
+                rayon::current_num_threads(),
+                &mut log,
+            )? {
+                Some(dual) => Path::Cholesky(dual),
+                None if place == Place::Auto && n >= WORTH_A_GPU => {
+                    on_best(problem, &options, &mut log)?
                 }
-                Err(error) => return Err(error.into()),
+                None => on_cpu(problem, &options)?,
             },
             // Whoever names an adapter means it.
             (Place::Auto, Stiffness::Pcg) if n < WORTH_A_GPU && options.gpu.adapter.is_none() => {
@@ -209,6 +222,67 @@ impl<'a> Engine<'a> {
     }
 }
 
+/// The factor, or None where PCG is the better choice on a machine of so many bytes, if known, and threads.
+fn direct(
+    problem: &ContactProblem,
+    memory: Option<usize>,
+    threads: usize,
+    log: &mut dyn FnMut(&str),
+) -> Result<Option<Box<CholeskyDual>>, EngineError> {
+    let outcome = Plan::new(problem).and_then(|plan| {
+        let gib = |bytes: usize| bytes as f64 / f64::from(1 << 30);
+        let bytes = plan.bytes();
+        if let Some(memory) = memory
+            && bytes > memory / 2
+        {
+            log(&format!(
+                "the Cholesky factor would take {:.1} GiB, more than half of the {:.1} GiB of this machine: \
+                 using PCG",
+                gib(bytes),
+                gib(memory)
+            ));
+            return Ok(None);
+        }
+        let n = problem.n() as f64;
+        let threads = (threads as f64).min(ITERATIVE_THREADS);
+        let factor = FACTOR_OPERATION * plan.operations() + FACTOR_UNKNOWN * n;
+        let iterative = ITERATIVE_UNKNOWN * n / threads;
+        let (choice, taken) = if factor > PREFERRED * iterative {
+            ("PCG", None)
+        } else {
+            ("the factor", Some(plan))
+        };
+        if factor > WORTH_A_WORD || taken.is_none() {
+            log(&format!(
+                "predicted: {factor:.1} s with the Cholesky factor ({:.1} GiB), {iterative:.1} s with PCG: \
+                 using {choice}",
+                gib(bytes)
+            ));
+        }
+        taken
+            .map(|plan| CholeskyDual::with_plan(problem, plan).map(Box::new))
+            .transpose()
+    });
+    match outcome {
+        Err(error @ (FactorError::OutOfMemory { .. } | FactorError::TooLarge)) => {
+            log(&format!("{error}: using PCG instead"));
+            Ok(None)
+        }
+        outcome => Ok(outcome?),
+    }
+}
+
+/// The memory of this machine, or of the container it runs in.
+fn memory_bytes() -> Option<usize> {
+    let mut system = sysinfo::System::new();
+    system.refresh_memory();
+    let total = match system.cgroup_limits() {
+        Some(limits) if limits.total_memory > 0 => limits.total_memory.min(system.total_memory()),
+        _ => system.total_memory(),
+    };
+    usize::try_from(total).ok().filter(|&bytes| bytes > 0)
+}
+
 fn on_cpu<'a>(problem: &'a ContactProblem, options: &Options) -> Result<Path<'a>, EngineError> {
     let cpu = Cpu::<f32>::default();
     let dual = NestedDual::new(problem, cpu, options.preconditioner)?;
@@ -303,5 +377,35 @@ impl DualOperator for Engine<'_> {
             Path::Cpu(dual) => dual.costs(),
             Path::Gpu(dual, _) => dual.costs(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::{self, CASE_B, Geometry};
+
+    #[test]
+    fn the_factor_is_made_where_it_fits_and_gains() {
+        let mesh = reference::mesh(Geometry::OneBody, 7);
+        let problem = reference::problem(Geometry::OneBody, &mesh, &CASE_B).expect("valid");
+        let choice = |memory, threads| {
+            let mut lines = Vec::new();
+            let dual = direct(&problem, memory, threads, &mut |line| {
+                lines.push(line.to_owned())
+            });
+            (dual.expect("K is definite").is_some(), lines.concat())
+        };
+        let plan = Plan::new(&problem).expect("K is definite");
+        let needed = plan.bytes();
+        // What is predicted is what it takes, more or less.
+        let dual = CholeskyDual::with_plan(&problem, plan).expect("K is definite");
+        assert!((1.0..2.0).contains(&(needed as f64 / (8 * dual.factor_entries()) as f64)));
+
+        assert_eq!(choice(Some(2 * needed), 2), (true, String::new()));
+        assert_eq!(choice(None, 2), (true, String::new()));
+        let (made, why) = choice(Some(2 * needed - 2), 2);
+        assert!(!made && why.contains("more than half"), "{why}");
+        assert!(memory_bytes().is_none_or(|bytes| bytes > 1 << 28));
     }
 }

@@ -201,6 +201,8 @@ const EXACT: f64 = 1e-12;
 const MAX_FACES: usize = 64;
 /// The accuracy of a final check after one that failed, relative to before.
 const TIGHTER: f64 = 0.1;
+/// CG with inexact products ends where its residual has grown by this factor.
+const GROWN: f64 = 10.0;
 /// Relative residual for the displacement of a solve that has ended without convergence.
 const ROUGH: f64 = 1e-4;
 /// CG may stop early, on sets that have changed, once its residual is below this part of err.
@@ -750,16 +752,16 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             if fruitless >= FRUITLESS || (safeguarded && fruitless > 0) || !(lost <= 0.5 * gained) {
                 *point = best.clone();
                 err = self.error(point);
-                if safeguarded {
-                    // Not even a projected gradient step lowers q or the error: products are not accurate
-                    // enough, or this is rounding.
-                    if !self.products.sharpen() {
-                        return Ok(Status::Stagnated);
-                    }
+                // It may have been for want of accuracy.
+                let sharpened = self.products.sharpen();
+                if sharpened {
                     self.allow(err);
                     self.refresh(point)?;
                     err = self.error(point);
                     best = point.clone();
+                } else if safeguarded {
+                    // Not even a projected gradient step lowers q or the error: rounding.
+                    return Ok(Status::Stagnated);
                 }
                 best_err = err;
                 fruitless = 0;
@@ -832,7 +834,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     ) -> Result<usize, DualError> {
         let mut image = vec![0.0; point.lambda.len()];
         let limit = 2 * cg.sets.n_free() + 50;
-        let mut inner = 0;
+        let (mut inner, mut first) = (0, 0.0);
         // Of the last iteration; before the first, what a well-conditioned A would give.
         let mut step = 2.0 / self.products.sigma;
         while inner < limit && self.products.stop.now().is_none() {
@@ -843,8 +845,15 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             let mut p: Vec<f64> = point.r.iter().map(|r| -r).collect();
             cg.sets.mask(&mut p);
             let residual = norm(&p);
-            // Below its drift the residual says nothing.
+            // Below its drift the residual says nothing, and where it grows, directions that are only nearly
+            // conjugate have come to work against each other.
             let drift = self.products.drift();
+            if inner == 0 {
+                first = residual;
+            } else if !self.products.are_exact() && !(residual <= GROWN * first) {
+                self.products.sharpen();
+                break;
+            }
             if residual <= target
                 || (inner > 0 && (residual <= drift || enough(self, point, residual)))
             {

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::solve;
+use common::{distance, solve, solve_nested};
 use signorini::case::{Build, Case};
 use signorini::output::ContactFields;
 use signorini::problem::{ContactData, ContactProblem};
@@ -25,6 +25,11 @@ fn run(text: &str, tolerance: f64) -> (Build, Solution) {
     };
     let solution = solve(&build.problem, &settings);
     assert_eq!(solution.status, Status::Converged);
+    // Every case here is solved by iterations as well.
+    let (nested, ..) = solve_nested(&build.problem, &settings);
+    assert_eq!(nested.status, Status::Converged);
+    let apart = distance(&nested.u, &solution.u);
+    assert!(apart < 100.0 * tolerance, "{apart:e}");
     (build, solution)
 }
 

@@ -32,7 +32,7 @@ const TIGHTER: f64 = 0.1;
 /// At least this part is asked for.
 const LEAST_PART: f64 = 1e-6;
 /// No product is made with a larger relative error than this: it could not tell a direction of descent.
-const LOOSEST: f64 = 0.3;
+const LOOSEST: f64 = 0.1;
 /// r made afresh is good enough at this multiple of what it may be off by.
 const ENOUGH: f64 = 2.0;
 /// Times that the accuracy is raised where r made afresh shows a much smaller error than expected.

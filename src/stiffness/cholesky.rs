@@ -85,8 +85,21 @@ pub struct CholeskyDual {
     pub solve_seconds: f64,
 }
 
-impl CholeskyDual {
-    /// Factorises K of the problem and checks the factor with a solve.
+/// The order of elimination and the pattern of the factor: what it will cost is known before it is made.
+pub struct Plan {
+    order: Vec<u32>,
+    position: Vec<u32>,
+    n_leading: usize,
+    sizes: Vec<usize>,
+    col_ptr: Vec<u32>,
+    row_idx: Vec<u32>,
+    values: Vec<f64>,
+    symbolic: SymbolicCholesky<u32>,
+    seconds: f64,
+}
+
+impl Plan {
+    /// Orders the unknowns and finds the pattern of the factor.
     pub fn new(problem: &ContactProblem) -> Result<Self, FactorError> {
         let start = Instant::now();
         let k = problem.stiffness();
@@ -116,6 +129,63 @@ impl CholeskyDual {
             _ => FactorError::TooLarge,
         })?;
 
+        Ok(Self {
+            order,
+            position,
+            n_leading,
+            sizes,
+            col_ptr,
+            row_idx,
+            values,
+            symbolic,
+            seconds: start.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// Bytes that the factor and its making will take, beside K itself.
+    pub fn bytes(&self) -> usize {
+        let scratch = (self.symbolic)
+            .factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default())
+            .unaligned_bytes_required();
+        let lower = size_of_val(&self.values[..]) + size_of_val(&self.row_idx[..]);
+        8 * self.symbolic.len_val() + scratch + 2 * lower
+    }
+
+    /// Multiplications and additions of the factorisation.
+    pub fn operations(&self) -> f64 {
+        Panels::new(&self.symbolic, &[])
+            .map(|panel| {
+                (0..panel.cols)
+                    .map(|j| ((panel.rows - j) as f64).powi(2))
+                    .sum::<f64>()
+            })
+            .sum()
+    }
+}
+
+impl CholeskyDual {
+    /// Factorises K of the problem and checks the factor with a solve.
+    pub fn new(problem: &ContactProblem) -> Result<Self, FactorError> {
+        Self::with_plan(problem, Plan::new(problem)?)
+    }
+
+    /// As [`CholeskyDual::new`], with a plan made for the same problem before.
+    pub fn with_plan(problem: &ContactProblem, plan: Plan) -> Result<Self, FactorError> {
+        let start = Instant::now();
+        let Plan {
+            order,
+            position,
+            n_leading,
+            sizes,
+            col_ptr,
+            row_idx,
+            values,
+            symbolic,
+            seconds,
+        } = plan;
+        let k = problem.stiffness();
+        let n = k.n_rows();
+        let pattern = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &col_ptr, None, &row_idx);
         let out_of_memory = || FactorError::OutOfMemory {
             mib: (symbolic.len_val() * 8) >> 20,
         };
@@ -161,7 +231,7 @@ impl CholeskyDual {
             }
         }
         let blocks = trailing_blocks(&symbolic, &factor, n_leading, &sizes);
-        let factor_seconds = start.elapsed().as_secs_f64();
+        let factor_seconds = seconds + start.elapsed().as_secs_f64();
 
         let b = Csr::from_triplets(
             2 * problem.m(),
@@ -406,7 +476,10 @@ impl<'a> Panels<'a> {
             cols,
             rows: cols + below.len(),
             below,
-            values: &self.values[ptr[s] as usize..ptr[s + 1] as usize],
+            // There are none before the factorisation.
+            values: (self.values)
+                .get(ptr[s] as usize..ptr[s + 1] as usize)
+                .unwrap_or_default(),
         }
     }
 }

@@ -1,10 +1,13 @@
 //! What several test files need.
 #![allow(dead_code)]
 
+use signorini::backend::cpu::Cpu;
+use signorini::dual::{Costs, DualOperator as _, NestedDual};
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::sparse::{BlockCsr, Csr};
 use signorini::ssnm::{self, Settings, Solution};
 use signorini::stiffness::cholesky::CholeskyDual;
+use signorini::stiffness::pcg::Preconditioner;
 use std::ops::ControlFlow;
 
 /// A small generator of pseudo-random numbers: the tests must not change from run to run.
@@ -156,6 +159,20 @@ pub fn solve(problem: &ContactProblem, settings: &Settings) -> Solution {
     let mut dual = CholeskyDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
     ssnm::solve(problem, &mut dual, settings, |_| ControlFlow::Continue(()))
         .unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Solves with PCG on the CPU; also returns what that has cost, and the iterations of one K x = f to 1e-8.
+pub fn solve_nested(problem: &ContactProblem, settings: &Settings) -> (Solution, Costs, usize) {
+    let mut dual = NestedDual::new(problem, Cpu::<f32>::default(), Preconditioner::Multigrid)
+        .unwrap_or_else(|error| panic!("{error}"));
+    let solution = ssnm::solve(problem, &mut dual, settings, |_| ControlFlow::Continue(()))
+        .unwrap_or_else(|error| panic!("{error}"));
+    let costs = dual.costs().expect("the nested path counts");
+    let linear = dual
+        .linear_iterations(1e-8)
+        .unwrap_or_else(|error| panic!("{error}"))
+        .expect("it iterates");
+    (solution, costs, linear)
 }
 
 /// max |a − b| / max |b|.

@@ -1,0 +1,204 @@
+//! The iterative path on the CPU: what it costs beside one linear solve, and where it might go wrong.
+
+mod common;
+
+use common::{Node, Random, distance, manufactured, solve, solve_nested};
+use signorini::backend::cpu::Cpu;
+use signorini::dual::NestedDual;
+use signorini::problem::{ContactData, ContactProblem};
+use signorini::reference::{self, CASE_A, CASE_B, Geometry, Loads, TABLE1};
+use signorini::sparse::BlockCsr;
+use signorini::ssnm::{self, Method, Settings, Status};
+use signorini::stiffness::pcg::Preconditioner;
+use std::ops::ControlFlow;
+
+fn problem(geometry: Geometry, k: usize, loads: &Loads) -> ContactProblem {
+    let mesh = reference::mesh(geometry, k);
+    reference::problem(geometry, &mesh, loads).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Case B at refinement k for the price of at most six linear solves, all set-up included, by the way that
+/// the direct path takes.
+fn case_b_costs_a_few_linear_solves(k: usize) {
+    let problem = problem(Geometry::OneBody, k, &CASE_B);
+    let settings = Settings {
+        tolerance: 1e-4,
+        ..Default::default()
+    };
+    let (found, costs, linear) = solve_nested(&problem, &settings);
+    let what = format!("k = {k}: {costs:?} {linear} {:?}", found.info);
+    assert_eq!(found.status, Status::Converged, "{what}");
+    assert!(linear <= if k < 20 { 20 } else { 24 }, "{what}");
+    assert!(costs.solves.iterations <= 6 * linear, "{what}");
+    if k < 20 {
+        let expected = solve(&problem, &settings);
+        assert!(found.info.iter <= expected.info.iter + 1, "{what}");
+        assert!(20 * found.info.n_a <= 23 * expected.info.n_a, "{what}");
+        assert!(distance(&found.u, &expected.u) < 1e-3, "{what}");
+    }
+}
+
+#[test]
+fn a_contact_solve_for_the_price_of_six_linear_solves() {
+    for k in [1, 3, 5, 7, 9, 13] {
+        case_b_costs_a_few_linear_solves(k);
+    }
+}
+
+#[test]
+#[ignore = "takes half a minute and 2 GB"]
+fn the_price_does_not_grow_with_the_mesh() {
+    for k in [26, 40] {
+        case_b_costs_a_few_linear_solves(k);
+    }
+}
+
+#[test]
+fn reference_problems_as_on_the_direct_path() {
+    for geometry in [Geometry::OneBody, Geometry::TwoBodies] {
+        for loads in [CASE_A, CASE_B, TABLE1] {
+            for (k, tolerance) in [(1, 1e-4), (1, 1e-9), (3, 1e-6)] {
+                for beta in [0.05, 1.0, 20.0] {
+                    let problem = problem(geometry, k, &loads);
+                    let settings = Settings {
+                        tolerance,
+                        beta,
+                        ..Default::default()
+                    };
+                    let expected = solve(&problem, &settings);
+                    let (found, ..) = solve_nested(&problem, &settings);
+                    let what = format!("{geometry:?} k = {k} {tolerance:e} β = {beta}");
+                    assert_eq!(expected.status, Status::Converged, "{what}");
+                    assert_eq!(found.status, Status::Converged, "{what}: {:?}", found.info);
+                    assert!(found.info.kkt.max() <= 10.0 * tolerance, "{what}");
+                    let apart = distance(&found.u, &expected.u);
+                    assert!(apart < 100.0 * tolerance, "{what}: {apart:e}");
+                }
+            }
+        }
+    }
+}
+
+/// E and loads times 1e±9, lengths times 1e±6, within the range of the f32 that the hierarchy is stored in.
+#[test]
+fn units_do_not_matter() {
+    let base = problem(Geometry::OneBody, 3, &CASE_B);
+    let (plain, ..) = solve_nested(&base, &Settings::default());
+    for force in [1e-9, 1.0, 1e9] {
+        for length in [1e-6, 1.0, 1e6] {
+            let k = base.stiffness();
+            let times = |values: &[f64], factor: f64| values.iter().map(|v| v * factor).collect();
+            let scaled = ContactProblem::new(ContactData {
+                stiffness: BlockCsr::from_triplets(
+                    k.n_rows(),
+                    k.n_cols(),
+                    k.triplets().map(|(i, j, v)| (i, j, v * force)),
+                ),
+                load: times(base.load(), force * length),
+                normal: base.normal().clone(),
+                tangential: base.tangential().clone(),
+                gap: times(base.gap(), length),
+                slip_bound: times(base.slip_bound(), force * length),
+                coordinates: base.coordinates().map(<[_]>::to_vec),
+            })
+            .unwrap_or_else(|error| panic!("{error}"));
+            let (found, ..) = solve_nested(&scaled, &Settings::default());
+            assert_eq!(found.status, Status::Converged);
+            // Rounding to f32 is another one.
+            let (iter, n_a) = (found.info.iter, found.info.n_a);
+            assert!(iter.abs_diff(plain.info.iter) <= 1, "{force:e} {length:e}");
+            assert!(
+                n_a.abs_diff(plain.info.n_a) <= 6,
+                "{force:e} {length:e}: {n_a}"
+            );
+            let u: Vec<f64> = found.u.iter().map(|u| u / length).collect();
+            assert!(distance(&u, &plain.u) < 1e-4, "{force:e} {length:e}");
+        }
+    }
+}
+
+/// One contact node in a large body, and a body of which every unknown is held by a multiplier.
+#[test]
+fn hardly_any_contact_and_nothing_but_contact() {
+    let mut random = Random(5);
+    for (n, m) in [(2, 1), (400, 1), (401, 1), (60, 30), (81, 40), (240, 120)] {
+        for i in 0..6 {
+            let nodes: Vec<Node> = (0..m)
+                .map(|_| Node {
+                    separated: random.below(3) == 0,
+                    slip: random.below(3) as i8 - 1,
+                })
+                .collect();
+            let made = manufactured(n, &nodes, i % 2 == 0, &mut random);
+            let settings = Settings {
+                tolerance: 1e-8,
+                beta: [1.0, 0.1, 10.0][i % 3],
+                ..Default::default()
+            };
+            let (found, ..) = solve_nested(&made.problem, &settings);
+            assert_eq!(found.status, Status::Converged, "n = {n}, m = {m}, {i}");
+            let apart = distance(&found.u[..n], &made.u);
+            assert!(apart < 1e-5, "n = {n}, m = {m}, {i}: {apart:e}");
+        }
+    }
+}
+
+/// The exact method asks for all that can be had, and gets it.
+#[test]
+fn the_exact_method_on_inexact_products() {
+    let problem = problem(Geometry::OneBody, 1, &CASE_B);
+    let settings = Settings {
+        tolerance: 1e-9,
+        method: Method::Exact,
+        ..Default::default()
+    };
+    let expected = solve(&problem, &settings);
+    let (found, ..) = solve_nested(&problem, &settings);
+    assert_eq!(found.status, Status::Converged, "{:?}", found.info);
+    assert!(distance(&found.u, &expected.u) < 1e-8);
+}
+
+/// A body without supports: an error that says so, not a strange failure.
+#[test]
+fn a_body_without_supports_is_an_error() {
+    let base = problem(Geometry::OneBody, 1, &CASE_B);
+    let k = base.stiffness();
+    // Free of its clamp: the rows of the clamped nodes are left out of K, and a cell floats.
+    let free: Vec<(usize, usize, f64)> = k
+        .triplets()
+        .map(|(i, j, v)| {
+            let floats = |i: usize| i < 2;
+            if floats(i) == floats(j) {
+                (i, j, v)
+            } else {
+                (i, j, 0.0)
+            }
+        })
+        .filter(|&(i, j, _)| !(i < 2 && j < 2))
+        .chain([(0, 0, 1e10), (0, 1, -1e10), (1, 0, -1e10), (1, 1, 1e10)])
+        .collect();
+    let singular = ContactProblem::new(ContactData {
+        stiffness: BlockCsr::from_triplets(k.n_rows(), k.n_cols(), free),
+        load: base.load().to_vec(),
+        normal: base.normal().clone(),
+        tangential: base.tangential().clone(),
+        gap: base.gap().to_vec(),
+        slip_bound: base.slip_bound().to_vec(),
+        coordinates: base.coordinates().map(<[_]>::to_vec),
+    })
+    .unwrap_or_else(|error| panic!("{error}"));
+    let made = NestedDual::new(&singular, Cpu::<f32>::default(), Preconditioner::Multigrid);
+    let text = match made {
+        Err(error) => error.to_string(),
+        Ok(mut dual) => {
+            let settings = Settings::default();
+            match ssnm::solve(&singular, &mut dual, &settings, |_| {
+                ControlFlow::Continue(())
+            }) {
+                Err(error) => error.to_string(),
+                Ok(solution) => panic!("{:?}", solution.status),
+            }
+        }
+    };
+    assert!(text.contains("not positive definite"), "{text}");
+}
