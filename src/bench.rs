@@ -8,6 +8,7 @@ use crate::backend::cpu::Cpu;
 use crate::backend::gpu::{Context, Gpu, Precision};
 use crate::backend::{Backend, GpuError};
 use crate::dual::{DualError, DualOperator, NestedDual};
+use crate::output::{forget_peak_memory, peak_memory_mib};
 use crate::problem::ContactProblem;
 use crate::sparse::norm;
 use crate::ssnm::{self, Settings, SolveError, Status};
@@ -81,8 +82,14 @@ pub struct Row {
     pub work_ratio: Option<f64>,
     /// ‖u − u_reference‖ / ‖u_reference‖ against the first path.
     pub difference: f64,
-    /// Whether the sets are those of the first path.
-    pub same_sets: bool,
+    /// Multipliers that the first path has in another set.
+    pub other_sets: usize,
+    /// Seconds of `solve` for each V-cycle.
+    pub per_v_cycle: Option<f64>,
+    /// Seconds that the bytes of a PCG iteration with its V-cycle take at the bandwidth of a copy.
+    pub iteration_floor: Option<f64>,
+    /// The most memory that the process has held on this path, the problem included; not that of a device.
+    pub peak_memory_mib: Option<f64>,
 }
 
 /// Repetitions of simple work between two looks at the clock.
@@ -212,6 +219,15 @@ pub enum Path<'a> {
 }
 
 impl Path<'_> {
+    /// The name of its place among the [`Speeds`].
+    fn place(&self) -> String {
+        match self {
+            Self::CpuCholesky => String::new(),
+            Self::CpuPcg => "cpu".to_owned(),
+            Self::Gpu(_) => self.name(),
+        }
+    }
+
     fn name(&self) -> String {
         match self {
             Self::CpuCholesky => "cpu cholesky".to_owned(),
@@ -224,18 +240,20 @@ impl Path<'_> {
     }
 }
 
-/// Solves the problem on each path; `before` hears which comes next.
+/// Solves the problem on each path; `before` hears which comes next. `speeds` are those of the same problem.
 pub fn solve_on(
     paths: &[Path],
     k: usize,
     problem: &ContactProblem,
     tolerance: f64,
+    speeds: &[Speeds],
     mut before: impl FnMut(&str),
 ) -> Result<Vec<Row>, BenchError> {
     let mut rows: Vec<Row> = Vec::new();
     let mut reference: Option<ssnm::Solution> = None;
     for path in paths {
         before(&path.name());
+        let alone = forget_peak_memory();
         let start = Instant::now();
         let mut linear = None;
         let mut dual: Box<dyn DualOperator> = match path {
@@ -264,8 +282,8 @@ pub fn solve_on(
         if v_cycles.is_some() {
             linear = dual.linear_iterations(1e-8)?;
         }
-        let (difference, same_sets) = match &reference {
-            None => (0.0, true),
+        let (difference, other_sets) = match &reference {
+            None => (0.0, 0),
             Some(reference) => {
                 let change: Vec<f64> = solution
                     .u
@@ -275,7 +293,7 @@ pub fn solve_on(
                     .collect();
                 (
                     norm(&change) / norm(&reference.u),
-                    solution.sets == reference.sets,
+                    solution.sets.differences(&reference.sets),
                 )
             }
         };
@@ -294,7 +312,12 @@ pub fn solve_on(
             v_cycles_linear: linear,
             work_ratio: v_cycles.zip(linear).map(|(v, l)| v as f64 / l as f64),
             difference,
-            same_sets,
+            other_sets,
+            per_v_cycle: v_cycles.map(|v| (total - set_up) / v as f64),
+            iteration_floor: (speeds.iter())
+                .find(|s| s.path == path.place())
+                .map(|s| s.iteration_floor),
+            peak_memory_mib: peak_memory_mib().filter(|_| alone),
         });
         reference.get_or_insert(solution);
     }

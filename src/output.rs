@@ -146,6 +146,12 @@ pub fn peak_memory_mib() -> Option<f64> {
     Some(kib / 1024.0)
 }
 
+/// Starts the count of [`peak_memory_mib`] anew from what is held now; false where the system cannot.
+pub fn forget_peak_memory() -> bool {
+    // 5 resets the peak of the resident size: proc_pid_clear_refs(5).
+    std::fs::write("/proc/self/clear_refs", "5").is_ok()
+}
+
 fn write(path: PathBuf, contents: &[u8]) -> Result<PathBuf, OutputError> {
     match std::fs::write(&path, contents) {
         Ok(()) => Ok(path),

@@ -3,7 +3,6 @@
 use super::{BenchArguments, NOT_CONVERGED, print};
 use signorini::backend::gpu::{Context, Options, Precision};
 use signorini::bench::{self, Path, Row, Speeds};
-use signorini::output::peak_memory_mib;
 use signorini::reference::{self, CASE_B, Geometry};
 use signorini::ssnm::Status;
 use std::collections::BTreeMap;
@@ -65,7 +64,8 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
         }
         paths.push(Path::CpuPcg);
         paths.extend(contexts.iter().map(Path::Gpu));
-        let found = bench::solve_on(&paths, k, &problem, TOLERANCE, |path| {
+        let here: Vec<Speeds> = speeds.iter().filter(|s| s.n == n).cloned().collect();
+        let found = bench::solve_on(&paths, k, &problem, TOLERANCE, &here, |path| {
             progress(&format!("k = {k}: {path}"));
         });
         rows.extend(found.map_err(|e| format!("k = {k}: {e}"))?);
@@ -84,12 +84,7 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
         }
         print("\n");
     }
-    let peak = peak_memory_mib();
-    if let Some(peak) = peak {
-        print(&format!(
-            "Peak memory of all of it: {peak:.0} MiB; {threads} threads.\n"
-        ));
-    }
+    print(&format!("{threads} threads.\n"));
     if let Some(path) = &arguments.json {
         let document = serde_json::json!({
             "version": env!("CARGO_PKG_VERSION"),
@@ -102,7 +97,6 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
             "speeds": speeds,
             "solves": rows,
             "growth": fits,
-            "peak_memory_mib": peak,
         });
         std::fs::write(path, format!("{document:#}\n"))
             .map_err(|e| format!("cannot write {}: {e}", path.display()))?;
@@ -174,7 +168,7 @@ fn speeds_table(speeds: &[Speeds]) -> String {
 
 fn rows_table(rows: &[Row]) -> String {
     let mut text = format!(
-        "{:13} {:>3} {:>9}  {:>8} {:>8} {:>8}  {:>4} {:>4} {:>8} {:>6}  {:>10} {:>4}  status\n",
+        "{:13} {:>3} {:>9}  {:>8} {:>8} {:>8}  {:>4} {:>4} {:>8} {:>6} {:>10} {:>8} {:>6}  {:>10} {:>10}  status\n",
         "path",
         "k",
         "n",
@@ -185,13 +179,16 @@ fn rows_table(rows: &[Row]) -> String {
         "n_A",
         "V-cycles",
         "ratio",
+        "ms/V-cycle",
+        "floor ms",
+        "MiB",
         "difference",
-        "sets"
+        "other sets"
     );
     for r in rows {
         let optional = |value: Option<String>| value.unwrap_or_else(|| "–".to_owned());
         text += &format!(
-            "{:13} {:3} {:9}  {:8.3} {:8.3} {:8.3}  {:4} {:4} {:>8} {:>6}  {:10.1e} {:>4}  {}\n",
+            "{:13} {:3} {:9}  {:8.3} {:8.3} {:8.3}  {:4} {:4} {:>8} {:>6} {:>10} {:>8} {:>6}  {:10.1e} {:10}  {}\n",
             r.path,
             r.k,
             r.n,
@@ -202,8 +199,11 @@ fn rows_table(rows: &[Row]) -> String {
             r.n_a,
             optional(r.v_cycles.map(|v| v.to_string())),
             optional(r.work_ratio.map(|w| format!("{w:.1}"))),
+            optional(r.per_v_cycle.map(|s| format!("{:.2}", 1e3 * s))),
+            optional(r.iteration_floor.map(|s| format!("{:.2}", 1e3 * s))),
+            optional(r.peak_memory_mib.map(|m| format!("{m:.0}"))),
             r.difference,
-            if r.same_sets { "same" } else { "≠" },
+            r.other_sets,
             match r.status {
                 Status::Converged => "converged",
                 _ => "NOT converged",

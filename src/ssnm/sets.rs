@@ -168,7 +168,7 @@ impl Sets {
     }
 
     /// How many multipliers are held differently.
-    pub(super) fn differences(&self, other: &Self) -> usize {
+    pub fn differences(&self, other: &Self) -> usize {
         self.0.iter().zip(&other.0).filter(|(a, b)| a != b).count()
     }
 

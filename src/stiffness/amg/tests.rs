@@ -205,7 +205,7 @@ fn iterations_on_meshes_and_materials() {
     let triangles = CellShape::Triangle;
     // The last entry bounds the complexity. Where elements are a hundred times as long as wide, coarsening
     // is slow on purpose: only the short direction is coarsened.
-    let cases: [(&str, Mesh, [Material; 2], usize, f64); 9] = [
+    let cases: [(&str, Mesh, [Material; 2], usize, f64); 10] = [
         (
             "triangles",
             rectangle([0.0; 2], [3.0, 1.0], [300, 100], triangles, "body", ""),
@@ -216,6 +216,14 @@ fn iterations_on_meshes_and_materials() {
         (
             "shaken",
             shaken([3.0, 1.0], [300, 100]),
+            [MATERIAL; 2],
+            18,
+            2.3,
+        ),
+        // 203 500 unknowns.
+        (
+            "shaken, fine",
+            shaken([3.0, 1.0], [550, 184]),
             [MATERIAL; 2],
             18,
             2.3,
