@@ -121,7 +121,7 @@ pub trait DualOperator {
 }
 
 /// How a u that follows λ has come closer to K⁻¹(f − Bᵀλ), in the norm √(vᵀKv).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Followed {
     /// What it has moved by.
     pub change: f64,

@@ -450,7 +450,7 @@ fn every_path_solves_the_table() {
             // Products that are only as exact as need be lead to the same point by a slightly other way.
             let Info { iter, n_a, .. } = found.info;
             assert!(iter <= expected.info.iter + 6, "{what}: {iter}");
-            assert!(n_a <= expected.info.n_a * 3 / 2, "{what}: {n_a}");
+            assert!(n_a <= 2 * expected.info.n_a, "{what}: {n_a}");
 
             // Both are that far from the solution; how far from each other is a matter of chance, and so is
             // on which side of a bound a multiplier lies that is hardly off it.
@@ -466,9 +466,14 @@ fn every_path_solves_the_table() {
             let apart = |a: &[f64], b: &[f64]| common::distance(a, b);
             assert!(apart(&found.u, &expected.u) < 1e-4, "{what}");
             assert!(apart(&found.lambda, &expected.lambda) < 1e-2, "{what}");
-            // But CPU and GPU take the same, where they compute in the same precision.
+            // CPU and GPU round the V-cycle otherwise, and no more.
             if !path.ends_with("f32") {
-                assert_eq!((iter, n_a), *on_cpu.get_or_insert((iter, n_a)), "{what}");
+                let (iter_there, n_a_there) = *on_cpu.get_or_insert((iter, n_a));
+                assert!(
+                    iter.abs_diff(iter_there) <= 5,
+                    "{what}: {iter} {iter_there}"
+                );
+                assert!(n_a.abs_diff(n_a_there) <= 15, "{what}: {n_a} {n_a_there}");
             }
             let Costs { solves, device } = costs.expect("the nested path counts");
             // One look at the progress per system, rarely two; corrections in f32 need several, each with

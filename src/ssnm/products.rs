@@ -17,7 +17,7 @@
 //!   solutions K⁻¹Bᵀw, which are K-orthogonal as the w are A-orthogonal, without storing any of them.
 //!
 //! An error e of K⁻¹Bᵀp or of u falsifies A p or r by B e, at most √σ_max · √(eᵀKe) in length. That bound
-//! is 30 to 150 times too large for all but the smoothest e, so the ratio ‖Be‖ / √(eᵀKe) is taken from
+//! is 25 to 140 times too large for all but the smoothest e, so the ratio ‖Be‖ / √(eᵀKe) is taken from
 //! what the last change of u has brought. The final check, which trusts nothing, tells if that was too bold.
 
 use super::Subspace;
@@ -77,6 +77,21 @@ struct Following {
 }
 
 impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
+    /// Knows nothing yet: [`Products::set_up`] comes next.
+    pub fn new(dual: Scaled<'a, D>, stop: Stop<'a>) -> Self {
+        Self {
+            dual,
+            stop,
+            n_a: 0,
+            sigma: 0.0,
+            known: Subspace::default(),
+            allowed: 0.0,
+            part: RELAXED,
+            negligible: 0.0,
+            following: None,
+        }
+    }
+
     /// Makes b and the estimate of σ_max; returns b and the products that the latter took. `c` is (d, 0),
     /// and `exact` asks for all that can be had.
     pub fn set_up(&mut self, c: Vec<f64>, exact: bool) -> Result<(Vec<f64>, usize), DualError> {
@@ -101,21 +116,6 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
         let (sigma, products) = sigma_max(&mut self.dual, b.len(), &self.stop)?;
         self.sigma = sigma;
         Ok((b, products))
-    }
-
-    /// Before [`Products::set_up`].
-    pub fn new(dual: Scaled<'a, D>, stop: Stop<'a>) -> Self {
-        Self {
-            dual,
-            stop,
-            n_a: 0,
-            sigma: 0.0,
-            known: Subspace::default(),
-            allowed: 0.0,
-            part: RELAXED,
-            negligible: 0.0,
-            following: None,
-        }
     }
 
     /// Sets what is negligible on the way to an error of `goal`.

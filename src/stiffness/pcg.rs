@@ -312,74 +312,85 @@ impl<B: Backend> Pcg<B> {
             Accuracy::Energy { .. } => UNREACHABLE * length_b,
         };
         let mut asked = CORRECTION;
-        let (mut energy, mut last, mut remains) = (0.0, f64::INFINITY, 0.0_f64);
-        let followed = |energy: f64, remains: f64| Followed {
-            change: energy.sqrt(),
-            remaining: remains.sqrt(),
-        };
+        // Of eᵀKe: what all corrections have taken away, what the last one has, what it has left on purpose.
+        let (mut energy, mut last, mut truncated) = (0.0, f64::INFINITY, 0.0);
         let mut length = norm(&residual);
         for _ in 0..MAX_CORRECTIONS {
             if length <= goal {
-                return Ok(followed(energy, remains));
+                return Ok(Followed {
+                    change: f64::sqrt(energy),
+                    remaining: 0.0,
+                });
             }
             let factor = self.load(&residual, length);
             let unit = factor / self.scale;
-            // Of the energy error, what is allowed in the end and what this correction may leave.
-            let (run, target, left) = match accuracy {
-                Accuracy::Residual(_) => {
-                    let run = Accuracy::Residual((0.5 * goal / length).max(asked));
-                    (run, 0.0, 0.0)
-                }
+            let target = match accuracy {
+                Accuracy::Residual(_) => 0.0,
                 Accuracy::Energy { absolute, relative } => {
-                    let target = absolute * absolute + relative * relative * energy;
-                    let relative = relative.max(CORRECTION);
-                    let absolute = target.sqrt();
-                    (Accuracy::Energy { absolute, relative }, target, relative)
+                    absolute * absolute + relative * relative * energy
                 }
             };
+            let run = match accuracy {
+                Accuracy::Residual(_) => Accuracy::Residual((0.5 * goal / length).max(asked)),
+                Accuracy::Energy { relative, .. } => Accuracy::Energy {
+                    absolute: target.sqrt(),
+                    relative: relative.max(CORRECTION),
+                },
+            };
             let run = self.run_to(run, unit);
-            let gained = match self.run(run, stop, None) {
-                Ok(progress) => progress.energy * self.energy_unit(unit),
+            let made = match self.run(run, stop, None) {
+                Ok(progress) => self.followed(&progress, unit),
                 // In f32 a breakdown may be one of rounding: the residual in f64 tells.
-                Err(PcgError::NotPositiveDefinite) => 0.0,
+                Err(PcgError::NotPositiveDefinite) => Followed::default(),
                 Err(error) => return Err(error),
             };
             self.backend.download(&self.x, &mut correction)?;
             for (x, c) in x.iter_mut().zip(&correction) {
                 *x += c * factor;
             }
+            let gained = made.change.powi(2);
             energy += gained;
+            // A short run may lower the energy error and not the residual.
+            let mut advances = true;
             if let Accuracy::Energy { relative, .. } = accuracy {
                 if last.is_finite() {
-                    // What the correction before has left shows now.
-                    self.rounding = (gained / last)
-                        .sqrt()
-                        .clamp(0.5 * left, self.rounding.max(0.5));
+                    // What the correction before has left shows now: more than it meant to is rounding.
+                    let rounded = (gained - truncated).max(0.0) / last;
+                    self.rounding = rounded.sqrt().clamp(CORRECTION, LEAST_CORRECTION.sqrt());
                 }
-                remains = gained * left.max(self.rounding).powi(2);
-                if gained > 0.0 && remains <= target.max(relative * relative * energy) {
-                    return Ok(followed(energy, remains));
+                advances = gained > 0.0 && gained <= 0.25 * last;
+                truncated = made.remaining.powi(2);
+                let rounded = gained * self.rounding.powi(2);
+                let enough = rounded <= target.max(relative * relative * energy);
+                // Written so that NaN is not enough. Where rounding keeps it from advancing, the caller has
+                // to live with what there is.
+                if gained > 0.0 && (enough || !advances && gained <= last) {
+                    return Ok(Followed {
+                        change: energy.sqrt(),
+                        remaining: (truncated + rounded).sqrt(),
+                    });
                 }
-            }
-            subtract_from_b(&self.k, x, &mut residual);
-            let before = std::mem::replace(&mut length, norm(&residual));
-            // A short run may lower the energy error and not the residual. Written so that NaN stops it.
-            let achieved = length / before;
-            let progress = match accuracy {
-                Accuracy::Residual(_) => achieved <= 0.5,
-                Accuracy::Energy { .. } => gained <= 0.25 * last,
-            };
-            if !progress {
-                break;
             }
             last = gained;
+            subtract_from_b(&self.k, x, &mut residual);
+            let before = std::mem::replace(&mut length, norm(&residual));
+            let achieved = length / before;
+            if let Accuracy::Residual(_) = accuracy {
+                advances = achieved <= 0.5;
+            }
+            if !advances {
+                break;
+            }
             // On fine meshes rounding K to f32 costs more than the recurrence knows: to ask for more than
             // the last correction has achieved would be wasted.
             asked = (0.5 * achieved).clamp(CORRECTION, LEAST_CORRECTION);
         }
         // What f64 cannot give is not asked for again: whether it is enough shows in the final check.
         if length <= goal.max(AT_ROUNDING * length_b) {
-            return Ok(followed(energy, remains));
+            return Ok(Followed {
+                change: f64::sqrt(energy),
+                remaining: 0.0,
+            });
         }
         let asked = match accuracy {
             Accuracy::Residual(tolerance) => tolerance,
