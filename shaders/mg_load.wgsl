@@ -1,4 +1,5 @@
-// Start of CG with multigrid: x = 0 unless it continues, the residual in f32 for the cycle, and the partial sums of rᵀr.
+// Start of CG with multigrid: x = 0 unless it continues, the residual in f32 for the cycle, and the partial
+// sums of rᵀr.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> r: array<real2>;

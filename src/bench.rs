@@ -240,7 +240,7 @@ impl Path<'_> {
     }
 }
 
-/// Solves the problem on each path; `before` hears which comes next. `speeds` are those of the same problem.
+/// Solves the problem on each path; `before` hears which comes next. `speeds` has those of the same problem.
 pub fn solve_on(
     paths: &[Path],
     k: usize,
@@ -315,7 +315,7 @@ pub fn solve_on(
             other_sets,
             per_v_cycle: v_cycles.map(|v| (total - set_up) / v as f64),
             iteration_floor: (speeds.iter())
-                .find(|s| s.path == path.place())
+                .find(|s| s.path == path.place() && s.n == problem.n_free())
                 .map(|s| s.iteration_floor),
             peak_memory_mib: peak_memory_mib().filter(|_| alone),
         });

@@ -234,8 +234,8 @@ pub fn solve(
     let mut c = problem.gap().to_vec();
     c.resize(len, 0.0);
     dual.times(&mut c);
-    let mut products = Products::new(dual, stop);
-    let set_up = products.set_up(c, exact);
+    let mut products = Products::new(dual, exact, stop);
+    let set_up = products.set_up(c);
     let setup_seconds = start.elapsed().as_secs_f64();
     let mut failure = None;
     let (b, n_a_sigma) = set_up.unwrap_or_else(|error| {
@@ -256,16 +256,14 @@ pub fn solve(
         alpha,
         products,
         checked: None,
-        level: 0.0,
-        exact,
         check_accuracy: settings.tolerance,
     };
     let mut point = newton.origin();
     // err⁰ at λ = 0 even for a warm start: a good start must not make the same tolerance harder.
     let err0 = newton.error(&point);
-    newton.level = err0 * settings.tolerance.min(if exact { EXACT } else { 1.0 });
-    newton.products.aim_at(newton.level);
-    newton.allow(err0);
+    let level = settings.tolerance.min(if exact { EXACT } else { 1.0 });
+    newton.products.aim_at(level * err0);
+    newton.products.allow(err0);
     let mut history: Vec<Step> = Vec::new();
     let mut first_met = None;
     let outcome = match failure {
@@ -473,38 +471,20 @@ struct Newton<'a, D: ?Sized> {
     products: Products<'a, D>,
     /// u and the optimality conditions of the last final check.
     checked: Option<(Vec<f64>, Kkt)>,
-    /// What err has to come down to, or in the exact method what the inner problems are solved to.
-    level: f64,
-    exact: bool,
     /// ‖f − Bᵀλ − Ku‖ / ‖f‖ in the final check.
     check_accuracy: f64,
 }
 
 impl<D: DualOperator + ?Sized> Newton<'_, D> {
-    /// Sets what products may falsify r by at an error of `err`.
-    fn allow(&mut self, err: f64) {
-        let needed = if self.exact {
-            self.level
-        } else {
-            err.max(self.level)
-        };
-        self.products.allow(needed);
-    }
-
     /// r at a point made afresh, where it is not exact anyhow.
     fn refresh(&mut self, point: &mut Point) -> Result<bool, DualError> {
         if self.products.are_exact() {
             return Ok(false);
         }
         let Point { lambda, r } = point;
-        let (g, rho, exact, level) = (self.g, self.rho, self.exact, self.level);
-        let made = self.products.refresh(lambda, r, |r| {
-            if exact {
-                level
-            } else {
-                norm(&reduced_gradient(lambda, r, rho, g)).max(level)
-            }
-        })?;
+        let (g, rho) = (self.g, self.rho);
+        let made =
+            (self.products).refresh(lambda, r, |r| norm(&reduced_gradient(lambda, r, rho, g)))?;
         if !made {
             // A GPU has failed in between and products are exact from now on, but nothing known so far is.
             let u = self.displacement(point, EXACT, self.products.stop)?;
@@ -671,7 +651,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         // Safeguarded steps still to make, and how many the next discarded steps will cost.
         let (mut guarded, mut penalty, mut faces) = (0usize, 1usize, 0usize);
         loop {
-            self.allow(err);
+            self.products.allow(err);
             // Step 1.
             if self.meets(&goal, point, err) {
                 if let Some(status) = verify(self, point, &mut goal, history.len())? {
@@ -755,7 +735,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 // It may have been for want of accuracy.
                 let sharpened = self.products.sharpen();
                 if sharpened {
-                    self.allow(err);
+                    self.products.allow(err);
                     self.refresh(point)?;
                     err = self.error(point);
                     best = point.clone();
@@ -804,7 +784,8 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         })?;
         // Step 3.4 takes the error at a point of Λ, and the next step goes on from there.
         if !self.move_into_bounds(point, rho)? {
-            self.allow(self.error(point));
+            let err = self.error(point);
+            self.products.allow(err);
             if self.products.has_drifted() {
                 self.refresh(point)?;
             }

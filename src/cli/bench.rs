@@ -64,8 +64,7 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
         }
         paths.push(Path::CpuPcg);
         paths.extend(contexts.iter().map(Path::Gpu));
-        let here: Vec<Speeds> = speeds.iter().filter(|s| s.n == n).cloned().collect();
-        let found = bench::solve_on(&paths, k, &problem, TOLERANCE, &here, |path| {
+        let found = bench::solve_on(&paths, k, &problem, TOLERANCE, &speeds, |path| {
             progress(&format!("k = {k}: {path}"));
         });
         rows.extend(found.map_err(|e| format!("k = {k}: {e}"))?);

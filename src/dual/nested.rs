@@ -28,6 +28,8 @@ pub struct NestedDual<'a, B: Backend> {
     problem: &'a ContactProblem,
     b: Csr,
     pcg: Pcg<B>,
+    /// ‖f‖.
+    load_norm: f64,
     /// A power of two near ‖f‖: what f and u are divided by on the backend.
     unit: f64,
     /// u of the last gradient or displacement, the start for the next, where it is kept on the host.
@@ -45,7 +47,8 @@ impl<'a, B: Backend> NestedDual<'a, B> {
         let (k, coordinates) = (problem.stiffness(), problem.coordinates());
         let mut pcg = Pcg::new(backend, k, coordinates, preconditioner)?;
         let b = problem.contact_matrix();
-        let unit = power_of_two_below(norm(problem.load()));
+        let load_norm = norm(problem.load());
+        let unit = power_of_two_below(load_norm);
         let mut u = Vec::new();
         let on_backend = if pcg.is_f64() {
             let backend = &mut pcg.backend;
@@ -73,6 +76,7 @@ impl<'a, B: Backend> NestedDual<'a, B> {
             problem,
             b,
             pcg,
+            load_norm,
             unit,
             u,
             on_backend,
@@ -84,25 +88,24 @@ impl<'a, B: Backend> NestedDual<'a, B> {
         self.pcg.hierarchy.as_deref()
     }
 
-    /// Solves K u = f − Bᵀλ from the u of the last time; and y = B u.
+    /// Solves K u = f − Bᵀλ from the u of the last time; and y = B u. A residual is meant relative to ‖f‖.
     fn follow(
         &mut self,
         lambda: &[f64],
         y: &mut [f64],
-        accuracy: Following,
+        accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Followed, DualError> {
-        let length = norm(self.problem.load());
+        let length = self.load_norm;
         let Some(there) = &mut self.on_backend else {
             let mut load = self.problem.load().to_vec();
             self.b.mul_transpose_add(-1.0, lambda, &mut load);
             let accuracy = match accuracy {
-                Following::Energy(accuracy) => accuracy,
                 // Relative to the right-hand side there, to f here.
-                Following::Residual(tolerance) if length > 0.0 => {
+                Accuracy::Residual(tolerance) if length > 0.0 => {
                     Accuracy::Residual(tolerance * length / norm(&load))
                 }
-                Following::Residual(tolerance) => Accuracy::Residual(tolerance),
+                accuracy => accuracy,
             };
             let followed = self.pcg.refine(&load, &mut self.u, accuracy, stop)?;
             self.b.mul(&self.u, y);
@@ -112,11 +115,11 @@ impl<'a, B: Backend> NestedDual<'a, B> {
         let mut scaled: Vec<f64> = lambda.iter().map(|l| l / unit).collect();
         scaled.push(1.0);
         let run = match accuracy {
-            Following::Energy(accuracy) => self.pcg.run_to(accuracy, unit),
-            Following::Residual(tolerance) => Run {
+            Accuracy::Residual(tolerance) => Run {
                 residual: tolerance * if length > 0.0 { length } else { norm(lambda) } / unit,
                 ..Run::default()
             },
+            accuracy => self.pcg.run_to(accuracy, unit),
         };
         let run = Run {
             continues: true,
@@ -140,13 +143,6 @@ impl<'a, B: Backend> NestedDual<'a, B> {
         y.iter_mut().for_each(|v| *v *= unit);
         Ok(pcg.followed(&outcome?, unit))
     }
-}
-
-/// Accuracy of a u that follows λ.
-enum Following {
-    Energy(Accuracy),
-    /// ‖f − Bᵀλ − Ku‖ relative to ‖f‖.
-    Residual(f64),
 }
 
 /// The rows of Bᵀ that have entries, as (−Bᵀ, f).
@@ -217,7 +213,7 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Option<Followed>, DualError> {
-        let followed = self.follow(lambda, r, Following::Energy(accuracy), stop)?;
+        let followed = self.follow(lambda, r, accuracy, stop)?;
         r.iter_mut().for_each(|r| *r = -*r);
         for (r, d) in r.iter_mut().zip(self.problem.gap()) {
             *r += d;
@@ -232,7 +228,7 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
         let mut y = vec![0.0; self.b.n_rows()];
-        self.follow(lambda, &mut y, Following::Residual(accuracy), stop)?;
+        self.follow(lambda, &mut y, Accuracy::Residual(accuracy), stop)?;
         let Some(there) = &self.on_backend else {
             return Ok(self.u.clone());
         };

@@ -58,8 +58,10 @@ pub(super) struct Products<'a, D: ?Sized> {
     allowed: f64,
     /// The same relative to the present error.
     part: f64,
-    /// A change of r that does not matter.
-    negligible: f64,
+    /// The error to reach, or in the exact method what the inner problems are solved to.
+    level: f64,
+    /// The exact method: r has to resolve `level` from the start.
+    exact: bool,
     /// What r is made afresh from, where products are not exact.
     following: Option<Following>,
 }
@@ -78,7 +80,7 @@ struct Following {
 
 impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
     /// Knows nothing yet: [`Products::set_up`] comes next.
-    pub fn new(dual: Scaled<'a, D>, stop: Stop<'a>) -> Self {
+    pub fn new(dual: Scaled<'a, D>, exact: bool, stop: Stop<'a>) -> Self {
         Self {
             dual,
             stop,
@@ -87,17 +89,17 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
             known: Subspace::default(),
             allowed: 0.0,
             part: RELAXED,
-            negligible: 0.0,
+            level: 0.0,
+            exact,
             following: None,
         }
     }
 
-    /// Makes b and the estimate of σ_max; returns b and the products that the latter took. `c` is (d, 0),
-    /// and `exact` asks for all that can be had.
-    pub fn set_up(&mut self, c: Vec<f64>, exact: bool) -> Result<(Vec<f64>, usize), DualError> {
+    /// Makes b and the estimate of σ_max; returns b and the products that the latter took. `c` is (d, 0).
+    pub fn set_up(&mut self, c: Vec<f64>) -> Result<(Vec<f64>, usize), DualError> {
         let accuracy = Accuracy::Energy {
             absolute: 0.0,
-            relative: if exact { super::EXACT } else { ROUGH },
+            relative: if self.exact { super::EXACT } else { ROUGH },
         };
         let zero = vec![0.0; c.len()];
         let mut b = zero.clone();
@@ -118,14 +120,19 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
         Ok((b, products))
     }
 
-    /// Sets what is negligible on the way to an error of `goal`.
-    pub fn aim_at(&mut self, goal: f64) {
-        self.negligible = NEGLIGIBLE * goal;
+    /// Sets the error to reach.
+    pub fn aim_at(&mut self, level: f64) {
+        self.level = level;
     }
 
     /// Sets what a product may falsify r by at an error of `err`.
     pub fn allow(&mut self, err: f64) {
-        self.allowed = self.part * err;
+        let needed = if self.exact {
+            self.level
+        } else {
+            err.max(self.level)
+        };
+        self.allowed = self.part * needed;
     }
 
     /// Asks for more accuracy from here on, and forgets what was known with less; false where there is none
@@ -164,7 +171,7 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
     ) -> Result<(), DualError> {
         let mut rest = p.to_vec();
         let known = self.known.split(&mut rest, ap);
-        if step * self.sigma * norm(&rest) <= self.negligible {
+        if step * self.sigma * norm(&rest) <= NEGLIGIBLE * self.level {
             return Ok(());
         }
         let relative = (self.allowed / size).clamp(super::EXACT, LOOSEST);
@@ -191,7 +198,7 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
         } else {
             let mut rest = jump.to_vec();
             self.known.split(&mut rest, &mut image);
-            if self.sigma * norm(&rest) > self.negligible {
+            if self.sigma * norm(&rest) > NEGLIGIBLE * self.level {
                 return Ok(false);
             }
         }

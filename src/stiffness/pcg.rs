@@ -264,7 +264,7 @@ impl<B: Backend> Pcg<B> {
     }
 
     /// What the energy on the backend has to be multiplied by if the right-hand side was divided by `unit`.
-    pub(crate) fn energy_unit(&self, unit: f64) -> f64 {
+    fn energy_unit(&self, unit: f64) -> f64 {
         unit * unit * self.scale
     }
 
