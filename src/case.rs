@@ -6,11 +6,12 @@
 mod build;
 mod quantity;
 
-pub use build::{Build, BuildError, Elastic};
+pub use build::{Build, BuildError, Elastic, Pair, StepData};
 pub use quantity::Quantity;
 
 use crate::elasticity::Plane;
 use crate::mesh::structured::CellShape;
+use crate::quasistatic;
 use crate::ssnm;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -57,12 +58,13 @@ pub struct Tables {
     pub body_force: Vec<Spanned<BodyForceTable>>,
     #[serde(default)]
     pub contact: Vec<Spanned<ContactTable>>,
+    pub steps: Option<Spanned<StepsTable>>,
     pub algebraic: Option<Spanned<AlgebraicTable>>,
     #[serde(default)]
     pub solver: SolverTable,
 }
 
-/// `[mesh]`: a Gmsh file or a rectangle.
+/// `[mesh]`: a Gmsh file, a rectangle, or parts.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshTable {
@@ -72,6 +74,27 @@ pub struct MeshTable {
     pub scale: Option<f64>,
     /// A structured rectangle: region `body`, boundaries `left`, `right`, `bottom`, `top`.
     pub rectangle: Option<RectangleTable>,
+    /// Several meshes side by side.
+    #[serde(default)]
+    pub part: Vec<Spanned<PartTable>>,
+}
+
+/// `[[mesh.part]]`: a Gmsh file or a rectangle among others. Its boundaries are called `name-boundary`; the
+/// region of a rectangle `name`, those of a file `name-region`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PartTable {
+    /// What its regions and boundaries begin with.
+    pub name: String,
+    /// A Gmsh file, relative to the case file.
+    pub file: Option<PathBuf>,
+    /// Factor for the coordinates of the file.
+    pub scale: Option<f64>,
+    /// A structured rectangle.
+    pub rectangle: Option<RectangleTable>,
+    /// Where its origin is moved to, after scaling.
+    #[serde(default)]
+    pub shift: [f64; 2],
 }
 
 /// `[mesh.rectangle]`.
@@ -88,6 +111,8 @@ pub struct RectangleTable {
     /// `quad` or `triangle`.
     #[serde(default)]
     pub shape: CellShape,
+    /// Where the point (x, y) of the rectangle goes: bends it, or grades its mesh.
+    pub map: Option<[Quantity; 2]>,
 }
 
 /// `[analysis]`.
@@ -148,6 +173,8 @@ pub struct SupportTable {
     /// No displacement across a boundary parallel to an axis.
     #[serde(default)]
     pub symmetry: bool,
+    /// Load factors of its own, one per step.
+    pub factors: Option<Vec<f64>>,
 }
 
 /// `[[traction]]`: forces on a boundary.
@@ -161,6 +188,8 @@ pub struct TractionTable {
     pub y: Option<Quantity>,
     /// Pa, against the outward normal.
     pub pressure: Option<Quantity>,
+    /// Load factors of its own, one per step.
+    pub factors: Option<Vec<f64>>,
 }
 
 /// `[[body_force]]`: forces in the volume.
@@ -173,16 +202,36 @@ pub struct BodyForceTable {
     pub x: Option<Quantity>,
     /// N/m³.
     pub y: Option<Quantity>,
+    /// Load factors of its own, one per step.
+    pub factors: Option<Vec<f64>>,
+}
+
+/// `[steps]`: the load in steps, one after another.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StepsTable {
+    /// What loads and prescribed displacements are multiplied by in each step.
+    pub factors: Vec<f64>,
 }
 
 /// `[[contact]]`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactTable {
+    /// The boundary that carries the multipliers.
     pub boundary: String,
-    pub obstacle: ObstacleTable,
+    /// The boundary of another body that it meets, or
+    pub against: Option<String>,
+    /// a rigid obstacle.
+    pub obstacle: Option<ObstacleTable>,
     #[serde(default)]
     pub friction: FrictionTable,
+    /// The initial gap in m, instead of the distance of the meshes.
+    pub gap: Option<Quantity>,
+    /// Gaps and overlaps up to this distance in m count as touching.
+    pub adjust: Option<f64>,
+    /// With `against`: what is farther apart is no candidate, in m.
+    pub search_distance: Option<f64>,
 }
 
 /// What the boundary may touch.
@@ -204,6 +253,8 @@ pub enum FrictionTable {
     None,
     /// `{ tresca = … }`: the bound in Pa.
     Tresca(Quantity),
+    /// `{ coulomb = … }`: the coefficient of friction.
+    Coulomb(Quantity),
 }
 
 /// `[algebraic]`: Matrix Market files, relative to the case file.
@@ -220,8 +271,10 @@ pub struct AlgebraicTable {
     pub tangential: PathBuf,
     /// d, m.
     pub gap: PathBuf,
-    /// g, m.
-    pub slip_bound: PathBuf,
+    /// g, m, or
+    pub slip_bound: Option<PathBuf>,
+    /// μ, m: Coulomb friction.
+    pub friction_coefficient: Option<PathBuf>,
     /// n/2 × 2.
     pub coordinates: Option<PathBuf>,
 }
@@ -237,11 +290,14 @@ pub struct SolverTable {
     pub method: ssnm::Method,
     pub max_iterations: usize,
     pub time_limit: Option<Spanned<String>>,
+    pub friction_tolerance: Spanned<f64>,
+    pub max_rounds: usize,
 }
 
 impl Default for SolverTable {
     fn default() -> Self {
         let defaults = ssnm::Settings::default();
+        let rounds = quasistatic::Settings::default();
         let plain = |value| Spanned::new(0..0, value);
         Self {
             tolerance: plain(defaults.tolerance),
@@ -251,6 +307,8 @@ impl Default for SolverTable {
             method: defaults.method,
             max_iterations: defaults.max_iterations,
             time_limit: None,
+            friction_tolerance: plain(rounds.friction_tolerance),
+            max_rounds: rounds.max_rounds,
         }
     }
 }
@@ -296,7 +354,7 @@ impl Case {
             text = document.to_string();
         }
         let tables: Tables =
-            toml::from_str(&text).map_err(|e| syntax(e.to_string().trim_end().to_owned()))?;
+            toml::from_str(&text).map_err(|e| syntax(suggested(e.to_string().trim_end())))?;
         let mut case = Self {
             path: path.to_owned(),
             tables,
@@ -341,49 +399,58 @@ impl Case {
                     "the case has both [mesh] and [algebraic]: keep one",
                 );
             }
-            (None, Some(algebraic)) => {
+            (None, Some(_)) => {
                 let elastic = [
                     t.material.first().map(|x| ("material", x.span())),
                     t.support.first().map(|x| ("support", x.span())),
                     t.traction.first().map(|x| ("traction", x.span())),
                     t.body_force.first().map(|x| ("body_force", x.span())),
                     t.contact.first().map(|x| ("contact", x.span())),
+                    t.steps.as_ref().map(|x| ("steps", x.span())),
                 ];
                 if let Some((name, span)) = elastic.into_iter().flatten().next() {
-                    return self.invalid(span, format!("[[{name}]] has no meaning in an [algebraic] case: its matrices say it all"));
+                    return self.invalid(span, format!("[{name}] has no meaning in an [algebraic] case: its matrices say it all"));
                 }
-                let _ = algebraic;
             }
             (Some(mesh), None) => {
                 let (span, mesh) = (mesh.span(), mesh.get_ref());
-                match (&mesh.file, &mesh.rectangle) {
-                    (Some(_), None) => {}
-                    (None, Some(rectangle)) => {
-                        if mesh.scale.is_some() {
-                            return self.invalid(span, "scale belongs to a mesh file: give the rectangle its size in metres");
-                        }
-                        if !rectangle.size.iter().all(|&s| s > 0.0 && s.is_finite())
-                            || rectangle.cells.contains(&0)
-                            || !rectangle.origin.iter().all(|o| o.is_finite())
-                        {
-                            return self.invalid(
-                                span,
-                                "the rectangle needs positive sizes and numbers of cells",
-                            );
-                        }
-                        let nodes = rectangle
-                            .cells
-                            .iter()
-                            .map(|&c| c as f64 + 1.0)
-                            .product::<f64>();
-                        if nodes > 4e8 {
-                            return self.invalid(span, "the rectangle has more than 4e8 nodes");
-                        }
-                    }
-                    _ => return self.invalid(span, "[mesh] needs either file or rectangle"),
+                if mesh.part.is_empty() {
+                    self.check_source(
+                        span.clone(),
+                        "[mesh]",
+                        &mesh.file,
+                        mesh.scale,
+                        &mesh.rectangle,
+                    )?;
+                } else if mesh.file.is_some() || mesh.rectangle.is_some() || mesh.scale.is_some() {
+                    return self.invalid(
+                        span,
+                        "[mesh] has parts: put file, scale and rectangle into a [[mesh.part]]",
+                    );
                 }
-                if mesh.scale.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
-                    return self.invalid(span, "scale must be a positive number");
+                let mut names: Vec<&str> = Vec::new();
+                for part in &mesh.part {
+                    let (span, part) = (part.span(), part.get_ref());
+                    self.check_source(
+                        span.clone(),
+                        "a [[mesh.part]]",
+                        &part.file,
+                        part.scale,
+                        &part.rectangle,
+                    )?;
+                    if part.name.is_empty() || names.contains(&part.name.as_str()) {
+                        return self.invalid(
+                            span,
+                            format!(
+                                "the name \"{}\" of the part is empty or stands twice",
+                                part.name
+                            ),
+                        );
+                    }
+                    if !part.shift.iter().all(|v| v.is_finite()) {
+                        return self.invalid(span, "shift needs two finite numbers");
+                    }
+                    names.push(&part.name);
                 }
                 if t.material.is_empty() {
                     return self.invalid(span, "there is no [[material]]");
@@ -450,18 +517,73 @@ impl Case {
             }
         }
         for contact in &t.contact {
-            let bad = match contact.get_ref().obstacle {
-                ObstacleTable::HalfPlane { point, normal } => {
+            let c = contact.get_ref();
+            let distance = |value: Option<f64>| value.is_some_and(|v| !(v >= 0.0 && v.is_finite()));
+            let bad = match (&c.obstacle, &c.against) {
+                (None, None) => {
+                    Some("a contact needs either against (another boundary) or an obstacle")
+                }
+                (Some(_), Some(_)) => {
+                    Some("a contact is either against a boundary or with an obstacle: keep one")
+                }
+                (Some(_), None) if c.search_distance.is_some() => Some(
+                    "search_distance belongs to contact between two boundaries: leave it out with an obstacle",
+                ),
+                _ if distance(c.search_distance) || distance(c.adjust) => {
+                    Some("search_distance and adjust must be finite and not negative")
+                }
+                (Some(ObstacleTable::HalfPlane { point, normal }), _) => {
                     let length = normal[0].hypot(normal[1]);
                     (!point.iter().all(|v| v.is_finite()) || !(length > 0.0 && length.is_finite()))
                         .then_some("half_plane needs a finite point and a normal that is not zero")
                 }
-                ObstacleTable::Circle { center, radius } => (!center.iter().all(|v| v.is_finite())
-                    || !(radius > 0.0 && radius.is_finite()))
-                .then_some("circle needs a finite center and a positive radius"),
+                (Some(ObstacleTable::Circle { center, radius }), _) => {
+                    (!center.iter().all(|v| v.is_finite())
+                        || !(*radius > 0.0 && radius.is_finite()))
+                    .then_some("circle needs a finite center and a positive radius")
+                }
+                (None, Some(_)) => None,
             };
             if let Some(message) = bad {
                 return self.invalid(contact.span(), message);
+            }
+        }
+        if let Some(steps) = &t.steps {
+            let factors = &steps.get_ref().factors;
+            if factors.is_empty() || !factors.iter().all(|f| f.is_finite()) {
+                return self.invalid(
+                    steps.span(),
+                    "factors needs at least one number, all of them finite",
+                );
+            }
+        }
+        let n_steps = t.steps.as_ref().map_or(1, |s| s.get_ref().factors.len());
+        let own_factors = (t.support.iter().map(|s| (s.span(), &s.get_ref().factors)))
+            .chain(t.traction.iter().map(|s| (s.span(), &s.get_ref().factors)))
+            .chain(
+                t.body_force
+                    .iter()
+                    .map(|s| (s.span(), &s.get_ref().factors)),
+            );
+        for (span, factors) in own_factors {
+            if let Some(factors) = factors
+                && (factors.len() != n_steps || !factors.iter().all(|f| f.is_finite()))
+            {
+                return self.invalid(
+                    span,
+                    format!(
+                        "factors needs {n_steps} finite numbers, one for each of [steps] factors"
+                    ),
+                );
+            }
+        }
+        if let Some(algebraic) = &t.algebraic {
+            let a = algebraic.get_ref();
+            if a.slip_bound.is_some() == a.friction_coefficient.is_some() {
+                return self.invalid(
+                    algebraic.span(),
+                    "[algebraic] needs either slip_bound (Tresca) or friction_coefficient (Coulomb)",
+                );
             }
         }
         let s = &t.solver;
@@ -478,6 +600,12 @@ impl Case {
         if !unit(*s.c_fact.get_ref()) {
             return self.invalid(s.c_fact.span(), "c_fact must lie between 0 and 1");
         }
+        if !unit(*s.friction_tolerance.get_ref()) {
+            return self.invalid(
+                s.friction_tolerance.span(),
+                "friction_tolerance must lie between 0 and 1",
+            );
+        }
         if let Some(limit) = &s.time_limit {
             match humantime::parse_duration(limit.get_ref()) {
                 Ok(duration) => self.time_limit = Some(duration),
@@ -492,8 +620,68 @@ impl Case {
         Ok(())
     }
 
+    /// A mesh comes from a file or a rectangle.
+    fn check_source(
+        &self,
+        span: std::ops::Range<usize>,
+        what: &str,
+        file: &Option<PathBuf>,
+        scale: Option<f64>,
+        rectangle: &Option<RectangleTable>,
+    ) -> Result<(), CaseError> {
+        let problem = match (file, rectangle) {
+            (Some(_), None) if scale.is_some_and(|s| !(s > 0.0 && s.is_finite())) => {
+                "scale must be a positive number".to_owned()
+            }
+            (Some(_), None) => return Ok(()),
+            (None, Some(_)) if scale.is_some() => {
+                "scale belongs to a mesh file: give the rectangle its size in metres".to_owned()
+            }
+            (None, Some(r)) => {
+                let nodes = r.cells.iter().map(|&c| c as f64 + 1.0).product::<f64>();
+                if !r.size.iter().all(|&s| s > 0.0 && s.is_finite())
+                    || r.cells.contains(&0)
+                    || !r.origin.iter().all(|o| o.is_finite())
+                {
+                    "the rectangle needs positive sizes and numbers of cells".to_owned()
+                } else if nodes > 4e8 {
+                    "the rectangle has more than 4e8 nodes".to_owned()
+                } else {
+                    return Ok(());
+                }
+            }
+            _ => format!("{what} needs either file or rectangle"),
+        };
+        self.invalid(span, problem)
+    }
+
+    /// Number of load steps.
+    pub fn n_steps(&self) -> usize {
+        (self.tables.steps.as_ref()).map_or(1, |steps| steps.get_ref().factors.len())
+    }
+
+    /// What a table with these factors of its own is multiplied by in a step.
+    pub(crate) fn factor(&self, own: &Option<Vec<f64>>, step: usize) -> f64 {
+        let common = self.tables.steps.as_ref().map(|s| &s.get_ref().factors);
+        own.as_ref()
+            .or(common)
+            .and_then(|factors| factors.get(step))
+            .copied()
+            .unwrap_or(1.0)
+    }
+
     /// The solver table as settings.
-    pub fn settings(&self) -> ssnm::Settings<'static> {
+    pub fn settings(&self) -> quasistatic::Settings<'static> {
+        let s = &self.tables.solver;
+        quasistatic::Settings {
+            ssnm: self.newton_settings(),
+            friction_tolerance: *s.friction_tolerance.get_ref(),
+            max_rounds: s.max_rounds,
+            ..Default::default()
+        }
+    }
+
+    fn newton_settings(&self) -> ssnm::Settings<'static> {
         let s = &self.tables.solver;
         ssnm::Settings {
             tolerance: *s.tolerance.get_ref(),
@@ -506,6 +694,41 @@ impl Case {
             ..Default::default()
         }
     }
+}
+
+/// A message of the parser, with the known key that an unknown one may have meant.
+fn suggested(message: &str) -> String {
+    let quoted = |text: &str| -> Vec<String> {
+        text.split('`')
+            .skip(1)
+            .step_by(2)
+            .map(str::to_owned)
+            .collect()
+    };
+    let unknown = message
+        .lines()
+        .find_map(|line| {
+            line.split_once("unknown field ")
+                .or(line.split_once("unknown variant "))
+        })
+        .map(|(_, names)| quoted(names));
+    let Some((wrong, known)) = unknown.as_ref().and_then(|names| names.split_first()) else {
+        return message.to_owned();
+    };
+    match nearest(wrong, known) {
+        Some(name) => format!("{message}; did you mean `{name}`?"),
+        None => message.to_owned(),
+    }
+}
+
+/// The known name that a wrong one is most like, if it is like any.
+fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a String>) -> Option<&'a String> {
+    known
+        .into_iter()
+        .map(|name| (strsim::damerau_levenshtein(wrong, name), name))
+        .min()
+        .filter(|&(distance, name)| distance <= 1 + name.len() / 3)
+        .map(|(_, name)| name)
 }
 
 /// Puts one `key.path=value` into the document.

@@ -1,4 +1,11 @@
-//! Contact with a rigid obstacle: from a boundary to the rows of N and T, the gaps d and the slip bounds g.
+//! Contact: from boundaries to the rows of N and T, the gaps d and the slip bounds g.
+//!
+//! A boundary meets a rigid [`Obstacle`] node by node ([`obstacle_contact`]), or the boundary of another body
+//! through a mortar coupling of meshes that need not match ([`mortar_contact`]).
+
+mod mortar;
+
+pub use mortar::mortar_contact;
 
 use crate::elasticity::{Body, Field, Unknowns};
 use crate::sparse::Csr;
@@ -33,21 +40,79 @@ impl Obstacle {
     }
 }
 
-/// A node of a contact boundary.
+/// A friction law on a contact boundary.
+#[derive(Clone, Copy)]
+pub enum Friction<'a> {
+    /// No friction.
+    None,
+    /// A given bound of the tangential traction, in Pa.
+    Tresca(Field<'a>),
+    /// A coefficient μ: the bound is μ times the contact pressure.
+    Coulomb(Field<'a>),
+}
+
+/// How the slip bound of a contact node comes about.
 #[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SlipBound {
+    /// A given force (Tresca; 0 without friction).
+    Given(f64),
+    /// This coefficient times the normal force (Coulomb).
+    Coulomb(f64),
+}
+
+/// What is said about a contact beside its boundaries.
+#[derive(Clone, Copy)]
+pub struct PairOptions<'a> {
+    /// The friction law.
+    pub friction: Friction<'a>,
+    /// The initial gap as a function of the place, instead of the distance of the meshes.
+    pub gap: Option<Field<'a>>,
+    /// Gaps and overlaps up to this distance count as touching.
+    pub adjust: f64,
+    /// What lies farther apart is no candidate for contact between bodies; None: half the diagonal of the box
+    /// around the smaller boundary.
+    pub search_distance: Option<f64>,
+}
+
+impl Default for PairOptions<'_> {
+    fn default() -> Self {
+        Self {
+            friction: Friction::None,
+            gap: None,
+            adjust: 0.0,
+            search_distance: None,
+        }
+    }
+}
+
+impl PairOptions<'_> {
+    /// The gap that counts at x, where the geometry says `distance`.
+    fn gap_at(&self, x: [f64; 2], distance: f64, rounding: f64) -> f64 {
+        let gap = self.gap.map_or(distance, |gap| gap(x));
+        if gap.abs() <= rounding.max(self.adjust) {
+            0.0
+        } else {
+            gap
+        }
+    }
+}
+
+/// A node of a contact boundary.
+#[derive(Clone, Debug, PartialEq)]
 pub struct ContactNode {
     /// The node of the mesh.
     pub node: u32,
-    /// The node of the other body that it meets; None for a rigid obstacle.
-    pub partner: Option<u32>,
+    /// The nodes of the other body that it meets, with weights that add up to 1; none for a rigid obstacle.
+    pub partners: Vec<(u32, f64)>,
     /// ν: the unit direction towards the obstacle or the other body.
     pub normal: [f64; 2],
     /// Initial distance along ν.
     pub gap: f64,
-    /// ∫ φ ds times the thickness: the area that turns nodal forces into stresses.
+    /// ∫ φ ds times the thickness, over what may come into contact: the area that turns nodal forces into
+    /// stresses.
     pub area: f64,
-    /// Tresca bound as a nodal force.
-    pub slip_bound: f64,
+    /// The slip bound as a nodal force.
+    pub slip_bound: SlipBound,
 }
 
 impl ContactNode {
@@ -61,104 +126,114 @@ impl ContactNode {
 #[derive(Debug, thiserror::Error)]
 pub enum ContactError {
     #[error(
-        "the node at ({x:.6e}, {y:.6e}) lies {depth:.3e} inside the obstacle: move the body or the obstacle apart"
+        "the node at ({x:.6e}, {y:.6e}) lies {depth:.3e} inside the obstacle: move the body or the obstacle apart, \
+         or let overlaps up to that count as touching (adjust)"
     )]
     Overlap { x: f64, y: f64, depth: f64 },
     #[error(
-        "the node at ({x:.6e}, {y:.6e}) belongs to two contacts: let their boundaries share no node"
+        "the boundaries overlap by {depth:.3e} at ({x:.6e}, {y:.6e}): move the bodies apart, let overlaps up to \
+         that count as touching (adjust), or give the gap"
+    )]
+    BodiesOverlap { x: f64, y: f64, depth: f64 },
+    #[error(
+        "the node at ({x:.6e}, {y:.6e}) belongs to two contacts: let the boundaries that are named first share no node"
     )]
     Twice { x: f64, y: f64 },
+    #[error("the node at ({x:.6e}, {y:.6e}) belongs to both boundaries of the contact")]
+    Shared { x: f64, y: f64 },
     #[error(
         "the node at ({x:.6e}, {y:.6e}) lies at the centre of the circle, so its normal is undefined"
     )]
     NoNormal { x: f64, y: f64 },
-    #[error("the Tresca bound is {value} at ({x:.6e}, {y:.6e}): it must be a finite number ≥ 0")]
-    SlipBound { x: f64, y: f64, value: f64 },
+    #[error("the boundary turns back on itself at ({x:.6e}, {y:.6e}), so its normal is undefined")]
+    Folded { x: f64, y: f64 },
+    #[error(
+        "no part of it faces the other boundary within the search distance {distance:.3e}; they are at least {nearest:.3e} \
+         apart: check the boundaries, or set search_distance"
+    )]
+    Apart { distance: f64, nearest: f64 },
+    #[error("supports hold every node of it: name the other boundary first")]
+    Held,
+    #[error("the {what} is {value} at ({x:.6e}, {y:.6e}): it must be a finite number ≥ 0")]
+    NotPositive {
+        what: &'static str,
+        x: f64,
+        y: f64,
+        value: f64,
+    },
 }
 
-/// The contact nodes of a boundary against an obstacle; `tresca` is the slip bound in Pa.
+/// The rounding of coordinates: what this distance and less means touching.
+fn rounding(body: &Body) -> f64 {
+    let (low, high) = body.mesh.bounding_box();
+    1e-9 * (high[0] - low[0]).hypot(high[1] - low[1])
+}
+
+/// A value that must be finite and not negative.
+fn checked(what: &'static str, [x, y]: [f64; 2], value: f64) -> Result<f64, ContactError> {
+    if value >= 0.0 && value.is_finite() {
+        Ok(value)
+    } else {
+        Err(ContactError::NotPositive { what, x, y, value })
+    }
+}
+
+/// The contact nodes of a boundary against an obstacle.
 ///
-/// Each node takes its normal and gap from the nearest point of the obstacle, and its slip bound is
-/// ∫ tresca φᵢ ds over the boundary (times the thickness). Overlaps below 1e-9 of the size of the mesh
-/// count as touching.
+/// Each node takes its normal and gap from the nearest point of the obstacle; a Tresca bound becomes the
+/// nodal force ∫ bound φᵢ ds (times the thickness). Overlaps below 1e-9 of the size of the mesh count as
+/// touching.
 pub fn obstacle_contact(
     body: &Body,
     edges: &[[u32; 2]],
     obstacle: &Obstacle,
-    tresca: Field,
+    options: &PairOptions,
 ) -> Result<Vec<ContactNode>, ContactError> {
     let mesh = body.mesh;
-    let (low, high) = mesh.bounding_box();
-    let rounding = 1e-9 * (high[0] - low[0]).hypot(high[1] - low[1]);
-    boundary_shares(body, edges, tresca)?
-        .into_iter()
-        .map(|(node, area, slip_bound)| {
-            let [x, y] = mesh.nodes[node as usize];
-            let (gap, normal) = obstacle.distance([x, y]);
-            if !normal.iter().all(|v| v.is_finite()) {
-                return Err(ContactError::NoNormal { x, y });
-            }
-            if gap < -rounding {
-                return Err(ContactError::Overlap { x, y, depth: -gap });
-            }
-            Ok(ContactNode {
-                node,
-                partner: None,
-                normal,
-                gap: if gap.abs() <= rounding { 0.0 } else { gap },
-                area,
-                slip_bound,
-            })
-        })
-        .collect()
-}
-
-/// The contact nodes where two bodies meet node by node: `edges` of the one, and for each of its nodes
-/// the partner with the same coordinates on the other; ν is the outward normal of the first body, which
-/// must be straight there.
-pub fn matching_contact(
-    body: &Body,
-    edges: &[[u32; 2]],
-    normal: [f64; 2],
-    partner: impl Fn(u32) -> u32,
-    tresca: Field,
-) -> Result<Vec<ContactNode>, ContactError> {
-    Ok(boundary_shares(body, edges, tresca)?
-        .into_iter()
-        .map(|(node, area, slip_bound)| ContactNode {
-            node,
-            partner: Some(partner(node)),
-            normal,
-            gap: 0.0,
-            area,
-            slip_bound,
-        })
-        .collect())
-}
-
-/// For every node of the edges: (node, ∫ φ ds, ∫ tresca φ ds), times the thickness.
-fn boundary_shares(
-    body: &Body,
-    edges: &[[u32; 2]],
-    tresca: Field,
-) -> Result<Vec<(u32, f64, f64)>, ContactError> {
+    let rounding = rounding(body);
     let mut nodes: Vec<u32> = edges.iter().flatten().copied().collect();
     nodes.sort_unstable();
     nodes.dedup();
-    let mut area = vec![0.0; body.mesh.nodes.len()];
+    let mut area = vec![0.0; mesh.nodes.len()];
     let mut bound = area.clone();
     body.integrate_on_boundary(edges, &|_| 1.0, &mut area);
-    body.integrate_on_boundary(edges, tresca, &mut bound);
+    if let Friction::Tresca(tresca) = options.friction {
+        body.integrate_on_boundary(edges, tresca, &mut bound);
+    }
     nodes
         .into_iter()
         .map(|node| {
             let i = node as usize;
-            let [x, y] = body.mesh.nodes[i];
-            let value = tresca([x, y]);
-            if !(value >= 0.0 && value.is_finite() && bound[i] >= 0.0 && bound[i].is_finite()) {
-                return Err(ContactError::SlipBound { x, y, value });
+            let place = mesh.nodes[i];
+            let [x, y] = place;
+            let (distance, normal) = obstacle.distance(place);
+            if !normal.iter().all(|v| v.is_finite()) {
+                return Err(ContactError::NoNormal { x, y });
             }
-            Ok((node, area[i], bound[i]))
+            let gap = options.gap_at(place, distance, rounding);
+            if options.gap.is_some() {
+                checked("gap", place, gap)?;
+            } else if gap < 0.0 {
+                return Err(ContactError::Overlap { x, y, depth: -gap });
+            }
+            let slip_bound = match options.friction {
+                Friction::None => SlipBound::Given(0.0),
+                Friction::Tresca(tresca) => {
+                    checked("Tresca bound", place, tresca(place))?;
+                    SlipBound::Given(checked("Tresca bound", place, bound[i])?)
+                }
+                Friction::Coulomb(mu) => {
+                    SlipBound::Coulomb(checked("coefficient of friction", place, mu(place))?)
+                }
+            };
+            Ok(ContactNode {
+                node,
+                partners: Vec::new(),
+                normal,
+                gap,
+                area: area[i],
+                slip_bound,
+            })
         })
         .collect()
 }
@@ -170,14 +245,18 @@ pub struct ContactRows {
     pub nodes: Vec<ContactNode>,
     pub normal: Csr,
     pub tangential: Csr,
-    pub gap: Vec<f64>,
+    /// Given slip bounds; 0 under Coulomb's law and where a node cannot slide.
     pub slip_bound: Vec<f64>,
+    /// μ of each row; 0 under the other laws and where a node cannot slide.
+    pub coefficient: Vec<f64>,
+    /// What prescribed displacements add to N u and T u: (row of (N; T), node, component, factor).
+    held: Vec<(usize, u32, u8, f64)>,
 }
 
 /// Writes the rows of the contact nodes.
 ///
-/// Prescribed displacements move into the gap. A node whose normal displacement is prescribed drops
-/// out; one that cannot move sideways gets an empty row in T and the slip bound 0.
+/// A node whose normal displacement is prescribed drops out; one that cannot move sideways gets an empty
+/// row in T and the slip bound 0.
 pub fn contact_rows(
     body: &Body,
     unknowns: &Unknowns,
@@ -185,29 +264,38 @@ pub fn contact_rows(
 ) -> Result<ContactRows, ContactError> {
     let place = |node: u32| body.mesh.nodes[node as usize];
     let mut seen = std::collections::HashSet::new();
-    let (mut nodes, mut gap, mut slip_bound) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut nodes, mut slip_bound) = (Vec::new(), Vec::new());
+    let mut coefficient: Vec<f64> = Vec::new();
     let (mut n_entries, mut t_entries) = (Vec::new(), Vec::new());
+    let mut held: [Vec<(usize, u32, u8, f64)>; 2] = Default::default();
     for candidate in candidates {
         let [x, y] = place(candidate.node);
         if !seen.insert(candidate.node) {
             return Err(ContactError::Twice { x, y });
         }
+        let free = unknowns
+            .prescribed(candidate.node)
+            .map(|given| given.is_none());
+        let moves = |c: usize| free[c] && candidate.normal[c].abs() > 1e-8;
+        if !moves(0) && !moves(1) {
+            continue;
+        }
+        let can_slide = free[0] && free[1];
         let i = nodes.len();
-        let mut d = candidate.gap;
-        // The entries of a row for direction v: v at the node, −v at its partner.
-        let row = |v: [f64; 2], moved: &mut f64| {
-            let mut entries = Vec::with_capacity(4);
-            let ends = [(Some(candidate.node), 1.0), (candidate.partner, -1.0)];
-            for (node, sign) in ends {
-                let Some(node) = node else { continue };
+        // The entries of a row for direction v: v at the node, −v at its partners.
+        let row = |v: [f64; 2],
+                   entries: &mut Vec<(usize, usize, f64)>,
+                   held: &mut Vec<(usize, u32, u8, f64)>| {
+            let partners = candidate.partners.iter().map(|&(node, w)| (node, -w));
+            for (node, factor) in [(candidate.node, 1.0)].into_iter().chain(partners) {
                 for c in 0..2 {
-                    let value = sign * v[c];
+                    let value = factor * v[c];
                     // What is left of a cosine of a right angle is rounding.
-                    if value.abs() < 1e-14 {
+                    if v[c].abs() < 1e-14 || value == 0.0 {
                         continue;
                     }
                     match unknowns.prescribed(node)[c] {
-                        Some(given) => *moved += value * given,
+                        Some(_) => held.push((i, node, c as u8, value)),
                         None => {
                             let block = unknowns.block(node).expect("it has a free component");
                             entries.push((i, 2 * block as usize + c, value));
@@ -215,36 +303,58 @@ pub fn contact_rows(
                     }
                 }
             }
-            entries
         };
-        let mut moved = 0.0;
-        let normal_row = row(candidate.normal, &mut moved);
-        d -= moved;
-        let tangential_row = row(candidate.tangent(), &mut 0.0);
-        let parallel = normal_row.len() == 1
-            && tangential_row.len() == 1
-            && normal_row[0].1 == tangential_row[0].1;
-        if d < 0.0 {
-            return Err(ContactError::Overlap { x, y, depth: -d });
-        }
-        if normal_row.is_empty() {
-            continue;
-        }
-        n_entries.extend(normal_row);
-        let can_slide = !tangential_row.is_empty() && !parallel;
+        row(candidate.normal, &mut n_entries, &mut held[0]);
         if can_slide {
-            t_entries.extend(tangential_row);
+            row(candidate.tangent(), &mut t_entries, &mut held[1]);
         }
-        gap.push(d);
-        slip_bound.push(if can_slide { candidate.slip_bound } else { 0.0 });
-        nodes.push(*candidate);
+        let (given, mu) = match candidate.slip_bound {
+            SlipBound::Given(bound) => (bound, 0.0),
+            SlipBound::Coulomb(mu) => (0.0, mu),
+        };
+        slip_bound.push(if can_slide { given } else { 0.0 });
+        coefficient.push(if can_slide { mu } else { 0.0 });
+        nodes.push(candidate.clone());
     }
     let (m, n) = (nodes.len(), 2 * unknowns.n_blocks());
+    let [held_n, held_t] = held;
     Ok(ContactRows {
         normal: Csr::from_triplets(m, n, n_entries),
         tangential: Csr::from_triplets(m, n, t_entries),
         nodes,
-        gap,
         slip_bound,
+        coefficient,
+        held: held_n
+            .into_iter()
+            .chain(
+                held_t
+                    .into_iter()
+                    .map(|(i, node, c, v)| (i + m, node, c, v)),
+            )
+            .collect(),
     })
+}
+
+impl ContactRows {
+    /// What the prescribed displacements of `unknowns` add to N u and to T u.
+    pub fn held_motion(&self, unknowns: &Unknowns) -> (Vec<f64>, Vec<f64>) {
+        let m = self.nodes.len();
+        let mut motion = vec![0.0; 2 * m];
+        for &(i, node, c, value) in &self.held {
+            motion[i] += value * unknowns.prescribed(node)[c as usize].unwrap_or(0.0);
+        }
+        let tangential = motion.split_off(m);
+        (motion, tangential)
+    }
+
+    /// d: the initial gaps, less what the prescribed displacements of `unknowns` close of them. Negative where
+    /// a prescribed motion pushes the bodies into each other.
+    pub fn gap(&self, unknowns: &Unknowns) -> Vec<f64> {
+        let (moved, _) = self.held_motion(unknowns);
+        self.nodes
+            .iter()
+            .zip(moved)
+            .map(|(node, moved)| node.gap - moved)
+            .collect()
+    }
 }

@@ -74,6 +74,8 @@ impl Stop<'_> {
 /// K⁻¹; the algorithms are written once over it. Where K⁻¹ is a matter of many iterations, they stop at the
 /// accuracy asked for, and end with [`DualError::Stopped`] once `stop` says so.
 pub trait DualOperator {
+    /// Goes on with another load f and gap d. A u that follows λ starts anew from zero.
+    fn set_data(&mut self, load: &[f64], gap: &[f64]) -> Result<(), DualError>;
     /// y = A p; both have length 2m, normal part first.
     fn apply(
         &mut self,

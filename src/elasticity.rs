@@ -8,11 +8,12 @@ mod assembly;
 mod element;
 mod stress;
 
-pub use assembly::assemble;
+pub use assembly::{assemble, internal_forces, load_vector};
+pub(crate) use element::edge_points;
 pub use stress::{Stress, stresses};
 
 use crate::mesh::Mesh;
-use element::{edge_points, integration_points};
+use element::integration_points;
 
 /// An isotropic linear material.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -82,10 +82,10 @@ const PREFERRED: f64 = 2.0;
 /// Predictions below this many seconds are not worth a word.
 const WORTH_A_WORD: f64 = 1.0;
 
-enum Path<'a> {
+enum Path {
     Cholesky(Box<CholeskyDual>),
-    Cpu(Box<NestedDual<'a, Cpu>>),
-    Gpu(Box<NestedDual<'a, Gpu>>, Arc<Context>),
+    Cpu(Box<NestedDual<Cpu>>),
+    Gpu(Box<NestedDual<Gpu>>, Arc<Context>),
 }
 
 /// A dual operator by the means chosen.
@@ -94,7 +94,9 @@ enum Path<'a> {
 /// way is made again and nothing else is lost.
 pub struct Engine<'a> {
     problem: &'a ContactProblem,
-    path: Path<'a>,
+    path: Path,
+    /// The load and the gap, where they are not those of the problem any more.
+    data: Option<(Vec<f64>, Vec<f64>)>,
     options: Options,
     log: Box<dyn FnMut(&str) + 'a>,
 }
@@ -140,6 +142,7 @@ impl<'a> Engine<'a> {
         Ok(Self {
             problem,
             path,
+            data: None,
             options,
             log,
         })
@@ -213,6 +216,9 @@ impl<'a> Engine<'a> {
                     "{error}; going on with the Cholesky factor on the CPU"
                 ));
                 let mut dual = Box::new(CholeskyDual::new(self.problem)?);
+                if let Some((load, gap)) = &self.data {
+                    dual.set_data(load, gap)?;
+                }
                 let outcome = work(dual.as_mut());
                 self.path = Path::Cholesky(dual);
                 outcome
@@ -283,17 +289,17 @@ fn memory_bytes() -> Option<usize> {
     usize::try_from(total).ok().filter(|&bytes| bytes > 0)
 }
 
-fn on_cpu<'a>(problem: &'a ContactProblem, options: &Options) -> Result<Path<'a>, EngineError> {
+fn on_cpu(problem: &ContactProblem, options: &Options) -> Result<Path, EngineError> {
     let cpu = Cpu::<f32>::default();
     let dual = NestedDual::new(problem, cpu, options.preconditioner)?;
     Ok(Path::Cpu(Box::new(dual)))
 }
 
-fn on_gpu<'a>(
-    problem: &'a ContactProblem,
+fn on_gpu(
+    problem: &ContactProblem,
     options: &Options,
     log: &mut dyn FnMut(&str),
-) -> Result<Path<'a>, EngineError> {
+) -> Result<Path, EngineError> {
     let context = Context::new(&options.gpu)?;
     log(&format!(
         "adapter: {}, {}; taken because: {}; kernels in {}{}",
@@ -312,11 +318,11 @@ fn on_gpu<'a>(
 }
 
 /// PCG on a real GPU or, without one or if it fails, on the CPU.
-fn on_best<'a>(
-    problem: &'a ContactProblem,
+fn on_best(
+    problem: &ContactProblem,
     options: &Options,
     log: &mut dyn FnMut(&str),
-) -> Result<Path<'a>, EngineError> {
+) -> Result<Path, EngineError> {
     let mut hardware = options.clone();
     hardware.gpu.hardware_only = options.gpu.adapter.is_none();
     match on_gpu(problem, &hardware, log) {
@@ -329,6 +335,11 @@ fn on_best<'a>(
 }
 
 impl DualOperator for Engine<'_> {
+    fn set_data(&mut self, load: &[f64], gap: &[f64]) -> Result<(), DualError> {
+        self.data = Some((load.to_vec(), gap.to_vec()));
+        self.with_fallback(|dual| dual.set_data(load, gap))
+    }
+
     fn apply(
         &mut self,
         p: &[f64],

@@ -73,6 +73,7 @@ pub mod matrix_market;
 pub mod mesh;
 pub mod output;
 pub mod problem;
+pub mod quasistatic;
 pub mod reference;
 pub mod sparse;
 pub mod ssnm;

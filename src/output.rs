@@ -4,12 +4,14 @@
 mod vtu;
 
 use crate::backend::gpu::Precision;
-use crate::case::{Build, Elastic};
+use crate::case::{Build, Elastic, StepData};
 use crate::dual::{Costs, DualOperator as _};
-use crate::elasticity::stresses;
+use crate::elasticity::{internal_forces, stresses};
 use crate::engine::Engine;
 use crate::matrix_market::vector_text;
-use crate::ssnm::{Sets, Solution};
+use crate::problem::Kkt;
+use crate::quasistatic::StepSolution;
+use crate::ssnm::{self, SetSizes, Sets, Status};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -44,7 +46,7 @@ pub struct Timings {
 }
 
 /// Which arithmetic has made a solution.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct EnginePath {
     pub backend: &'static str,
     pub adapter: Option<String>,
@@ -71,13 +73,74 @@ impl EnginePath {
     }
 }
 
+/// What a contact carries at the end of a step.
+#[derive(Clone, Debug, Serialize)]
+pub struct ContactReport {
+    pub boundary: String,
+    pub against: String,
+    pub friction: String,
+    /// Resultant on the body of `boundary`, in N.
+    pub force: [f64; 2],
+    /// Σ λν, in N.
+    pub normal_force: f64,
+    pub max_pressure: f64,
+    /// Area in contact, in m².
+    pub area: f64,
+    pub separated: usize,
+    pub stick: usize,
+    pub slip: usize,
+}
+
+/// What a support carries at the end of a step.
+#[derive(Clone, Debug, Serialize)]
+pub struct SupportReport {
+    /// Its boundary or point.
+    pub support: String,
+    /// Resultant on the body, in N; a component that two supports hold counts for the first.
+    pub force: [f64; 2],
+}
+
+/// A load step in the report.
+#[derive(Clone, Debug, Serialize)]
+pub struct StepReport {
+    pub factor: f64,
+    pub status: Status,
+    /// Problems (1)–(3) solved in it.
+    pub rounds: usize,
+    /// ‖μλν − g‖ / ‖μλν‖ at the end; 0 without Coulomb friction.
+    pub friction_change: f64,
+    /// What the springs of bodies without supports still carry, relative to the load.
+    pub spring_force: f64,
+    pub iter: usize,
+    #[serde(rename = "n_A")]
+    pub n_a: usize,
+    pub sets: SetSizes,
+    pub kkt: Kkt,
+    /// Resultant of all loads, in N; null in an algebraic case, as the two lists are empty there.
+    pub total_load: Option<[f64; 2]>,
+    pub contacts: Vec<ContactReport>,
+    pub supports: Vec<SupportReport>,
+}
+
+/// An outer step in the report.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct HistoryRow {
+    /// The load step and the round in it, from 1.
+    pub load_step: usize,
+    pub round: usize,
+    #[serde(flatten)]
+    pub step: ssnm::Step,
+}
+
 /// Everything `report.json` says; see the README for the meaning of each entry.
 #[derive(Debug, Serialize)]
-pub struct Report<'a> {
-    pub title: &'a str,
-    pub status: crate::ssnm::Status,
+pub struct Report {
+    pub title: String,
+    /// That of the last step made.
+    pub status: Status,
     pub n: usize,
     pub m: usize,
+    /// Outer steps and products with A of the whole run.
     pub iter: usize,
     #[serde(rename = "n_A")]
     pub n_a: usize,
@@ -92,50 +155,167 @@ pub struct Report<'a> {
     pub work_ratio: Option<f64>,
     #[serde(flatten)]
     pub path: EnginePath,
-    pub sets: crate::ssnm::SetSizes,
-    pub kkt: crate::problem::Kkt,
+    /// The sets and the optimality conditions at the end of the last step.
+    pub sets: SetSizes,
+    pub kkt: Kkt,
+    pub steps: Vec<StepReport>,
     pub timings: Timings,
     pub peak_memory_mib: Option<f64>,
     pub version: &'static str,
-    pub history: &'a [crate::ssnm::Step],
+    pub history: Vec<HistoryRow>,
 }
 
-impl<'a> Report<'a> {
-    /// The report of a solution.
-    pub fn new(
-        title: &'a str,
-        build: &Build,
-        solution: &'a Solution,
-        path: EnginePath,
-        timings: Timings,
-    ) -> Self {
-        let info = &solution.info;
+impl Report {
+    /// Of a case of which no step is made yet.
+    pub fn new(title: &str, build: &Build) -> Self {
         Self {
-            title,
-            status: solution.status,
+            title: title.to_owned(),
+            status: Status::Interrupted,
             n: build.problem.n_free(),
             m: build.problem.m(),
-            iter: info.iter,
-            n_a: info.n_a,
-            n_a_sigma: info.n_a_sigma,
-            err_relative: info.err_relative,
-            rho: info.rho,
-            sigma_max: info.sigma_max,
-            v_cycles: path.costs.map(|costs| costs.solves.iterations),
-            v_cycles_linear: path.v_cycles_linear,
-            work_ratio: path
-                .costs
-                .zip(path.v_cycles_linear)
-                .map(|(costs, linear)| costs.solves.iterations as f64 / linear.max(1) as f64),
-            path,
-            sets: solution.sets.sizes(),
-            kkt: info.kkt,
-            timings,
-            peak_memory_mib: peak_memory_mib(),
+            iter: 0,
+            n_a: 0,
+            n_a_sigma: 0,
+            err_relative: 0.0,
+            rho: 0.0,
+            sigma_max: 0.0,
+            v_cycles: None,
+            v_cycles_linear: None,
+            work_ratio: None,
+            path: EnginePath::default(),
+            sets: SetSizes::default(),
+            kkt: Kkt::default(),
+            steps: Vec::new(),
+            timings: Timings::default(),
+            peak_memory_mib: None,
             version: env!("CARGO_PKG_VERSION"),
-            history: &info.history,
+            history: Vec::new(),
         }
     }
+
+    /// Adds a step.
+    pub fn add_step(&mut self, build: &Build, data: Option<&StepData>, solution: &StepSolution) {
+        let number = self.steps.len() + 1;
+        let last = solution.last();
+        self.status = solution.status;
+        self.iter += solution.iter();
+        self.n_a += solution.n_a();
+        self.err_relative = last.info.err_relative;
+        self.rho = last.info.rho;
+        self.sigma_max = last.info.sigma_max;
+        self.sets = solution.sets.sizes();
+        self.kkt = last.info.kkt;
+        for round in &solution.rounds {
+            self.n_a_sigma += round.info.n_a_sigma;
+            self.timings.setup += round.info.setup_seconds;
+            self.timings.ssnm += round.info.solve_seconds;
+            self.history
+                .extend(round.info.history.iter().map(|&step| HistoryRow {
+                    load_step: number,
+                    round: round.round,
+                    step,
+                }));
+        }
+        let (contacts, supports) = match (&build.elastic, data) {
+            (Some(elastic), Some(data)) => reactions(build, elastic, data, solution),
+            _ => Default::default(),
+        };
+        self.steps.push(StepReport {
+            factor: data.map_or(1.0, |data| data.factor),
+            status: solution.status,
+            rounds: solution.rounds.len(),
+            friction_change: last.friction_change,
+            spring_force: last.spring_force,
+            iter: solution.iter(),
+            n_a: solution.n_a(),
+            sets: solution.sets.sizes(),
+            kkt: last.info.kkt,
+            total_load: data.map(|data| data.total_load),
+            contacts,
+            supports,
+        });
+    }
+
+    /// Adds what has made it.
+    pub fn set_path(&mut self, path: EnginePath) {
+        self.v_cycles = path.costs.map(|costs| costs.solves.iterations);
+        self.v_cycles_linear = path.v_cycles_linear;
+        self.work_ratio = path
+            .costs
+            .zip(path.v_cycles_linear)
+            .map(|(costs, linear)| costs.solves.iterations as f64 / linear.max(1) as f64);
+        self.path = path;
+        self.peak_memory_mib = peak_memory_mib();
+    }
+}
+
+/// The resultants of contacts and supports on the bodies.
+fn reactions(
+    build: &Build,
+    elastic: &Elastic,
+    data: &StepData,
+    solution: &StepSolution,
+) -> (Vec<ContactReport>, Vec<SupportReport>) {
+    let fields = ContactFields::new(build, elastic, data, solution);
+    let (normal, tangential) = solution.lambda.split_at(build.problem.m());
+    let mut contacts: Vec<ContactReport> = elastic
+        .pairs
+        .iter()
+        .map(|pair| ContactReport {
+            boundary: pair.boundary.clone(),
+            against: pair.against.clone(),
+            friction: pair.friction.clone(),
+            force: [0.0; 2],
+            normal_force: 0.0,
+            max_pressure: 0.0,
+            area: 0.0,
+            separated: 0,
+            stick: 0,
+            slip: 0,
+        })
+        .collect();
+    // What holds the nodes beside the loads: contact here, supports below.
+    let mut outer = data.forces.clone();
+    for (i, node) in elastic.contact.nodes.iter().enumerate() {
+        let (nu, tau) = (node.normal, node.tangent());
+        let force: [f64; 2] =
+            std::array::from_fn(|c| -(normal[i] * nu[c] + tangential[i] * tau[c]));
+        let pair = &mut contacts[elastic.pair_of[i] as usize];
+        for c in 0..2 {
+            pair.force[c] += force[c];
+            outer[node.node as usize][c] += force[c];
+            for &(partner, weight) in &node.partners {
+                outer[partner as usize][c] -= weight * force[c];
+            }
+        }
+        pair.normal_force += normal[i];
+        pair.max_pressure = pair.max_pressure.max(fields.pressure[i]);
+        match fields.status(i) {
+            "separated" => pair.separated += 1,
+            status => {
+                pair.area += node.area;
+                if status == "stick" {
+                    pair.stick += 1;
+                } else {
+                    pair.slip += 1;
+                }
+            }
+        }
+    }
+    let displacement = data.unknowns.displacements(&solution.u);
+    let inner = internal_forces(&elastic.body(), &data.unknowns, &displacement);
+    let mut supports: Vec<SupportReport> = elastic
+        .supports
+        .iter()
+        .map(|name| SupportReport {
+            support: name.clone(),
+            force: [0.0; 2],
+        })
+        .collect();
+    for &(node, c, number) in &elastic.held {
+        supports[number].force[c] += inner[node as usize][c] - outer[node as usize][c];
+    }
+    (contacts, supports)
 }
 
 /// The largest resident size of this process so far, where the system tells.
@@ -159,31 +339,35 @@ fn write(path: PathBuf, contents: &[u8]) -> Result<PathBuf, OutputError> {
     }
 }
 
-/// Writes the fields of a solution into `directory` (made if need be); returns the files.
+/// Writes the fields of a step into `directory` (made if need be); returns the files. `number` is that of the
+/// step where there are several, and goes into the names.
 pub fn write_solution(
     directory: &Path,
     build: &Build,
-    solution: &Solution,
+    data: Option<&StepData>,
+    solution: &StepSolution,
+    number: Option<usize>,
 ) -> Result<Vec<PathBuf>, OutputError> {
-    std::fs::create_dir_all(directory).map_err(|source| OutputError {
-        path: directory.to_owned(),
-        source,
-    })?;
-    match &build.elastic {
-        Some(elastic) => {
-            let fields = ContactFields::new(build, elastic, solution);
-            let displacement = elastic.unknowns.displacements(&solution.u);
+    make(directory)?;
+    match (&build.elastic, data) {
+        (Some(elastic), Some(data)) => {
+            let fields = ContactFields::new(build, elastic, data, solution);
+            let displacement = data.unknowns.displacements(&solution.u);
             let (at_nodes, in_elements) = stresses(&elastic.body(), &displacement);
             let text = vtu::text(elastic, &displacement, &at_nodes, &in_elements, &fields);
+            let suffix = number.map_or(String::new(), |number| format!("-{number:03}"));
             Ok(vec![
-                write(directory.join("solution.vtu"), text.as_bytes())?,
                 write(
-                    directory.join("contact.csv"),
+                    directory.join(format!("solution{suffix}.vtu")),
+                    text.as_bytes(),
+                )?,
+                write(
+                    directory.join(format!("contact{suffix}.csv")),
                     fields.csv(elastic).as_bytes(),
                 )?,
             ])
         }
-        None => {
+        _ => {
             let (normal, tangential) = solution.lambda.split_at(build.problem.m());
             let u = &solution.u[..build.problem.n()];
             [
@@ -201,14 +385,46 @@ pub fn write_solution(
     }
 }
 
+/// Writes `solution.pvd`, the index of the steps 1 … n for ParaView, with their load factors as times where
+/// these increase, their numbers otherwise.
+pub fn write_index(directory: &Path, steps: &[StepReport]) -> Result<PathBuf, OutputError> {
+    make(directory)?;
+    let increase = steps.windows(2).all(|w| w[0].factor < w[1].factor);
+    let mut text =
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n"
+            .to_owned();
+    for (i, step) in steps.iter().enumerate() {
+        let time = if increase {
+            step.factor
+        } else {
+            (i + 1) as f64
+        };
+        writeln!(
+            text,
+            "<DataSet timestep=\"{time}\" part=\"0\" file=\"solution-{:03}.vtu\"/>",
+            i + 1
+        )
+        .expect("writing to a string cannot fail");
+    }
+    text.push_str("</Collection>\n</VTKFile>\n");
+    write(directory.join("solution.pvd"), text.as_bytes())
+}
+
+fn make(directory: &Path) -> Result<(), OutputError> {
+    std::fs::create_dir_all(directory).map_err(|source| OutputError {
+        path: directory.to_owned(),
+        source,
+    })
+}
+
 /// Writes `report.json`.
 pub fn write_report(directory: &Path, report: &Report) -> Result<PathBuf, OutputError> {
+    make(directory)?;
     let path = directory.join("report.json");
     let failed = |source: std::io::Error| OutputError {
         path: path.clone(),
         source,
     };
-    std::fs::create_dir_all(directory).map_err(failed)?;
     let text = serde_json::to_string_pretty(report).map_err(|e| failed(e.into()))?;
     write(path, (text + "\n").as_bytes())
 }
@@ -221,24 +437,29 @@ pub struct ContactFields {
     pub pressure: Vec<f64>,
     /// Traction on the body along the tangent (ν turned counter-clockwise): −λτ / area.
     pub traction: Vec<f64>,
-    /// Displacement along the tangent, Tu.
+    /// The slip bound g / area that the traction obeys.
+    pub bound: Vec<f64>,
+    /// Displacement along the tangent relative to the other side, Tu.
     pub slip: Vec<f64>,
+    /// A support keeps the node from sliding.
+    held: Vec<bool>,
     sets: Sets,
 }
 
 impl ContactFields {
-    /// From a solution.
-    pub fn new(build: &Build, elastic: &Elastic, solution: &Solution) -> Self {
+    /// At the end of a step.
+    pub fn new(build: &Build, elastic: &Elastic, data: &StepData, solution: &StepSolution) -> Self {
         let m = build.problem.m();
         let (mut gap, mut slip) = (vec![0.0; m], vec![0.0; m]);
         build.problem.normal().mul(&solution.u, &mut gap);
         build.problem.tangential().mul(&solution.u, &mut slip);
-        for (gap, d) in gap.iter_mut().zip(build.problem.gap()) {
-            *gap = d - *gap;
+        for i in 0..m {
+            gap[i] = data.load.gap[i] - gap[i];
+            slip[i] += data.load.slide[i];
         }
         let (normal, tangential) = solution.lambda.split_at(m);
         let per_area = |forces: &[f64], sign: f64| -> Vec<f64> {
-            let areas = elastic.contact.iter().map(|node| node.area);
+            let areas = elastic.contact.nodes.iter().map(|node| node.area);
             // + 0.0 turns −0 into 0.
             forces
                 .iter()
@@ -250,7 +471,11 @@ impl ContactFields {
             gap,
             pressure: per_area(normal, 1.0),
             traction: per_area(tangential, -1.0),
+            bound: per_area(&solution.slip_bound, 1.0),
             slip,
+            held: (0..m)
+                .map(|i| build.problem.tangential().row(i).0.is_empty())
+                .collect(),
             sets: solution.sets.clone(),
         }
     }
@@ -259,35 +484,49 @@ impl ContactFields {
     pub fn status(&self, i: usize) -> &'static str {
         if self.sets.is_separated(i) {
             "separated"
-        } else if self.sets.slip_sign(i) == 0 {
+        } else if self.sets.slip_sign(i) == 0 && (self.bound[i] > 0.0 || self.held[i]) {
             "stick"
         } else {
             "slip"
         }
     }
 
-    /// `contact.csv`, in the order of the nodes along x, then y.
+    /// `contact.csv`, in the order of the contacts, of the nodes along x, then y.
     fn csv(&self, elastic: &Elastic) -> String {
-        let place = |i: usize| elastic.mesh.nodes[elastic.contact[i].node as usize];
+        let place = |i: usize| elastic.mesh.nodes[elastic.contact.nodes[i].node as usize];
         let mut order: Vec<usize> = (0..self.gap.len()).collect();
         order.sort_by(|&a, &b| {
             let (p, q) = (place(a), place(b));
-            p[0].total_cmp(&q[0]).then(p[1].total_cmp(&q[1]))
+            let pairs = elastic.pair_of[a].cmp(&elastic.pair_of[b]);
+            pairs
+                .then(p[0].total_cmp(&q[0]))
+                .then(p[1].total_cmp(&q[1]))
         });
-        let mut text = "x,y,gap,normal_pressure,tangential_traction,slip,status\n".to_owned();
+        let mut text =
+            "x,y,gap,normal_pressure,tangential_traction,slip,status,contact\n".to_owned();
         for i in order {
             let [x, y] = place(i);
             writeln!(
                 text,
-                "{x:e},{y:e},{:e},{:e},{:e},{:e},{}",
+                "{x:e},{y:e},{:e},{:e},{:e},{:e},{},{}",
                 self.gap[i],
                 self.pressure[i],
                 self.traction[i],
                 self.slip[i],
-                self.status(i)
+                self.status(i),
+                csv_text(&elastic.pairs[elastic.pair_of[i] as usize].boundary)
             )
             .expect("writing to a string cannot fail");
         }
         text
+    }
+}
+
+/// A text as a field of a CSV file.
+fn csv_text(text: &str) -> String {
+    if text.contains([',', '"', '\n']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
     }
 }

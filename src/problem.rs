@@ -47,6 +47,20 @@ pub struct ContactProblem {
     gap: Vec<f64>,
     slip_bound: Vec<f64>,
     coordinates: Option<Vec<[f64; 2]>>,
+    /// What the violations are measured by at least.
+    scales: Scales,
+}
+
+/// Sizes that a displacement and a load have at least: where u is only the change since an earlier state,
+/// its own size says nothing about what is a small violation.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Scales {
+    /// ‖u‖∞.
+    pub u_max: f64,
+    /// ‖u‖.
+    pub u: f64,
+    /// ‖f‖.
+    pub load: f64,
 }
 
 /// A claim of [`ContactProblem::new`] that the data breaks. Rows and columns count from 1.
@@ -245,7 +259,44 @@ impl ContactProblem {
             gap: data.gap,
             slip_bound: data.slip_bound,
             coordinates: data.coordinates,
+            scales: Scales::default(),
         })
+    }
+
+    /// The problem with the same K, N and T and another load, gap and slip bound: a load step, or one of
+    /// several problems in a row. The gap may be negative here, where a prescribed motion has closed it.
+    ///
+    /// # Panics
+    /// If a length differs, or an entry of the slip bound is negative or NaN.
+    pub fn with_data(
+        &self,
+        load: Vec<f64>,
+        gap: Vec<f64>,
+        slip_bound: Vec<f64>,
+        scales: Scales,
+    ) -> Self {
+        assert_eq!(load.len(), self.load.len());
+        assert_eq!((gap.len(), slip_bound.len()), (self.m(), self.m()));
+        assert!(slip_bound.iter().all(|&g| g >= 0.0));
+        Self {
+            load,
+            gap,
+            slip_bound,
+            scales,
+            normal: self.normal.clone(),
+            tangential: self.tangential.clone(),
+            stiffness: Arc::clone(&self.stiffness),
+            coordinates: self.coordinates.clone(),
+            ..*self
+        }
+    }
+
+    /// ‖u‖∞ and ‖u‖ of a displacement, not below the scales of the problem.
+    pub(crate) fn sizes(&self, u: &[f64]) -> (f64, f64) {
+        (
+            norm_max(u).max(self.scales.u_max),
+            norm(u).max(self.scales.u),
+        )
     }
 
     /// Says how many of the unknowns are free, where some rows of K only hold a prescribed component.
@@ -356,14 +407,14 @@ impl ContactProblem {
                 |acc: f64, v| if v > acc || v.is_nan() { v } else { acc },
             )
         };
-        let u_max = norm_max(u);
+        let (u_max, u_length) = self.sizes(u);
         let slip =
             positive(&mut (0..m).map(|i| slip_violation(lambda_t[i], tu[i], self.slip_bound()[i])));
         Kkt {
-            equilibrium: ratio(norm(&residual), norm(self.load())),
+            equilibrium: ratio(norm(&residual), norm(self.load()).max(self.scales.load)),
             penetration: ratio(positive(&mut nu.iter().copied()), u_max),
             tension: ratio(positive(&mut lambda_n.iter().map(|v| -v)), norm_max(lambda)),
-            complementarity: ratio(dot(lambda_n, &nu).abs(), norm(lambda) * norm(u)),
+            complementarity: ratio(dot(lambda_n, &nu).abs(), norm(lambda) * u_length),
             friction_bound: ratio(
                 positive(&mut (0..m).map(|i| lambda_t[i].abs() - self.slip_bound()[i])),
                 norm_max(self.slip_bound()),
@@ -374,7 +425,7 @@ impl ContactProblem {
 }
 
 /// Violations of the optimality conditions, each relative to the size of what it is measured in.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Kkt {
     /// ‖Ku + Nᵀλν + Tᵀλτ − f‖ / ‖f‖.
     pub equilibrium: f64,

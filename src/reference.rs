@@ -5,8 +5,8 @@
 //! its pairs n/m (k = 1, 3, …, 13); material and loads are those usual in this family of tests, and the
 //! slip bound is our choice.
 
-use crate::contact::{ContactError, contact_rows, matching_contact, obstacle_contact};
-use crate::contact::{ContactNode, Obstacle};
+use crate::contact::{ContactError, ContactNode, Friction, Obstacle, PairOptions};
+use crate::contact::{contact_rows, mortar_contact, obstacle_contact};
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
 use crate::mesh::Mesh;
 use crate::mesh::structured::{CellShape, join, rectangle};
@@ -126,25 +126,20 @@ pub fn problem(
     let (stiffness, load) = assemble(&body, &unknowns, &forces);
 
     let tresca = |_: [f64; 2]| loads.tresca;
+    let options = PairOptions {
+        friction: Friction::Tresca(&tresca),
+        ..Default::default()
+    };
     let candidates: Vec<ContactNode> = match geometry {
         Geometry::OneBody => {
             let plane = Obstacle::HalfPlane {
                 point: [0.0, 0.0],
                 normal: [0.0, 1.0],
             };
-            obstacle_contact(&body, bottom, &plane, &tresca)?
+            obstacle_contact(&body, bottom, &plane, &options)?
         }
         Geometry::TwoBodies => {
-            let first = bottom.iter().flatten().min().copied().unwrap_or(0);
-            let last_below = mesh.boundaries["lower-top"].iter().flatten().min();
-            let below = last_below.copied().unwrap_or(0);
-            matching_contact(
-                &body,
-                bottom,
-                [0.0, -1.0],
-                |node| node - first + below,
-                &tresca,
-            )?
+            mortar_contact(&body, bottom, &mesh.boundaries["lower-top"], &options)?
         }
     };
     let rows = contact_rows(&body, &unknowns, &candidates)?;
@@ -152,9 +147,9 @@ pub fn problem(
     Ok(ContactProblem::new(ContactData {
         stiffness,
         load,
+        gap: rows.gap(&unknowns),
         normal: rows.normal,
         tangential: rows.tangential,
-        gap: rows.gap,
         slip_bound: rows.slip_bound,
         coordinates: Some(unknowns.coordinates(mesh)),
     })?

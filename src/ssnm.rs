@@ -31,7 +31,7 @@ pub use sets::{SetSizes, Sets};
 
 use crate::dual::{DualError, DualOperator, Stop, Stopped};
 use crate::problem::{ContactProblem, Kkt, slip_violation};
-use crate::sparse::{dot, norm, norm_max};
+use crate::sparse::{dot, norm};
 use products::Products;
 use scaling::Scaled;
 use std::ops::ControlFlow;
@@ -69,6 +69,8 @@ pub struct Settings<'a> {
     pub time_limit: Option<Duration>,
     /// λ⁰, length 2m, e.g. the multipliers of an earlier solve; zero if None.
     pub initial: Option<&'a [f64]>,
+    /// σ_max as an earlier solve with the same A has found it ([`Info::sigma_max`]); estimated if None.
+    pub sigma_max: Option<f64>,
     /// Set from outside to stop at the next product with A.
     pub interrupt: Option<&'a AtomicBool>,
 }
@@ -84,6 +86,7 @@ impl Default for Settings<'_> {
             max_iterations: 100,
             time_limit: None,
             initial: None,
+            sigma_max: None,
             interrupt: None,
         }
     }
@@ -207,6 +210,7 @@ const GROWN: f64 = 10.0;
 const ROUGH: f64 = 1e-4;
 /// CG may stop early, on sets that have changed, once its residual is below this part of err.
 const SETS_CHANGED: f64 = 0.3;
+
 /// Solves the problem with the given dual operator.
 ///
 /// `observer` is called after every outer step and may stop the solve.
@@ -235,7 +239,7 @@ pub fn solve(
     c.resize(len, 0.0);
     dual.times(&mut c);
     let mut products = Products::new(dual, exact, stop);
-    let set_up = products.set_up(c);
+    let set_up = products.set_up(c, settings.sigma_max);
     let setup_seconds = start.elapsed().as_secs_f64();
     let mut failure = None;
     let (b, n_a_sigma) = set_up.unwrap_or_else(|error| {
@@ -609,8 +613,9 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             Status::Stagnated
         } else {
             goal.checks += 1;
-            goal.slack = 9.0 * tolerance * norm_max(&u);
-            goal.work = 9.0 * tolerance * norm(&u);
+            let (largest, length) = self.problem.sizes(&u);
+            goal.slack = 9.0 * tolerance * largest;
+            goal.work = 9.0 * tolerance * length;
             return Ok(None);
         };
         self.checked = Some((u, kkt));

@@ -2,35 +2,11 @@
 
 mod common;
 
-use common::{distance, solve, solve_nested};
-use signorini::case::{Build, Case};
-use signorini::output::ContactFields;
-use signorini::problem::{ContactData, ContactProblem};
-use signorini::ssnm::{self, Settings, Solution, Status};
-use signorini::stiffness::cholesky::CholeskyDual;
-use std::ops::ControlFlow;
-use std::path::Path;
+use common::{Solved, solve_case_twice};
 
-fn build(text: &str) -> Build {
-    let case = Case::parse(Path::new("tests/case.toml"), text.to_owned(), &[])
-        .unwrap_or_else(|error| panic!("{error}"));
-    case.build().unwrap_or_else(|error| panic!("{error}"))
-}
-
-fn run(text: &str, tolerance: f64) -> (Build, Solution) {
-    let build = build(text);
-    let settings = Settings {
-        tolerance,
-        ..Default::default()
-    };
-    let solution = solve(&build.problem, &settings);
-    assert_eq!(solution.status, Status::Converged);
-    // Every case here is solved by iterations as well.
-    let (nested, ..) = solve_nested(&build.problem, &settings);
-    assert_eq!(nested.status, Status::Converged);
-    let apart = distance(&nested.u, &solution.u);
-    assert!(apart < 100.0 * tolerance, "{apart:e}");
-    (build, solution)
+/// Every case here is solved by iterations as well.
+fn run(text: &str, tolerance: f64) -> Solved {
+    solve_case_twice(text, tolerance)
 }
 
 /// A block pressed on a rigid plane: the contact pressure is the load, to rounding, on any mesh.
@@ -55,14 +31,14 @@ fn patch_test_against_an_obstacle() {
              [[contact]]\nboundary = \"bottom\"\n\
              obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 3] }} }}\n"
         );
-        let (build, solution) = run(&text, 1e-13);
-        let elastic = build.elastic.as_ref().expect("an elastic case");
-        let fields = ContactFields::new(&build, elastic, &solution);
+        let solved = run(&text, 1e-13);
+        let elastic = solved.elastic();
+        let fields = solved.fields();
         assert!(fields.pressure.len() > 4);
         for p in &fields.pressure {
             assert!((p - 10.0).abs() < 1e-9, "mesh {i}: {p}");
         }
-        let u = elastic.unknowns.displacements(&solution.u);
+        let u = solved.displacement();
         let (e, nu) = (3000.0, 0.4);
         for (x, u) in elastic.mesh.nodes.iter().zip(&u) {
             assert!((u[1] + 10.0 * (1.0 - nu * nu) / e * x[1]).abs() < 1e-12);
@@ -89,9 +65,8 @@ fn patch_test_on_the_left_side() {
              [[traction]]\nboundary = \"right\"\nx = -1e-3\n\
              [[contact]]\nboundary = \"left\"\nobstacle = {obstacle}\n"
         );
-        let (build, solution) = run(&text, 1e-10);
-        let elastic = build.elastic.as_ref().expect("an elastic case");
-        for p in ContactFields::new(&build, elastic, &solution).pressure {
+        let solved = run(&text, 1e-10);
+        for p in solved.fields().pressure {
             assert!((p - 1e-3).abs() < 1e-8, "{p}");
         }
     }
@@ -110,16 +85,16 @@ fn stick_and_slip_of_a_block() {
              obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}\n"
         )
     };
-    let (_, stick) = run(&text("{ tresca = 1e4 }"), 1e-9);
-    let sizes = stick.sets.sizes();
+    let stick = run(&text("{ tresca = 1e4 }"), 1e-9);
+    let sizes = stick.solution().sets.sizes();
     assert_eq!((sizes.slip_plus, sizes.slip_minus), (0, 0));
-    let (_, slip) = run(&text("{ tresca = 0.01 }"), 1e-9);
+    let slip = run(&text("{ tresca = 0.01 }"), 1e-9);
     // But for the corner, which the support keeps from sliding.
-    assert_eq!(slip.sets.sizes().stick, 1);
-    let (_, zero) = run(&text("{ tresca = 0 }"), 1e-9);
-    let (_, none) = run(&text("\"none\""), 1e-9);
-    assert_eq!(zero.u, none.u);
-    assert!(common::distance(&slip.u, &none.u) < 1e-2);
+    assert_eq!(slip.solution().sets.sizes().stick, 1);
+    let zero = run(&text("{ tresca = 0 }"), 1e-9);
+    let none = run(&text("\"none\""), 1e-9);
+    assert_eq!(zero.solution().u, none.solution().u);
+    assert!(common::distance(&slip.solution().u, &none.solution().u) < 1e-2);
 }
 
 /// Pure bending of a cantilever in plane stress: u = (C x y, −C (x² + ν y²)/2) / E; the error of the
@@ -139,9 +114,9 @@ fn bending_converges_with_h_squared() {
                      [[traction]]\nboundary = \"right\"\nx = \"{c} * y\"\n",
                     3 * cells
                 );
-                let (build, solution) = run(&text, 1e-9);
-                let elastic = build.elastic.as_ref().expect("an elastic case");
-                let u = elastic.unknowns.displacements(&solution.u);
+                let solved = run(&text, 1e-9);
+                let elastic = solved.elastic();
+                let u = solved.displacement();
                 let node = elastic
                     .mesh
                     .nodes
@@ -165,13 +140,14 @@ fn gravity_and_body_forces_balance() {
         [[support]]\nboundary = \"left\"\nx = 0\n[[support]]\npoint = [0, 0]\ny = 0\n\
         [[body_force]]\nregion = \"body\"\ny = \"-1000 * y\"\n\
         [[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
-    let (build, solution) = run(text, 1e-11);
-    let elastic = build.elastic.as_ref().expect("an elastic case");
+    let solved = run(text, 1e-11);
     // ρ g V = 1000 · 9.81 · 3 and ∫ 1000 y = 1000 · 0.5 · 2 · 4.5.
     let weight = 29430.0 + 4500.0;
-    assert!((elastic.total_load[1] + weight).abs() < 1e-8 * weight);
+    assert!((solved.data.total_load[1] + weight).abs() < 1e-8 * weight);
     // The held corner bears what the contact nodes do not.
-    let reaction: f64 = solution.lambda[..build.problem.m()].iter().sum();
+    let reaction: f64 = solved.solution().lambda[..solved.build.problem.m()]
+        .iter()
+        .sum();
     assert!(reaction > 0.8 * weight && reaction < weight);
 }
 
@@ -181,87 +157,11 @@ fn prescribed_displacement_closes_the_gap() {
     let text = "[mesh]\nrectangle = { size = [1, 1], cells = [4, 4] }\n[[material]]\nyoung = 1000\npoisson = 0\n\
         [[support]]\nboundary = \"top\"\nx = 0\ny = -0.03\n\
         [[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, -0.01], normal = [0, 1] } }\n";
-    let (build, solution) = run(text, 1e-11);
-    let elastic = build.elastic.as_ref().expect("an elastic case");
+    let solved = run(text, 1e-11);
     // With ν = 0 a column of stiffness E: 0.02 of shortening.
-    for p in ContactFields::new(&build, elastic, &solution).pressure {
+    for p in solved.fields().pressure {
         assert!((p - 20.0).abs() < 1e-6, "{p}");
     }
-}
-
-/// The GRECO plate (SSNV128): Coulomb friction with μ = 1 as a sequence of Tresca problems, each with the
-/// bound frozen at the contact forces before it. The reference is an independent 128 × 128 computation.
-#[test]
-fn greco_plate() {
-    let text = "[mesh]\nrectangle = { size = [0.04, 0.04], cells = [128, 128] }\n\
-        [[material]]\nyoung = 1.3e11\npoisson = 0.2\n\
-        [[support]]\nboundary = \"right\"\nx = 0\n[[support]]\npoint = [0.04, 0]\ny = 0\n\
-        [[traction]]\nboundary = \"left\"\npressure = 15e7\n[[traction]]\nboundary = \"top\"\npressure = 5e7\n\
-        [[contact]]\nboundary = \"bottom\"\nfriction = { tresca = 1e8 }\n\
-        obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
-    let build = build(text);
-    let p = &build.problem;
-    let mut dual = CholeskyDual::new(p).unwrap_or_else(|error| panic!("{error}"));
-    let mut bound = p.slip_bound().to_vec();
-    let mut start: Option<Vec<f64>> = None;
-    let mut solution = None;
-    for _ in 0..40 {
-        let frozen = ContactProblem::new(ContactData {
-            stiffness: p.stiffness().as_ref().clone(),
-            load: p.load().to_vec(),
-            normal: p.normal().clone(),
-            tangential: p.tangential().clone(),
-            gap: p.gap().to_vec(),
-            slip_bound: bound.clone(),
-            coordinates: None,
-        })
-        .unwrap_or_else(|error| panic!("{error}"));
-        let settings = Settings {
-            tolerance: 1e-8,
-            initial: start.as_deref(),
-            ..Default::default()
-        };
-        let found = ssnm::solve(&frozen, &mut dual, &settings, |_| ControlFlow::Continue(()))
-            .unwrap_or_else(|error| panic!("{error}"));
-        assert_eq!(found.status, Status::Converged);
-        let next = found.lambda[..p.m()].to_vec();
-        let change = common::distance(&next, &bound);
-        bound = next;
-        start = Some(found.lambda.clone());
-        solution = Some(found);
-        if change < 1e-6 {
-            break;
-        }
-    }
-    let solution = solution.expect("at least one step");
-    let elastic = build.elastic.as_ref().expect("an elastic case");
-    let u = elastic.unknowns.displacements(&solution.u);
-    for (x, expected) in [
-        (0.0, 2.860),
-        (0.00125, 2.723),
-        (0.005, 2.287),
-        (0.0075, 1.981),
-        (0.01125, 1.541),
-    ] {
-        let node = elastic
-            .mesh
-            .nodes
-            .iter()
-            .position(|p| (p[0] - x).abs() < 1e-9 && p[1] == 0.0)
-            .expect("a node of the contact line");
-        let ux = u[node][0] * 1e5;
-        println!("x = {x}: {ux:.4}, reference {expected}");
-        assert!(
-            (ux / expected - 1.0).abs() < 0.005,
-            "x = {x}: {ux} {expected}"
-        );
-    }
-    // Separation up to x ≈ 0.0031.
-    let separated = (0..p.m()).filter(|&i| solution.sets.is_separated(i));
-    let last = separated
-        .map(|i| elastic.mesh.nodes[elastic.contact[i].node as usize][0])
-        .fold(0.0, f64::max);
-    assert!((last - 0.0031).abs() < 0.0005, "{last}");
 }
 
 /// A rigid disc pressed into a half-plane-like block: the pressure is Hertz's where the mesh resolves it.
@@ -271,10 +171,11 @@ fn disc_on_a_block() {
         [[material]]\nyoung = 1000\npoisson = 0.3\n[[support]]\nboundary = \"left\"\nx = 0\n\
         [[support]]\nboundary = \"bottom\"\ny = 0.05\n\
         [[contact]]\nboundary = \"top\"\nobstacle = { circle = { center = [0, 20], radius = 20 } }\n";
-    let (build, solution) = run(text, 1e-8);
-    let elastic = build.elastic.as_ref().expect("an elastic case");
-    let fields = ContactFields::new(&build, elastic, &solution);
-    let half: f64 = solution.lambda[..build.problem.m()].iter().sum();
+    let solved = run(text, 1e-8);
+    let fields = solved.fields();
+    let half: f64 = solved.solution().lambda[..solved.build.problem.m()]
+        .iter()
+        .sum();
     // Half model: P = 2 Σ λν; a = √(4PR/(πE*)), p₀ = 2P/(πa).
     let e_star = 1000.0 / (1.0 - 0.09);
     let a = (4.0 * 2.0 * half * 20.0 / (std::f64::consts::PI * e_star)).sqrt();
@@ -284,7 +185,7 @@ fn disc_on_a_block() {
     assert!((top / p0 - 1.0).abs() < 0.04, "{top} {p0}");
     let edge = (0..fields.pressure.len())
         .filter(|&i| fields.pressure[i] > 0.0)
-        .map(|i| elastic.mesh.nodes[elastic.contact[i].node as usize][0])
+        .map(|i| solved.place(i)[0])
         .fold(0.0, f64::max);
     assert!((edge - a).abs() < 0.1, "{edge} {a}");
 }
@@ -292,7 +193,7 @@ fn disc_on_a_block() {
 /// The four formats of Gmsh hold the same mesh and give the same answer.
 #[test]
 fn gmsh_formats_agree() {
-    let solutions: Vec<(Build, Solution)> = ["b22a", "b22b", "b41a", "b41b"]
+    let solutions: Vec<Solved> = ["b22a", "b22b", "b41a", "b41b"]
         .iter()
         .map(|name| {
             run(
@@ -308,14 +209,7 @@ fn gmsh_formats_agree() {
             )
         })
         .collect();
-    let mesh = |i: usize| {
-        &solutions[i]
-            .0
-            .elastic
-            .as_ref()
-            .expect("an elastic case")
-            .mesh
-    };
+    let mesh = |i: usize| &solutions[i].elastic().mesh;
     assert_eq!(mesh(0).regions.len(), 2);
     assert_eq!(mesh(0).boundaries.len(), 4);
     let areas = mesh(0).areas();
@@ -326,13 +220,16 @@ fn gmsh_formats_agree() {
             mesh(i).boundaries.keys().collect::<Vec<_>>(),
             mesh(0).boundaries.keys().collect::<Vec<_>>()
         );
-        assert_eq!(solutions[i].1.sets.sizes(), solutions[0].1.sets.sizes());
-        let norm = |s: &Solution| s.u.iter().map(|u| u * u).sum::<f64>().sqrt();
-        let (a, b) = (norm(&solutions[i].1), norm(&solutions[0].1));
+        assert_eq!(
+            solutions[i].solution().sets.sizes(),
+            solutions[0].solution().sets.sizes()
+        );
+        let norm = |s: &Solved| s.solution().u.iter().map(|u| u * u).sum::<f64>().sqrt();
+        let (a, b) = (norm(&solutions[i]), norm(&solutions[0]));
         assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
     }
-    let sizes = solutions[0].1.sets.sizes();
-    assert!(sizes.separated > 0 && sizes.separated < solutions[0].0.problem.m());
+    let sizes = solutions[0].solution().sets.sizes();
+    assert!(sizes.separated > 0 && sizes.separated < solutions[0].build.problem.m());
 }
 
 #[test]

@@ -1,14 +1,22 @@
 //! From a case to a contact problem.
 
-use super::{Case, CaseError, FrictionTable, ObstacleTable, Quantity};
-use crate::contact::{ContactError, ContactNode, Obstacle, contact_rows, obstacle_contact};
-use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
+use super::{
+    Case, CaseError, FrictionTable, MeshTable, ObstacleTable, Quantity, RectangleTable, nearest,
+};
+use crate::contact::{
+    ContactNode, ContactRows, Friction, Obstacle, PairOptions, contact_rows, mortar_contact,
+    obstacle_contact,
+};
+use crate::elasticity::{Body, Material, Plane, Unknowns, assemble, load_vector};
 use crate::matrix_market::{self, MatrixMarketError};
 use crate::mesh::gmsh::GmshError;
 use crate::mesh::{Mesh, gmsh, structured};
-use crate::problem::{ContactData, ContactProblem, ProblemError};
+use crate::problem::{ContactData, ContactProblem, ProblemError, Scales};
+use crate::quasistatic::{Load, Model};
 use crate::sparse::{BlockCsr, Csr};
+use std::collections::HashMap;
 use std::ops::Range;
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// A case could not be turned into a contact problem.
@@ -34,11 +42,50 @@ pub struct Elastic {
     pub materials: Vec<Material>,
     pub plane: Plane,
     pub thickness: f64,
+    /// The numbering of the unknowns, with the prescribed displacements of the first step.
     pub unknowns: Unknowns,
-    /// The contact node of each row of N.
-    pub contact: Vec<ContactNode>,
+    /// What `[[support]]` tables prescribe: node, component, number of the table.
+    pub held: Vec<(u32, usize, usize)>,
+    /// The boundary or point of each of these tables.
+    pub supports: Vec<String>,
+    /// The rows of N and T with their contact nodes.
+    pub contact: ContactRows,
+    /// The contacts of the case, in its order.
+    pub pairs: Vec<Pair>,
+    /// Which pair each row belongs to.
+    pub pair_of: Vec<u32>,
+}
+
+/// A `[[contact]]` of the case as it was understood.
+#[derive(Clone, Debug)]
+pub struct Pair {
+    /// The boundary that carries the multipliers.
+    pub boundary: String,
+    /// The other boundary, or what kind of obstacle.
+    pub against: String,
+    /// The law and its figure.
+    pub friction: String,
+    /// Contact nodes.
+    pub nodes: usize,
+    /// The area that may come into contact, in m².
+    pub area: f64,
+    /// The least and the largest initial gap, in m.
+    pub gap: [f64; 2],
+}
+
+/// What a load step puts on the bodies.
+#[derive(Clone, Debug)]
+pub struct StepData {
+    /// The common load factor.
+    pub factor: f64,
+    /// The numbering, with the prescribed displacements of the step.
+    pub unknowns: Unknowns,
+    /// Nodal forces of the step, two per node of the mesh.
+    pub forces: Vec<[f64; 2]>,
     /// The resultant of all loads, in N.
     pub total_load: [f64; 2],
+    /// The same for the solver.
+    pub load: Load,
 }
 
 impl Elastic {
@@ -56,13 +103,31 @@ impl Elastic {
 /// A contact problem made from a case.
 #[derive(Debug)]
 pub struct Build {
+    /// The problem with the load of the first step.
     pub problem: ContactProblem,
+    /// μ of each contact node; 0 where the slip bound is given.
+    pub coefficient: Vec<f64>,
+    /// Springs that hold what has no supports, in K already; empty where all bodies have supports.
+    pub springs: Vec<f64>,
+    /// The bodies that these springs hold, for a log.
+    pub held_by_contact: Vec<String>,
     /// None for an algebraic case.
     pub elastic: Option<Elastic>,
     /// Seconds for the mesh, or the matrices, to be read or made.
     pub mesh_seconds: f64,
     /// Seconds for K, f and the contact rows.
     pub assembly_seconds: f64,
+}
+
+impl Build {
+    /// As [`crate::quasistatic::solve_step`] wants it.
+    pub fn model(&self) -> Model<'_> {
+        Model {
+            problem: &self.problem,
+            coefficient: &self.coefficient,
+            springs: &self.springs,
+        }
+    }
 }
 
 impl Case {
@@ -88,13 +153,20 @@ impl Case {
         let stiffness = matrix(&table.stiffness)?;
         let (rows, cols) = (stiffness.rows, stiffness.cols);
         let csr = |m: matrix_market::Matrix| Csr::from_triplets(m.rows, m.cols, m.entries);
+        let coefficient = match &table.friction_coefficient {
+            Some(path) => vector(path)?,
+            None => Vec::new(),
+        };
         let data = ContactData {
             stiffness: BlockCsr::from_triplets(rows, cols, stiffness.entries),
             load: vector(&table.load)?,
             normal: csr(matrix(&table.normal)?),
             tangential: csr(matrix(&table.tangential)?),
             gap: vector(&table.gap)?,
-            slip_bound: vector(&table.slip_bound)?,
+            slip_bound: match &table.slip_bound {
+                Some(path) => vector(path)?,
+                None => coefficient.clone(),
+            },
             coordinates: match &table.coordinates {
                 Some(path) => Some(matrix(path)?.into_points()?),
                 None => None,
@@ -117,9 +189,18 @@ impl Case {
             }));
         }
         let mesh_seconds = start.elapsed().as_secs_f64();
-        let problem = ContactProblem::new(data).map_err(failed)?;
+        // Coefficients are checked as slip bounds are; the bounds themselves come from the normal forces.
+        let mut problem = ContactProblem::new(data).map_err(failed)?;
+        if !coefficient.is_empty() {
+            let zero = vec![0.0; problem.m()];
+            let (load, gap) = (problem.load().to_vec(), problem.gap().to_vec());
+            problem = problem.with_data(load, gap, zero, Scales::default());
+        }
         Ok(Build {
             problem,
+            coefficient,
+            springs: Vec::new(),
+            held_by_contact: Vec::new(),
             elastic: None,
             mesh_seconds,
             assembly_seconds: start.elapsed().as_secs_f64() - mesh_seconds,
@@ -134,13 +215,7 @@ impl Case {
             .as_ref()
             .expect("checked when it was read")
             .get_ref();
-        let mesh = match (&table.file, &table.rectangle) {
-            (Some(file), _) => gmsh::read(&self.beside(file), table.scale.unwrap_or(1.0))?,
-            (None, Some(r)) => {
-                structured::rectangle(r.origin, r.size, r.cells, r.shape, "body", "")
-            }
-            (None, None) => unreachable!("checked when it was read"),
-        };
+        let mesh = self.mesh(table)?;
         let mesh_seconds = start.elapsed().as_secs_f64();
 
         let materials = self.materials(&mesh)?;
@@ -151,8 +226,7 @@ impl Case {
             plane: analysis.plane,
             thickness: *analysis.thickness.get_ref(),
         };
-        let prescribed = self.prescribed(&mesh)?;
-        self.check_supported(&mesh, &prescribed)?;
+        let (prescribed, held) = self.prescribed(&mesh, 0)?;
         let unknowns = Unknowns::new(prescribed);
         if unknowns.n_free() == 0 {
             let span = self.tables.support.first().map_or(0..0, |s| s.span());
@@ -161,48 +235,156 @@ impl Case {
                 "the supports hold every node: nothing is left to solve",
             )?);
         }
-        let forces = self.forces(&body)?;
-        let mut total_load = [0.0; 2];
-        for force in &forces {
-            total_load[0] += force[0];
-            total_load[1] += force[1];
-        }
-        let candidates = self.contact_nodes(&body)?;
-        let (stiffness, load) = assemble(&body, &unknowns, &forces);
-        let rows = contact_rows(&body, &unknowns, &candidates).or_else(|error| {
+        let forces = self.forces(&body, 0)?;
+        let mut pairs = Vec::new();
+        let (candidates, owner) = self.contact_nodes(&body, &mut pairs)?;
+        let floating = self.floating(&mesh, &unknowns, &candidates)?;
+        let contact = contact_rows(&body, &unknowns, &candidates).or_else(|error| {
             let span = self.tables.contact.first().map_or(0..0, |c| c.span());
             self.invalid(span, error.to_string())
         })?;
+        let owner: HashMap<u32, u32> = candidates.iter().map(|c| c.node).zip(owner).collect();
+        let pair_of: Vec<u32> = contact.nodes.iter().map(|c| owner[&c.node]).collect();
+        self.count_nodes(&contact, &pair_of, &mut pairs)?;
+        let (mut stiffness, load) = assemble(&body, &unknowns, &forces);
+        let springs = springs(&body, &unknowns, &floating, &mut stiffness);
         let n_free = unknowns.n_free();
-        let problem = ContactProblem::new(ContactData {
-            stiffness,
-            load,
-            normal: rows.normal,
-            tangential: rows.tangential,
-            gap: rows.gap,
-            slip_bound: rows.slip_bound,
-            coordinates: Some(unknowns.coordinates(&mesh)),
-        })
-        .map_err(|source| BuildError::Problem {
+        let gap = contact.gap(&unknowns);
+        let failed = |source| BuildError::Problem {
             case: self.path.display().to_string(),
             source,
-        })?
-        .with_free_unknowns(n_free);
+        };
+        let problem = ContactProblem::new(ContactData {
+            stiffness,
+            load: load.clone(),
+            normal: contact.normal.clone(),
+            tangential: contact.tangential.clone(),
+            gap: contact.nodes.iter().map(|node| node.gap).collect(),
+            slip_bound: contact.slip_bound.clone(),
+            coordinates: Some(unknowns.coordinates(&mesh)),
+        })
+        .map_err(failed)?
+        .with_free_unknowns(n_free)
+        .with_data(load, gap, contact.slip_bound.clone(), Scales::default());
         let (plane, thickness) = (body.plane, body.thickness);
         Ok(Build {
             problem,
+            coefficient: contact.coefficient.clone(),
+            springs,
+            held_by_contact: floating.into_iter().map(|f| f.text).collect(),
             elastic: Some(Elastic {
                 mesh,
                 materials,
                 plane,
                 thickness,
                 unknowns,
-                contact: rows.nodes,
-                total_load,
+                held,
+                supports: self.support_names(),
+                contact,
+                pairs,
+                pair_of,
             }),
             mesh_seconds,
             assembly_seconds: start.elapsed().as_secs_f64() - mesh_seconds,
         })
+    }
+
+    /// The load at the end of a step, counted from 0; None for an algebraic case, which has one.
+    pub fn step(&self, build: &Build, step: usize) -> Result<Option<StepData>, BuildError> {
+        let Some(elastic) = &build.elastic else {
+            return Ok(None);
+        };
+        let body = elastic.body();
+        let unknowns = Unknowns::new(self.prescribed(&elastic.mesh, step)?.0);
+        let forces = self.forces(&body, step)?;
+        let mut total_load = [0.0; 2];
+        for force in &forces {
+            total_load[0] += force[0];
+            total_load[1] += force[1];
+        }
+        let (_, slide) = elastic.contact.held_motion(&unknowns);
+        Ok(Some(StepData {
+            factor: self.factor(&None, step),
+            total_load,
+            load: Load {
+                force: load_vector(&body, &unknowns, &forces),
+                gap: elastic.contact.gap(&unknowns),
+                slide,
+            },
+            unknowns,
+            forces,
+        }))
+    }
+
+    fn mesh(&self, table: &MeshTable) -> Result<Mesh, BuildError> {
+        let span = self.tables.mesh.as_ref().map_or(0..0, |m| m.span());
+        if table.part.is_empty() {
+            return self.part(span, &table.file, table.scale, &table.rectangle);
+        }
+        let mut whole: Option<Mesh> = None;
+        for part in &table.part {
+            let (span, part) = (part.span(), part.get_ref());
+            let mut mesh = self.part(span.clone(), &part.file, part.scale, &part.rectangle)?;
+            for x in &mut mesh.nodes {
+                *x = [x[0] + part.shift[0], x[1] + part.shift[1]];
+            }
+            let named = |name: &String| format!("{}-{name}", part.name);
+            if part.rectangle.is_some() {
+                mesh.regions = vec![part.name.clone()];
+            } else {
+                mesh.regions = mesh.regions.iter().map(named).collect();
+            }
+            mesh.boundaries = mesh
+                .boundaries
+                .into_iter()
+                .map(|(name, edges)| (named(&name), edges))
+                .collect();
+            let twice = whole.as_ref().and_then(|whole| {
+                let regions = mesh
+                    .regions
+                    .iter()
+                    .find(|name| whole.regions.contains(name));
+                regions.or(mesh
+                    .boundaries
+                    .keys()
+                    .find(|name| whole.boundaries.contains_key(*name)))
+            });
+            if let Some(name) = twice {
+                return Ok(self.invalid(
+                    span,
+                    format!("two parts have a region or boundary called \"{name}\": name the parts otherwise"),
+                )?);
+            }
+            whole = Some(match whole {
+                Some(whole) => structured::join(whole, mesh),
+                None => mesh,
+            });
+        }
+        Ok(whole.expect("there are parts"))
+    }
+
+    fn part(
+        &self,
+        span: Range<usize>,
+        file: &Option<PathBuf>,
+        scale: Option<f64>,
+        rectangle: &Option<RectangleTable>,
+    ) -> Result<Mesh, BuildError> {
+        let (file, r) = match (file, rectangle) {
+            (Some(file), _) => return Ok(gmsh::read(&self.beside(file), scale.unwrap_or(1.0))?),
+            (None, Some(rectangle)) => (file, rectangle),
+            (None, None) => unreachable!("checked when it was read"),
+        };
+        debug_assert!(file.is_none());
+        let mut mesh = structured::rectangle(r.origin, r.size, r.cells, r.shape, "body", "");
+        if let Some([x, y]) = &r.map {
+            for place in &mut mesh.nodes {
+                *place = [x.at(*place), y.at(*place)];
+            }
+            mesh = Mesh::new(mesh.nodes, mesh.elements, mesh.regions, mesh.boundaries)
+                .or_else(|error| self.invalid(span, format!("map: {error}")))?;
+        }
+        Ok(mesh)
     }
 
     fn edges<'m>(
@@ -216,8 +398,9 @@ impl Case {
             None => self.invalid(
                 span,
                 format!(
-                    "there is no boundary \"{name}\"; the mesh has {}",
-                    listed(mesh.boundaries.keys())
+                    "there is no boundary \"{name}\"; the mesh has {}{}",
+                    listed(mesh.boundaries.keys()),
+                    meant(name, mesh.boundaries.keys())
                 ),
             ),
         }
@@ -229,8 +412,9 @@ impl Case {
             None => self.invalid(
                 span,
                 format!(
-                    "there is no region \"{name}\"; the mesh has {}",
-                    listed(mesh.regions.iter())
+                    "there is no region \"{name}\"; the mesh has {}{}",
+                    listed(mesh.regions.iter()),
+                    meant(name, &mesh.regions)
                 ),
             ),
         }
@@ -279,12 +463,21 @@ impl Case {
             .collect()
     }
 
-    fn prescribed(&self, mesh: &Mesh) -> Result<Vec<[Option<f64>; 2]>, CaseError> {
+    /// The prescribed displacements of all nodes in a step, and which `[[support]]` has prescribed each
+    /// component first.
+    #[expect(clippy::type_complexity)]
+    fn prescribed(
+        &self,
+        mesh: &Mesh,
+        step: usize,
+    ) -> Result<(Vec<[Option<f64>; 2]>, Vec<(u32, usize, usize)>), CaseError> {
         let mut prescribed = vec![[None; 2]; mesh.nodes.len()];
+        let mut held = Vec::new();
         let (low, high) = mesh.bounding_box();
         let size = (high[0] - low[0]).hypot(high[1] - low[1]);
-        for table in &self.tables.support {
+        for (number, table) in self.tables.support.iter().enumerate() {
             let (s, span) = (table.get_ref(), table.span());
+            let factor = self.factor(&s.factors, step);
             let mut components: [Option<&Quantity>; 2] = [s.x.as_ref(), s.y.as_ref()];
             const ZERO: Quantity = Quantity::Constant(0.0);
             let nodes: Vec<u32> = match (&s.boundary, s.point) {
@@ -331,7 +524,7 @@ impl Case {
                 let x = mesh.nodes[node as usize];
                 for (c, quantity) in components.iter().enumerate() {
                     let Some(quantity) = quantity else { continue };
-                    let value = quantity.at(x);
+                    let value = factor * quantity.at(x);
                     if !value.is_finite() {
                         return self.invalid(
                             span,
@@ -353,33 +546,61 @@ impl Case {
                             ),
                         );
                     }
-                    *place = Some(value);
+                    if place.replace(value).is_none() {
+                        held.push((node, c, number));
+                    }
                 }
             }
         }
-        Ok(prescribed)
+        Ok((prescribed, held))
     }
 
-    /// Every body needs supports that leave it no motion as a whole: contact alone makes K singular.
-    fn check_supported(
+    /// The boundary or point of each `[[support]]`.
+    fn support_names(&self) -> Vec<String> {
+        self.tables
+            .support
+            .iter()
+            .map(
+                |table| match (&table.get_ref().boundary, table.get_ref().point) {
+                    (Some(name), _) => name.clone(),
+                    (None, point) => {
+                        let [x, y] = point.unwrap_or_default();
+                        format!("({x}, {y})")
+                    }
+                },
+            )
+            .collect()
+    }
+
+    /// The bodies that their supports leave a motion as a whole, which contact has to prevent.
+    fn floating(
         &self,
         mesh: &Mesh,
-        prescribed: &[[Option<f64>; 2]],
-    ) -> Result<(), CaseError> {
+        unknowns: &Unknowns,
+        candidates: &[ContactNode],
+    ) -> Result<Vec<Floating>, CaseError> {
         let (count, body) = mesh.bodies();
         let mut first = vec![usize::MAX; count];
         let mut held: Vec<Vec<(usize, [f64; 2])>> = vec![Vec::new(); count];
-        for (node, components) in prescribed.iter().enumerate() {
-            let b = body[node] as usize;
+        for (node, &b) in body.iter().enumerate() {
+            let b = b as usize;
             first[b] = first[b].min(node);
-            for (c, value) in components.iter().enumerate() {
+            for (c, value) in unknowns.prescribed(node as u32).iter().enumerate() {
                 if value.is_some() {
                     held[b].push((c, mesh.nodes[node]));
                 }
             }
         }
+        let mut touches = vec![false; count];
+        for candidate in candidates {
+            touches[body[candidate.node as usize] as usize] = true;
+            for &(partner, _) in &candidate.partners {
+                touches[body[partner as usize] as usize] = true;
+            }
+        }
         let (low, high) = mesh.bounding_box();
         let size = (high[0] - low[0]).hypot(high[1] - low[1]);
+        let mut floating = Vec::new();
         for b in 0..count {
             let holds = |c: usize| held[b].iter().any(|h| h.0 == c);
             // With both directions held, only a rotation about a common point of all the
@@ -394,28 +615,42 @@ impl Case {
             let motion = match (holds(0), holds(1)) {
                 (true, true) if spread(0) || spread(1) => continue,
                 (true, true) => "rotate",
-                (true, false) => "move in y",
-                (false, true) => "move in x",
+                (true, false) if spread(0) => "move in y",
+                (true, false) => "move in y and rotate",
+                (false, true) if spread(1) => "move in x",
+                (false, true) => "move in x and rotate",
                 (false, false) => "move in x and y and rotate",
             };
             let [x, y] = mesh.nodes[first[b]];
-            let region = mesh
+            let element = mesh
                 .elements
                 .iter()
                 .find(|e| e.nodes().contains(&(first[b] as u32)))
-                .map_or("", |e| mesh.regions[e.region as usize].as_str());
-            return self.invalid(
-                self.tables.support.first().map_or(0..0, |s| s.span()),
-                format!(
-                    "the body with region \"{region}\" (at ({x:.4e}, {y:.4e})) can {motion} as a whole: contact alone \
-                     does not make its stiffness regular; add a [[support]], symmetry, or hold a point"
-                ),
+                .expect("every node belongs to an element");
+            let text = format!(
+                "the body with region \"{}\" (at ({x:.4e}, {y:.4e})) can {motion} as a whole",
+                mesh.regions[element.region as usize]
             );
+            if !touches[b] {
+                return self.invalid(
+                    self.tables.support.first().map_or(0..0, |s| s.span()),
+                    format!(
+                        "{text}, and it has no contact to hold it: add a [[support]], symmetry, or hold a point"
+                    ),
+                );
+            }
+            floating.push(Floating {
+                nodes: (0..mesh.nodes.len() as u32)
+                    .filter(|&node| body[node as usize] == b as u32)
+                    .collect(),
+                region: element.region,
+                text,
+            });
         }
-        Ok(())
+        Ok(floating)
     }
 
-    fn forces(&self, body: &Body) -> Result<Vec<[f64; 2]>, CaseError> {
+    fn forces(&self, body: &Body, step: usize) -> Result<Vec<[f64; 2]>, CaseError> {
         let mut forces = vec![[0.0; 2]; body.mesh.nodes.len()];
         let at = |quantity: &Option<Quantity>, x| quantity.as_ref().map_or(0.0, |q| q.at(x));
         let finite = |forces: &[[f64; 2]], span, what: &str| match forces
@@ -434,11 +669,12 @@ impl Case {
         for table in &self.tables.traction {
             let t = table.get_ref();
             let edges = self.edges(body.mesh, &t.boundary, table.span())?;
+            let factor = self.factor(&t.factors, step);
             body.add_traction(
                 edges,
                 |x, n| {
                     let p = at(&t.pressure, x);
-                    [at(&t.x, x) - p * n[0], at(&t.y, x) - p * n[1]]
+                    [at(&t.x, x) - p * n[0], at(&t.y, x) - p * n[1]].map(|v| factor * v)
                 },
                 &mut forces,
             );
@@ -450,7 +686,9 @@ impl Case {
                 Some(name) => Some(self.region(body.mesh, name, table.span())?),
                 None => None,
             };
-            body.add_body_force(region, |x, _| [at(&t.x, x), at(&t.y, x)], &mut forces);
+            let factor = self.factor(&t.factors, step);
+            let force = |x, _| [at(&t.x, x), at(&t.y, x)].map(|v| factor * v);
+            body.add_body_force(region, force, &mut forces);
             finite(&forces, table.span(), "body force")?;
         }
         if let Some(g) = self.tables.analysis.gravity {
@@ -458,38 +696,168 @@ impl Case {
                 let span = self.tables.material.first().map_or(0..0, |m| m.span());
                 return self.invalid(span, "there is gravity, but no material has a density");
             }
-            body.add_body_force(None, |_, density| g.map(|g| g * density), &mut forces);
+            let factor = self.factor(&None, step);
+            let force = |_, density| g.map(|g| factor * g * density);
+            body.add_body_force(None, force, &mut forces);
         }
         Ok(forces)
     }
 
-    fn contact_nodes(&self, body: &Body) -> Result<Vec<ContactNode>, CaseError> {
-        let mut nodes = Vec::new();
-        for table in &self.tables.contact {
+    /// The contact nodes of all contacts, and which contact each belongs to; describes these in `pairs`.
+    fn contact_nodes(
+        &self,
+        body: &Body,
+        pairs: &mut Vec<Pair>,
+    ) -> Result<(Vec<ContactNode>, Vec<u32>), CaseError> {
+        let (mut nodes, mut owner) = (Vec::new(), Vec::new());
+        for (number, table) in self.tables.contact.iter().enumerate() {
             let (t, span) = (table.get_ref(), table.span());
             let edges = self.edges(body.mesh, &t.boundary, span.clone())?;
-            let obstacle = match t.obstacle {
-                ObstacleTable::HalfPlane { point, normal } => Obstacle::HalfPlane { point, normal },
-                ObstacleTable::Circle { center, radius } => Obstacle::Circle { center, radius },
+            let (quantity, friction) = match &t.friction {
+                FrictionTable::None => (None, "no friction".to_owned()),
+                FrictionTable::Tresca(q) => (Some(q), format!("Tresca bound {q} Pa")),
+                FrictionTable::Coulomb(q) => (Some(q), format!("Coulomb coefficient {q}")),
             };
-            let tresca = |x| match &t.friction {
-                FrictionTable::None => 0.0,
-                FrictionTable::Tresca(bound) => bound.at(x),
+            let law = |x| quantity.map_or(0.0, |q| q.at(x));
+            let gap = |x| t.gap.as_ref().map_or(0.0, |gap| gap.at(x));
+            let options = PairOptions {
+                friction: match &t.friction {
+                    FrictionTable::None => Friction::None,
+                    FrictionTable::Tresca(_) => Friction::Tresca(&law),
+                    FrictionTable::Coulomb(_) => Friction::Coulomb(&law),
+                },
+                gap: t.gap.is_some().then_some(&gap),
+                adjust: t.adjust.unwrap_or(0.0),
+                search_distance: t.search_distance,
             };
-            match obstacle_contact(body, edges, &obstacle, &tresca) {
-                Ok(found) => nodes.extend(found),
-                Err(
-                    error @ (ContactError::Overlap { .. }
-                    | ContactError::SlipBound { .. }
-                    | ContactError::NoNormal { .. }
-                    | ContactError::Twice { .. }),
-                ) => {
-                    return self.invalid(span, format!("contact on \"{}\": {error}", t.boundary));
+            let (found, against) = match (&t.against, &t.obstacle) {
+                (Some(name), _) => {
+                    let others = self.edges(body.mesh, name, span.clone())?;
+                    (mortar_contact(body, edges, others, &options), name.clone())
+                }
+                (None, Some(ObstacleTable::HalfPlane { point, normal })) => {
+                    let obstacle = Obstacle::HalfPlane {
+                        point: *point,
+                        normal: *normal,
+                    };
+                    let found = obstacle_contact(body, edges, &obstacle, &options);
+                    (found, "rigid half-plane".to_owned())
+                }
+                (None, Some(ObstacleTable::Circle { center, radius })) => {
+                    let obstacle = Obstacle::Circle {
+                        center: *center,
+                        radius: *radius,
+                    };
+                    let found = obstacle_contact(body, edges, &obstacle, &options);
+                    (found, "rigid circle".to_owned())
+                }
+                (None, None) => unreachable!("checked when it was read"),
+            };
+            let found = found.or_else(|error| {
+                self.invalid(span, format!("contact on \"{}\": {error}", t.boundary))
+            })?;
+            pairs.push(Pair {
+                boundary: t.boundary.clone(),
+                against,
+                friction,
+                nodes: 0,
+                area: 0.0,
+                gap: [f64::INFINITY, 0.0],
+            });
+            owner.extend(found.iter().map(|_| number as u32));
+            nodes.extend(found);
+        }
+        Ok((nodes, owner))
+    }
+
+    /// Completes the descriptions of the contacts with the nodes that are left of them.
+    fn count_nodes(
+        &self,
+        contact: &ContactRows,
+        pair_of: &[u32],
+        pairs: &mut [Pair],
+    ) -> Result<(), CaseError> {
+        for (node, &pair) in contact.nodes.iter().zip(pair_of) {
+            let pair = &mut pairs[pair as usize];
+            pair.nodes += 1;
+            pair.area += node.area;
+            pair.gap = [pair.gap[0].min(node.gap), pair.gap[1].max(node.gap)];
+        }
+        for (pair, table) in pairs.iter().zip(&self.tables.contact) {
+            if pair.nodes == 0 {
+                return self.invalid(
+                    table.span(),
+                    format!(
+                        "contact on \"{}\": supports hold every node of it; if it meets another boundary, name that one first",
+                        pair.boundary
+                    ),
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A body with a motion that no support prevents.
+struct Floating {
+    nodes: Vec<u32>,
+    region: u32,
+    /// What it is and which motion.
+    text: String,
+}
+
+/// Stiffness of the springs that hold a floating body, relative to E/L² per volume: weak enough to be let go
+/// in few rounds, stiff enough not to spoil the condition of A.
+const SPRING: f64 = 0.05;
+
+/// Adds springs under all nodes of the floating bodies to K; returns them, one per unknown.
+fn springs(
+    body: &Body,
+    unknowns: &Unknowns,
+    floating: &[Floating],
+    stiffness: &mut BlockCsr<2>,
+) -> Vec<f64> {
+    if floating.is_empty() {
+        return Vec::new();
+    }
+    let mut springs = vec![0.0; stiffness.n_rows()];
+    let mut volumes = vec![[0.0; 2]; body.mesh.nodes.len()];
+    body.add_body_force(None, |_, _| [1.0, 0.0], &mut volumes);
+    for one in floating {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for &node in &one.nodes {
+            let x = body.mesh.nodes[node as usize];
+            for c in 0..2 {
+                low[c] = low[c].min(x[c]);
+                high[c] = high[c].max(x[c]);
+            }
+        }
+        let size = (high[0] - low[0]).hypot(high[1] - low[1]);
+        let per_volume = SPRING * body.materials[one.region as usize].young / (size * size);
+        for &node in &one.nodes {
+            let Some(block) = unknowns.block(node) else {
+                continue;
+            };
+            let diagonal = stiffness
+                .block_mut(block as usize, block as usize)
+                .expect("K has its diagonal");
+            for c in 0..2 {
+                if unknowns.prescribed(node)[c].is_none() {
+                    let spring = per_volume * volumes[node as usize][0];
+                    diagonal[c][c] += spring;
+                    springs[2 * block as usize + c] = spring;
                 }
             }
         }
-        Ok(nodes)
     }
+    springs
+}
+
+/// ": did you mean …?", where a name is like a known one.
+fn meant<'a>(name: &str, known: impl IntoIterator<Item = &'a String>) -> String {
+    nearest(name, known).map_or(String::new(), |known| {
+        format!(": did you mean \"{known}\"?")
+    })
 }
 
 /// "a", "b" and "c".

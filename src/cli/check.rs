@@ -63,20 +63,31 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
             "analysis      {plane}, thickness {} m",
             elastic.thickness
         ));
-        say(format_args!(
-            "total load    ({:.6e}, {:.6e}) N",
-            elastic.total_load[0], elastic.total_load[1]
-        ));
-        let gaps = problem.gap().iter();
-        let (min, max) = gaps.fold((f64::INFINITY, 0.0f64), |(a, b), &g| (a.min(g), b.max(g)));
-        if problem.m() > 0 {
+        for step in 0..case.n_steps() {
+            let data = case.step(&build, step).map_err(|e| e.to_string())?;
+            let [x, y] = data.map_or([0.0; 2], |data| data.total_load);
+            let name = match case.n_steps() {
+                1 => String::new(),
+                _ => format!(", step {}", step + 1),
+            };
+            say(format_args!("total load    ({x:.6e}, {y:.6e}) N{name}"));
+        }
+        for body in &build.held_by_contact {
+            say(format_args!("supports      {body}: only contact holds it"));
+        }
+        for pair in &elastic.pairs {
             say(format_args!(
-                "contact       {} nodes on {} boundaries, initial gap {min:.4e} to {max:.4e} m, slip bound {:.4e} N in all",
-                problem.m(),
-                tables.contact.len(),
-                problem.slip_bound().iter().sum::<f64>()
+                "contact       \"{}\" / {}: {} nodes, {:.4e} m², initial gap {:.4e} to {:.4e} m, {}",
+                pair.boundary,
+                pair.against,
+                pair.nodes,
+                pair.area,
+                pair.gap[0],
+                pair.gap[1],
+                pair.friction
             ));
-        } else {
+        }
+        if elastic.pairs.is_empty() {
             say(format_args!("contact       none: this is a linear problem"));
         }
     } else {

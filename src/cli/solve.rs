@@ -4,8 +4,9 @@ use super::{NOT_CONVERGED, SolveArguments};
 use signorini::case::Case;
 use signorini::dual::{Costs, DualOperator as _};
 use signorini::engine::Engine;
-use signorini::output::{EnginePath, Report, Timings, write_report, write_solution};
-use signorini::ssnm::{self, SetSizes, Status, Step};
+use signorini::output::{EnginePath, Report, Timings, write_index, write_report, write_solution};
+use signorini::quasistatic::{self, Event, Load, Round, State};
+use signorini::ssnm::{SetSizes, Status, Step};
 use std::fmt::Write as _;
 use std::io::{IsTerminal as _, Write as _};
 use std::ops::ControlFlow;
@@ -27,7 +28,7 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
             arguments.case.with_file_name(name)
         }
     };
-    let log = Log::new(arguments);
+    let mut log = Log::new(arguments);
     // The second Ctrl-C ends the program at once.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
@@ -42,17 +43,23 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         build.problem.m(),
         build.mesh_seconds + build.assembly_seconds
     ));
-    let mut timings = Timings {
-        mesh: build.mesh_seconds,
-        assembly: build.assembly_seconds,
-        ..Default::default()
-    };
+    for body in &build.held_by_contact {
+        log.tell(&format!(
+            "{body}: only contact holds it, so weak springs do at first and are then let go"
+        ));
+    }
+    log.rounds = build.model().takes_rounds();
+    let log = log;
+    let mut report = Report::new(&case.tables.title, &build);
     let set_up_start = Instant::now();
     let mut engine = Engine::new(&build.problem, arguments.engine.options(), |line| {
         log.tell(line)
     })
     .map_err(|e| format!("{}: {e}", arguments.case.display()))?;
-    timings.factor = set_up_start.elapsed().as_secs_f64();
+    let mut timings = Timings {
+        factor: set_up_start.elapsed().as_secs_f64(),
+        ..Default::default()
+    };
     match engine.cholesky() {
         Some(dual) => {
             timings.linear_reference = Some(dual.factor_seconds + dual.solve_seconds);
@@ -75,39 +82,104 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
             }
         }
     }
-    let settings = ssnm::Settings {
-        interrupt: Some(&INTERRUPTED),
-        ..case.settings()
-    };
-    let solution = ssnm::solve(&build.problem, &mut engine, &settings, |step| {
-        log.step(step);
-        ControlFlow::Continue(())
-    })
-    .map_err(|e| format!("{}: {e}", arguments.case.display()))?;
-    timings.setup = solution.info.setup_seconds;
-    timings.ssnm = solution.info.solve_seconds;
-    log.finish(&solution.info.history, settings.tolerance);
-    let costs = engine.costs();
-    if let Some(costs) = costs {
+    let mut settings = case.settings();
+    settings.ssnm.interrupt = Some(&INTERRUPTED);
+    let limit = settings.ssnm.time_limit;
+    let several = case.n_steps() > 1;
+    let mut state = State::at_rest(&build.problem);
+    let mut files = Vec::new();
+    let mut output_seconds = 0.0;
+    for number in 0..case.n_steps() {
+        let data = case.step(&build, number).map_err(|e| e.to_string())?;
+        let of_problem;
+        let load = match &data {
+            Some(data) => &data.load,
+            None => {
+                of_problem = Load::of(&build.problem);
+                &of_problem
+            }
+        };
+        if several {
+            log.tell(&format!(
+                "load step {} of {}, factor {}",
+                number + 1,
+                case.n_steps(),
+                data.as_ref().map_or(1.0, |data| data.factor)
+            ));
+        }
+        settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(start.elapsed()));
+        let mut steps = Vec::new();
+        let solution = quasistatic::solve_step(
+            &build.model(),
+            load,
+            &state,
+            &mut engine,
+            &settings,
+            |event| {
+                match event {
+                    Event::Newton(step) => {
+                        log.step(step);
+                        steps.push(*step);
+                    }
+                    Event::Round(round) => log.round(round),
+                }
+                ControlFlow::Continue(())
+            },
+        )
+        .map_err(|e| format!("{}: {e}", arguments.case.display()))?;
+        if !log.rounds || arguments.verbose {
+            log.finish(&steps, settings.ssnm.tolerance);
+        }
+        settings.ssnm.sigma_max = Some(solution.last().info.sigma_max);
+        report.add_step(&build, data.as_ref(), &solution);
+        state = solution.state(load);
+
+        let output_start = Instant::now();
+        let written = write_solution(
+            &output,
+            &build,
+            data.as_ref(),
+            &solution,
+            several.then_some(number + 1),
+        )
+        .map_err(|e| e.to_string())?;
+        files.extend(written);
+        if several {
+            // After every step, so that ParaView can look in.
+            let index = write_index(&output, &report.steps).map_err(|e| e.to_string())?;
+            if number == 0 {
+                files.push(index);
+            }
+        }
+        output_seconds += output_start.elapsed().as_secs_f64();
+        if solution.status != Status::Converged {
+            break;
+        }
+    }
+    if let Some(costs) = engine.costs() {
         log.say(format_args!("{}", describe_costs(&costs)));
     }
     let mut path = EnginePath::of(&engine);
-    if solution.status == Status::Converged {
+    if report.status == Status::Converged {
         // What the whole solve has cost in linear solves; whoever has asked to stop does not wait for it.
         path.v_cycles_linear = engine.linear_iterations(1e-8).ok().flatten();
     }
     drop(engine);
-
-    let output_start = Instant::now();
-    let mut files = write_solution(&output, &build, &solution).map_err(|e| e.to_string())?;
-    timings.output = output_start.elapsed().as_secs_f64();
-    timings.total = start.elapsed().as_secs_f64();
-    let report = Report::new(&case.tables.title, &build, &solution, path, timings);
+    report.set_path(path);
+    report.timings = Timings {
+        mesh: build.mesh_seconds,
+        assembly: build.assembly_seconds,
+        factor: timings.factor,
+        linear_reference: timings.linear_reference,
+        output: output_seconds,
+        total: start.elapsed().as_secs_f64(),
+        ..report.timings
+    };
     files.push(write_report(&output, &report).map_err(|e| e.to_string())?);
     if !arguments.quiet {
         super::print(&summary(&report, &files));
     }
-    Ok(if solution.status == Status::Converged {
+    Ok(if report.status == Status::Converged {
         0
     } else {
         NOT_CONVERGED
@@ -141,7 +213,7 @@ fn describe(status: Status) -> &'static str {
     match status {
         Status::Converged => "converged",
         Status::IterationLimit => {
-            "NOT converged: the limit of outer steps is reached (solver.max_iterations)"
+            "NOT converged: the limit of outer steps (solver.max_iterations) or rounds (solver.max_rounds) is reached"
         }
         Status::Stagnated => "NOT converged: rounding stops all progress; loosen solver.tolerance",
         Status::TimeLimit => "NOT converged: the time limit is reached (solver.time_limit)",
@@ -168,6 +240,24 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
         report.kkt.max()
     )
     .expect("writing to a string cannot fail");
+    if let Some(step) = report.steps.last().filter(|step| step.rounds > 1) {
+        let steps = match report.steps.len() {
+            1 => String::new(),
+            n => format!(", the last of {n} load steps,"),
+        };
+        writeln!(
+            text,
+            "  {} rounds{steps}: slip bounds settled to {:.1e}{}",
+            step.rounds,
+            step.friction_change,
+            if step.spring_force > 0.0 {
+                format!(", springs let go to {:.1e} of the load", step.spring_force)
+            } else {
+                String::new()
+            }
+        )
+        .expect("writing to a string cannot fail");
+    }
     writeln!(
         text,
         "  {contact} of {} nodes in contact, {separated} separated; {stick} stick, {} slip",
@@ -187,6 +277,26 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
         report.timings.output
     )
     .expect("writing to a string cannot fail");
+    if let Some(step) = report.steps.last() {
+        for contact in &step.contacts {
+            let [x, y] = contact.force;
+            writeln!(
+                text,
+                "  contact {} / {}: force on the first ({x:.6e}, {y:.6e}) N, pressure up to {:.4e} Pa",
+                contact.boundary, contact.against, contact.max_pressure
+            )
+            .expect("writing to a string cannot fail");
+        }
+        for support in &step.supports {
+            let [x, y] = support.force;
+            writeln!(
+                text,
+                "  support {}: force ({x:.6e}, {y:.6e}) N",
+                support.support
+            )
+            .expect("writing to a string cannot fail");
+        }
+    }
     for file in files {
         writeln!(text, "  {}", file.display()).expect("writing to a string cannot fail");
     }
@@ -196,6 +306,8 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
 /// Progress on standard error.
 struct Log {
     quiet: bool,
+    /// Newton steps are many in a row of rounds: rounds are told instead.
+    rounds: bool,
     verbose: bool,
     terminal: bool,
 }
@@ -227,6 +339,7 @@ impl Log {
     fn new(arguments: &SolveArguments) -> Self {
         Self {
             quiet: arguments.quiet,
+            rounds: false,
             verbose: arguments.verbose,
             terminal: std::io::stderr().is_terminal(),
         }
@@ -248,7 +361,7 @@ impl Log {
 
     /// One line that is written over on a terminal, and one after the other elsewhere.
     fn step(&self, step: &Step) {
-        if self.quiet {
+        if self.quiet || (self.rounds && !self.verbose && !self.terminal) {
             return;
         }
         let line = format!(
@@ -265,6 +378,25 @@ impl Log {
         } else {
             eprintln!("{line}");
         }
+    }
+
+    /// The end of a round.
+    fn round(&self, round: &Round) {
+        if self.quiet {
+            return;
+        }
+        if self.terminal {
+            eprint!("\r\x1b[2K");
+        }
+        let springs = if round.spring_force > 0.0 {
+            format!(", springs carry {:.2e}", round.spring_force)
+        } else {
+            String::new()
+        };
+        eprintln!(
+            "round {:3}: slip bounds change by {:.2e}{springs}; {} steps, {} products to {:.0e}",
+            round.round, round.friction_change, round.info.iter, round.info.n_a, round.tolerance
+        );
     }
 
     /// The table of all steps.

@@ -24,9 +24,10 @@ struct OnBackend<B: Backend> {
 /// Where the backend computes in f64, a product moves 2m numbers to it and 2m numbers back, the latter
 /// together with the progress of CG; everything of size n stays there. Where it computes in f32, the
 /// products with B and Bᵀ are made on the host in f64, beside the residuals of the refinement.
-pub struct NestedDual<'a, B: Backend> {
-    problem: &'a ContactProblem,
+pub struct NestedDual<B: Backend> {
     b: Csr,
+    load: Vec<f64>,
+    gap: Vec<f64>,
     pcg: Pcg<B>,
     /// ‖f‖.
     load_norm: f64,
@@ -37,10 +38,10 @@ pub struct NestedDual<'a, B: Backend> {
     on_backend: Option<OnBackend<B>>,
 }
 
-impl<'a, B: Backend> NestedDual<'a, B> {
+impl<B: Backend> NestedDual<B> {
     /// Moves the problem to the backend.
     pub fn new(
-        problem: &'a ContactProblem,
+        problem: &ContactProblem,
         backend: B,
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
@@ -73,8 +74,9 @@ impl<'a, B: Backend> NestedDual<'a, B> {
             None
         };
         Ok(Self {
-            problem,
             b,
+            load: problem.load().to_vec(),
+            gap: problem.gap().to_vec(),
             pcg,
             load_norm,
             unit,
@@ -98,7 +100,7 @@ impl<'a, B: Backend> NestedDual<'a, B> {
     ) -> Result<Followed, DualError> {
         let length = self.load_norm;
         let Some(there) = &mut self.on_backend else {
-            let mut load = self.problem.load().to_vec();
+            let mut load = self.load.clone();
             self.b.mul_transpose_add(-1.0, lambda, &mut load);
             let accuracy = match accuracy {
                 // Relative to the right-hand side there, to f here.
@@ -159,7 +161,26 @@ fn loads(transposed: &Csr, f: &[f64]) -> Csr {
     Csr::from_triplets(transposed.n_rows(), columns + 1, triplets)
 }
 
-impl<B: Backend> DualOperator for NestedDual<'_, B> {
+impl<B: Backend> DualOperator for NestedDual<B> {
+    fn set_data(&mut self, load: &[f64], gap: &[f64]) -> Result<(), DualError> {
+        self.load.copy_from_slice(load);
+        self.gap.copy_from_slice(gap);
+        self.load_norm = norm(load);
+        self.unit = power_of_two_below(self.load_norm);
+        self.u.fill(0.0);
+        if let Some(there) = &mut self.on_backend {
+            let backend = &mut self.pcg.backend;
+            let scaled: Vec<f64> = load.iter().map(|f| f / self.unit).collect();
+            backend.upload(&scaled, &mut there.f);
+            backend.clear(&mut there.u);
+            let loads = loads(&self.b.transposed(), &scaled);
+            there.loads = backend
+                .rows(&loads, &there.lambda, &self.pcg.x)
+                .map_err(PcgError::from)?;
+        }
+        Ok(())
+    }
+
     fn apply(
         &mut self,
         p: &[f64],
@@ -215,7 +236,7 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
     ) -> Result<Option<Followed>, DualError> {
         let followed = self.follow(lambda, r, accuracy, stop)?;
         r.iter_mut().for_each(|r| *r = -*r);
-        for (r, d) in r.iter_mut().zip(self.problem.gap()) {
+        for (r, d) in r.iter_mut().zip(&self.gap) {
             *r += d;
         }
         Ok(Some(followed))
@@ -245,7 +266,7 @@ impl<B: Backend> DualOperator for NestedDual<'_, B> {
         let before = self.pcg.counts;
         let mut x = vec![0.0; self.b.n_cols()];
         self.pcg
-            .solve(self.problem.load(), &mut x, tolerance, &Stop::default())?;
+            .solve(&self.load, &mut x, tolerance, &Stop::default())?;
         let iterations = self.pcg.counts.iterations - before.iterations;
         self.pcg.counts = before;
         Ok(Some(iterations))

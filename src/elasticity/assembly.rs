@@ -106,24 +106,20 @@ pub fn assemble(body: &Body, unknowns: &Unknowns, forces: &[[f64; 2]]) -> (Block
 
     let mut col_idx = vec![0u32; row_ptr[n_blocks]];
     let mut values = vec![[[0.0; 2]; 2]; row_ptr[n_blocks]];
-    let mut load = vec![0.0; 2 * n_blocks];
     split(&mut col_idx, &row_ptr)
         .into_par_iter()
         .zip(split(&mut values, &row_ptr))
-        .zip(load.par_chunks_mut(2 * ROWS_PER_TASK))
         .enumerate()
-        .for_each(|(chunk, ((cols, values), load))| {
+        .for_each(|(chunk, (cols, values))| {
             let first = chunk * ROWS_PER_TASK;
             let mut found = Vec::with_capacity(16);
-            for (k, load) in load.chunks_mut(2).enumerate() {
-                let row = first + k;
+            for row in first..(first + ROWS_PER_TASK).min(n_blocks) {
                 let range = row_ptr[row] - row_ptr[first]..row_ptr[row + 1] - row_ptr[first];
                 neighbours(row, &mut found);
                 let (cols, values) = (&mut cols[range.clone()], &mut values[range]);
                 cols.copy_from_slice(&found);
 
                 let node = unknowns.node(row);
-                load.copy_from_slice(&forces[node as usize]);
                 let fixed = unknowns.prescribed(node);
                 for &(e, corner) in incidence.of(node) {
                     let element = &mesh.elements[e as usize];
@@ -133,11 +129,6 @@ pub fn assemble(body: &Body, unknowns: &Unknowns, forces: &[[f64; 2]]) -> (Block
                     let blocks = element_row(nodes.len(), &x, corner as usize, lambda, mu);
                     for (&other, block) in nodes.iter().zip(&blocks) {
                         let given = unknowns.prescribed(other);
-                        for (a, load) in load.iter_mut().enumerate() {
-                            for b in 0..2 {
-                                *load -= block[a][b] * given[b].unwrap_or(0.0);
-                            }
-                        }
                         if let Some(column) = unknowns.block(other) {
                             let place = cols.partition_point(|&c| c < column);
                             for a in 0..2 {
@@ -151,17 +142,61 @@ pub fn assemble(body: &Body, unknowns: &Unknowns, forces: &[[f64; 2]]) -> (Block
                         }
                     }
                 }
-                for (load, fixed) in load.iter_mut().zip(fixed) {
-                    if fixed.is_some() {
-                        *load = 0.0;
-                    }
-                }
             }
         });
     (
         BlockCsr::from_parts(n_blocks, n_blocks, row_ptr, col_idx, values),
-        load,
+        load_vector(body, unknowns, forces),
     )
+}
+
+/// The load f of the free unknowns, in blocks of two per node: the nodal forces (two per node of the mesh)
+/// and what prescribed displacements add; 0 for a prescribed component at a node that keeps a free one.
+pub fn load_vector(body: &Body, unknowns: &Unknowns, forces: &[[f64; 2]]) -> Vec<f64> {
+    let zero = vec![0.0; 2 * unknowns.n_blocks()];
+    let held = internal_forces(body, unknowns, &unknowns.displacements(&zero));
+    let mut load = zero;
+    for (row, load) in load.chunks_mut(2).enumerate() {
+        let node = unknowns.node(row);
+        let fixed = unknowns.prescribed(node);
+        for c in 0..2 {
+            if fixed[c].is_none() {
+                load[c] = forces[node as usize][c] - held[node as usize][c];
+            }
+        }
+    }
+    load
+}
+
+/// The nodal forces that the displacements of all nodes take, from the elements with a prescribed
+/// displacement at one of their nodes: complete at these nodes.
+pub fn internal_forces(
+    body: &Body,
+    unknowns: &Unknowns,
+    displacement: &[[f64; 2]],
+) -> Vec<[f64; 2]> {
+    let mesh = body.mesh;
+    let mut forces = vec![[0.0; 2]; mesh.nodes.len()];
+    for element in &mesh.elements {
+        let nodes = element.nodes();
+        let held = |&node: &u32| unknowns.prescribed(node).iter().any(Option::is_some);
+        if !nodes.iter().any(held) {
+            continue;
+        }
+        let (lambda, mu) = body.materials[element.region as usize].lame(body.plane);
+        let (lambda, mu) = (lambda * body.thickness, mu * body.thickness);
+        let x = mesh.coordinates(element);
+        for (corner, &node) in nodes.iter().enumerate() {
+            let row = element_row(nodes.len(), &x, corner, lambda, mu);
+            for (block, &other) in row.iter().zip(nodes) {
+                let u = displacement[other as usize];
+                for a in 0..2 {
+                    forces[node as usize][a] += block[a][0] * u[0] + block[a][1] * u[1];
+                }
+            }
+        }
+    }
+    forces
 }
 
 /// The 2 × 2 blocks of one row of blocks of an element's stiffness matrix:

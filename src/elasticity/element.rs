@@ -98,7 +98,7 @@ pub(super) fn quad_point(xi: [f64; 2], x: &[[f64; 2]; 4]) -> Point {
 }
 
 /// Three Gauss points on an edge: place, the shape functions of its two nodes, weight (they sum to 1).
-pub(super) fn edge_points(ends: [[f64; 2]; 2]) -> [([f64; 2], [f64; 2], f64); 3] {
+pub(crate) fn edge_points(ends: [[f64; 2]; 2]) -> [([f64; 2], [f64; 2], f64); 3] {
     const OUTER: f64 = 0.774_596_669_241_483_4; // √(3/5)
     [(-OUTER, 5.0 / 18.0), (0.0, 8.0 / 18.0), (OUTER, 5.0 / 18.0)].map(|(s, weight)| {
         let shape = [0.5 * (1.0 - s), 0.5 * (1.0 + s)];

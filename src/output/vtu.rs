@@ -105,7 +105,7 @@ pub(super) fn text(
     stress_arrays(t, at_nodes);
     let scattered = |values: &[f64]| {
         let mut field = vec![0.0; mesh.nodes.len()];
-        for (node, &value) in elastic.contact.iter().zip(values) {
+        for (node, &value) in elastic.contact.nodes.iter().zip(values) {
             field[node.node as usize] = value;
         }
         field
@@ -114,7 +114,7 @@ pub(super) fn text(
     floats(t, "tangential_traction", 1, &scattered(&contact.traction));
     // 0 no contact boundary, 1 separated, 2 stick, 3 slip.
     let mut status = vec![0i32; mesh.nodes.len()];
-    for (i, node) in elastic.contact.iter().enumerate() {
+    for (i, node) in elastic.contact.nodes.iter().enumerate() {
         status[node.node as usize] = match contact.status(i) {
             "separated" => 1,
             "stick" => 2,

@@ -95,8 +95,13 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
         }
     }
 
-    /// Makes b and the estimate of σ_max; returns b and the products that the latter took. `c` is (d, 0).
-    pub fn set_up(&mut self, c: Vec<f64>) -> Result<(Vec<f64>, usize), DualError> {
+    /// Makes b and, unless it is known, the estimate of σ_max; returns b and the products that the latter took.
+    /// `c` is (d, 0).
+    pub fn set_up(
+        &mut self,
+        c: Vec<f64>,
+        sigma: Option<f64>,
+    ) -> Result<(Vec<f64>, usize), DualError> {
         let accuracy = Accuracy::Energy {
             absolute: 0.0,
             relative: if self.exact { super::EXACT } else { ROUGH },
@@ -115,7 +120,10 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
         } else {
             self.dual.right_hand_side(&mut b, accuracy, &self.stop)?;
         }
-        let (sigma, products) = sigma_max(&mut self.dual, b.len(), &self.stop)?;
+        let (sigma, products) = match sigma {
+            Some(sigma) => (sigma, 0),
+            None => sigma_max(&mut self.dual, b.len(), &self.stop)?,
+        };
         self.sigma = sigma;
         Ok((b, products))
     }

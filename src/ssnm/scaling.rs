@@ -87,6 +87,10 @@ impl<'a, D: DualOperator + ?Sized> Scaled<'a, D> {
 }
 
 impl<D: DualOperator + ?Sized> DualOperator for Scaled<'_, D> {
+    fn set_data(&mut self, load: &[f64], gap: &[f64]) -> Result<(), DualError> {
+        self.dual.set_data(load, gap)
+    }
+
     fn apply(
         &mut self,
         p: &[f64],

@@ -271,14 +271,7 @@ impl CholeskyDual {
             f.to_vec()
         };
         let start = Instant::now();
-        let mut x: Vec<f64> = self.order.iter().map(|&i| test[i as usize]).collect();
-        if self.touches_too_much() {
-            self.reduced_load = x.clone();
-        }
-        self.forward(&mut x);
-        if !self.touches_too_much() {
-            self.reduced_load = x.clone();
-        }
+        let mut x = self.reduce(&test);
         if zero_load {
             self.reduced_load.fill(0.0);
         }
@@ -299,6 +292,19 @@ impl CholeskyDual {
             });
         }
         Ok(())
+    }
+
+    /// The forward half of a solve, kept as the load of all that follows.
+    fn reduce(&mut self, load: &[f64]) -> Vec<f64> {
+        let mut x: Vec<f64> = self.order.iter().map(|&i| load[i as usize]).collect();
+        if self.touches_too_much() {
+            self.reduced_load.clone_from(&x);
+            self.forward(&mut x);
+        } else {
+            self.forward(&mut x);
+            self.reduced_load.clone_from(&x);
+        }
+        x
     }
 
     /// Entries of the factor.
@@ -386,6 +392,12 @@ impl CholeskyDual {
 }
 
 impl DualOperator for CholeskyDual {
+    fn set_data(&mut self, load: &[f64], gap: &[f64]) -> Result<(), DualError> {
+        self.reduce(load);
+        self.d.copy_from_slice(gap);
+        Ok(())
+    }
+
     fn apply(
         &mut self,
         p: &[f64],

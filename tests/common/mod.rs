@@ -2,13 +2,17 @@
 #![allow(dead_code)]
 
 use signorini::backend::cpu::Cpu;
-use signorini::dual::{Costs, DualOperator as _, NestedDual};
+use signorini::case::{Build, Case, Elastic, StepData};
+use signorini::dual::{Costs, DualOperator, NestedDual};
+use signorini::output::ContactFields;
 use signorini::problem::{ContactData, ContactProblem};
+use signorini::quasistatic::{self, State, StepSolution};
 use signorini::sparse::{BlockCsr, Csr};
-use signorini::ssnm::{self, Settings, Solution};
+use signorini::ssnm::{self, Settings, Solution, Status};
 use signorini::stiffness::cholesky::CholeskyDual;
 use signorini::stiffness::pcg::Preconditioner;
 use std::ops::ControlFlow;
+use std::path::Path;
 
 /// A small generator of pseudo-random numbers: the tests must not change from run to run.
 pub struct Random(pub u64);
@@ -182,4 +186,111 @@ pub fn distance(a: &[f64], b: &[f64]) -> f64 {
         .zip(b)
         .fold(0.0, |d: f64, (a, b)| d.max((a - b).abs()))
         / scale
+}
+
+/// An elastic case, solved.
+pub struct Solved {
+    pub build: Build,
+    /// The load of the last step.
+    pub data: StepData,
+    /// The end of each step.
+    pub steps: Vec<StepSolution>,
+}
+
+impl Solved {
+    pub fn elastic(&self) -> &Elastic {
+        self.build.elastic.as_ref().expect("an elastic case")
+    }
+
+    pub fn solution(&self) -> &StepSolution {
+        self.steps.last().expect("a case has a step")
+    }
+
+    pub fn fields(&self) -> ContactFields {
+        ContactFields::new(&self.build, self.elastic(), &self.data, self.solution())
+    }
+
+    /// Displacement of every node.
+    pub fn displacement(&self) -> Vec<[f64; 2]> {
+        self.data.unknowns.displacements(&self.solution().u)
+    }
+
+    /// Where a contact node lies.
+    pub fn place(&self, i: usize) -> [f64; 2] {
+        let elastic = self.elastic();
+        elastic.mesh.nodes[elastic.contact.nodes[i].node as usize]
+    }
+
+    /// The node of the mesh at a point.
+    pub fn node_at(&self, point: [f64; 2]) -> usize {
+        let apart = |x: &[f64; 2]| (x[0] - point[0]).abs() + (x[1] - point[1]).abs();
+        let nodes = &self.elastic().mesh.nodes;
+        (0..nodes.len())
+            .min_by(|&a, &b| apart(&nodes[a]).total_cmp(&apart(&nodes[b])))
+            .filter(|&node| apart(&nodes[node]) < 1e-9)
+            .unwrap_or_else(|| panic!("no node at {point:?}"))
+    }
+}
+
+/// Reads a case whose files lie beside the tests.
+pub fn case(text: &str) -> Case {
+    Case::parse(Path::new("tests/case.toml"), text.to_owned(), &[])
+        .unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// All load steps of a case, each of which has to converge.
+pub fn run_steps(
+    case: &Case,
+    build: &Build,
+    dual: &mut dyn DualOperator,
+    settings: &quasistatic::Settings,
+) -> (StepData, Vec<StepSolution>) {
+    let mut state = State::at_rest(&build.problem);
+    let mut steps = Vec::new();
+    let mut last = None;
+    for number in 0..case.n_steps() {
+        let data = case
+            .step(build, number)
+            .unwrap_or_else(|error| panic!("{error}"))
+            .expect("an elastic case");
+        let solution =
+            quasistatic::solve_step(&build.model(), &data.load, &state, dual, settings, |_| {
+                ControlFlow::Continue(())
+            })
+            .unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(solution.status, Status::Converged);
+        state = solution.state(&data.load);
+        steps.push(solution);
+        last = Some(data);
+    }
+    (last.expect("a case has a step"), steps)
+}
+
+/// Solves a case on the direct path.
+pub fn solve_case(text: &str, tolerance: f64) -> Solved {
+    let case = case(text);
+    let build = case.build().unwrap_or_else(|error| panic!("{error}"));
+    let mut dual = CholeskyDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
+    let mut settings = case.settings();
+    settings.ssnm.tolerance = tolerance;
+    let (data, steps) = run_steps(&case, &build, &mut dual, &settings);
+    Solved { build, data, steps }
+}
+
+/// As [`solve_case`], and once more by iterations, which has to come to the same.
+pub fn solve_case_twice(text: &str, tolerance: f64) -> Solved {
+    let solved = solve_case(text, tolerance);
+    let case = case(text);
+    let mut settings = case.settings();
+    settings.ssnm.tolerance = tolerance;
+    let mut dual = NestedDual::new(
+        &solved.build.problem,
+        Cpu::<f32>::default(),
+        Preconditioner::Multigrid,
+    )
+    .unwrap_or_else(|error| panic!("{error}"));
+    let (_, steps) = run_steps(&case, &solved.build, &mut dual, &settings);
+    let apart = distance(&steps.last().expect("a step").u, &solved.solution().u);
+    assert!(apart < 100.0 * tolerance, "{apart:e}");
+    solved
 }

@@ -39,10 +39,11 @@ pub enum GpuError {
 }
 
 /// Arithmetic of the kernels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
     /// Vectors and K in f64, the preconditioner in f32.
+    #[default]
     F64,
     /// Everything in f32; f64 accuracy comes from refinement around it.
     F32,

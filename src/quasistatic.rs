@@ -1,0 +1,479 @@
+//! Load steps, Coulomb friction, and bodies that only contact holds: what takes several contact problems
+//! (1)–(3) in a row.
+//!
+//! **Load steps.** In a quasi-static process friction acts on the slip since the last step. With u = ū + v, ū
+//! the displacement before, a step is a problem (1)–(3) in v with the load f − Kū and the gap d − Nū; the
+//! multipliers are those of the whole load.
+//!
+//! **Coulomb friction** bounds λτ by μλν, which is not known beforehand. The bounds are a fixed point of
+//! g ↦ μλν(g), where λν(g) solves the problem with the given bounds g (Tresca): successive approximation as in
+//! Nečas, Jarušek and Haslinger (1980), warm-started, with Anderson's acceleration (Walker and Ni 2011).
+//!
+//! **Bodies without supports** have a singular stiffness matrix. Weak springs S make it regular; they are
+//! anchored at the solution of the round before (proximal point method), until they carry nothing.
+
+use crate::dual::{DualError, DualOperator};
+use crate::problem::{ContactProblem, Scales};
+use crate::sparse::{Csr, dot, norm, norm_max};
+use crate::ssnm::{self, Info, Sets, SolveError, Status};
+use faer::linalg::solvers::SolveLstsqCore as _;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// What stays the same in all steps.
+#[derive(Clone, Copy, Debug)]
+pub struct Model<'a> {
+    /// K (with the springs), N, T and the given slip bounds; load and gap are those of the steps.
+    pub problem: &'a ContactProblem,
+    /// μ of each contact node, length m: where it is not 0, the slip bound is μλν.
+    pub coefficient: &'a [f64],
+    /// Stiffness of the springs that hold bodies without supports, as long as K has rows and part of its
+    /// diagonal; empty where there are none.
+    pub springs: &'a [f64],
+}
+
+impl<'a> Model<'a> {
+    /// A problem with given slip bounds and supports enough.
+    pub fn new(problem: &'a ContactProblem) -> Self {
+        Self {
+            problem,
+            coefficient: &[],
+            springs: &[],
+        }
+    }
+
+    /// Whether a step may take more than one problem.
+    pub fn takes_rounds(&self) -> bool {
+        self.has_coulomb() || !self.springs.is_empty()
+    }
+
+    fn has_coulomb(&self) -> bool {
+        self.coefficient.iter().any(|&mu| mu > 0.0)
+    }
+}
+
+/// The load at the end of a step: totals, not increments.
+#[derive(Clone, Debug)]
+pub struct Load {
+    /// f, as long as K has rows.
+    pub force: Vec<f64>,
+    /// d, length m: the initial gap less what prescribed displacements have closed of it.
+    pub gap: Vec<f64>,
+    /// What prescribed displacements add to T u, length m.
+    pub slide: Vec<f64>,
+}
+
+impl Load {
+    /// That of the problem itself.
+    pub fn of(problem: &ContactProblem) -> Self {
+        Self {
+            force: problem.load().to_vec(),
+            gap: problem.gap().to_vec(),
+            slide: vec![0.0; problem.m()],
+        }
+    }
+}
+
+/// Where a step starts from.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// u, as long as K has rows.
+    pub u: Vec<f64>,
+    /// λ, length 2m.
+    pub lambda: Vec<f64>,
+    /// [`Load::slide`] there.
+    pub slide: Vec<f64>,
+}
+
+impl State {
+    /// Nothing has happened yet.
+    pub fn at_rest(problem: &ContactProblem) -> Self {
+        Self {
+            u: vec![0.0; problem.stiffness().n_rows()],
+            lambda: vec![0.0; 2 * problem.m()],
+            slide: vec![0.0; problem.m()],
+        }
+    }
+}
+
+/// Settings of the rounds.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings<'a> {
+    /// Those of each problem; `initial` is ignored.
+    pub ssnm: ssnm::Settings<'a>,
+    /// ‖μλν − g‖ / ‖μλν‖ to reach.
+    pub friction_tolerance: f64,
+    /// Rounds at most.
+    pub max_rounds: usize,
+    /// Whether the fixed point is accelerated.
+    pub accelerate: bool,
+}
+
+impl Default for Settings<'_> {
+    fn default() -> Self {
+        Self {
+            ssnm: ssnm::Settings::default(),
+            friction_tolerance: 1e-5,
+            max_rounds: 100,
+            accelerate: true,
+        }
+    }
+}
+
+/// One problem (1)–(3) of a step.
+#[derive(Clone, Debug)]
+pub struct Round {
+    /// From 1.
+    pub round: usize,
+    /// ‖μλν − g‖ / ‖μλν‖; 0 without Coulomb friction.
+    pub friction_change: f64,
+    /// ‖S(v − v')‖ / ‖f‖, what the springs carry; 0 without springs.
+    pub spring_force: f64,
+    /// The tolerance of the problem.
+    pub tolerance: f64,
+    /// How it went.
+    pub info: Info,
+}
+
+/// What an observer hears.
+pub enum Event<'a> {
+    /// An outer step of the Newton method.
+    Newton(&'a ssnm::Step),
+    /// A round has ended; heard only where there may be more than one.
+    Round(&'a Round),
+}
+
+/// The end of a step.
+#[derive(Clone, Debug)]
+pub struct StepSolution {
+    /// How it ended.
+    pub status: Status,
+    /// u in all, as long as K has rows.
+    pub u: Vec<f64>,
+    /// λ = (λν, λτ), length 2m.
+    pub lambda: Vec<f64>,
+    /// The slip bounds that the multipliers obey, length m.
+    pub slip_bound: Vec<f64>,
+    /// Slip in this step (T u and [`Load::slide`], their change), length m.
+    pub slip: Vec<f64>,
+    /// The sets at the end.
+    pub sets: Sets,
+    /// The rounds; their last one has the optimality conditions at the end.
+    pub rounds: Vec<Round>,
+}
+
+impl StepSolution {
+    /// Where the next step starts from.
+    pub fn state(&self, load: &Load) -> State {
+        State {
+            u: self.u.clone(),
+            lambda: self.lambda.clone(),
+            slide: load.slide.clone(),
+        }
+    }
+
+    /// The last round.
+    pub fn last(&self) -> &Round {
+        self.rounds.last().expect("there is at least one")
+    }
+
+    /// Outer steps of all rounds.
+    pub fn iter(&self) -> usize {
+        self.rounds.iter().map(|r| r.info.iter).sum()
+    }
+
+    /// Products with A of all rounds.
+    pub fn n_a(&self) -> usize {
+        self.rounds.iter().map(|r| r.info.n_a).sum()
+    }
+}
+
+/// The tolerance of the problem of a round beside the change of the slip bounds in the round before.
+const FOLLOWS: f64 = 1e-3;
+/// The same of the first rounds.
+const FIRST_TOLERANCE: f64 = 1e-3;
+/// The part of the friction tolerance that the last problem may be off by.
+const RESOLVED: f64 = 0.1;
+
+/// Solves one load step from `start`; the operator belongs to `model.problem`.
+///
+/// A model without Coulomb friction and springs takes one problem, otherwise rounds follow until slip bounds
+/// and springs have settled. A step that does not get there ends with the [`Status`] of the round that
+/// failed, or [`Status::IterationLimit`] after too many of them.
+///
+/// # Errors
+/// If the operator fails; λ is that of the last round.
+///
+/// # Panics
+/// If a length does not fit.
+pub fn solve_step(
+    model: &Model,
+    load: &Load,
+    start: &State,
+    dual: &mut (impl DualOperator + ?Sized),
+    settings: &Settings,
+    mut observer: impl FnMut(Event) -> ControlFlow<()>,
+) -> Result<StepSolution, SolveError> {
+    let begin = Instant::now();
+    let whole = model.problem;
+    let m = whole.m();
+    let (coulomb, springs) = (model.has_coulomb(), !model.springs.is_empty());
+    let tight = if coulomb {
+        (settings.ssnm.tolerance).min(RESOLVED * settings.friction_tolerance)
+    } else {
+        settings.ssnm.tolerance
+    };
+    let spring_limit = 10.0 * settings.ssnm.tolerance;
+
+    let base = base(whole.tangential(), load, start);
+    let (mut force, mut gap) = (load.force.clone(), load.gap.clone());
+    let mut scales = Scales::default();
+    if let Some(base) = &base {
+        let mut pull = vec![0.0; base.len()];
+        whole.stiffness().mul(base, &mut pull);
+        for i in 0..force.len() {
+            force[i] -= pull[i] - model.springs.get(i).map_or(0.0, |s| s * base[i]);
+        }
+        let mut moved = vec![0.0; m];
+        whole.normal().mul(base, &mut moved);
+        for (gap, moved) in gap.iter_mut().zip(moved) {
+            *gap -= moved;
+        }
+        scales = Scales {
+            u_max: norm_max(base),
+            u: norm(base),
+            load: norm(&load.force),
+        };
+    }
+
+    let mut lambda = start.lambda.clone();
+    let mut bounds = coulomb_bounds(model, &lambda);
+    let mut v = vec![0.0; force.len()];
+    let mut anderson = Anderson::default();
+    let mut rounds: Vec<Round> = Vec::new();
+    let mut sigma = settings.ssnm.sigma_max;
+    let mut tolerance = if coulomb {
+        tight.max(FIRST_TOLERANCE)
+    } else {
+        tight
+    };
+    loop {
+        let mut f = force.clone();
+        for (i, s) in model.springs.iter().enumerate() {
+            f[i] += s * v[i];
+        }
+        let problem = whole.with_data(f, gap.clone(), bounds.clone(), scales);
+        let failed = |error: DualError| SolveError {
+            error,
+            lambda: lambda.clone(),
+            history: Vec::new(),
+        };
+        dual.set_data(problem.load(), problem.gap())
+            .map_err(failed)?;
+        let mut stopped = false;
+        let solution = ssnm::solve(
+            &problem,
+            dual,
+            &ssnm::Settings {
+                tolerance,
+                initial: Some(&lambda),
+                sigma_max: sigma,
+                time_limit: (settings.ssnm.time_limit)
+                    .map(|limit| limit.saturating_sub(begin.elapsed())),
+                ..settings.ssnm
+            },
+            |step| {
+                let flow = observer(Event::Newton(step));
+                stopped |= flow.is_break();
+                flow
+            },
+        )?;
+        sigma = Some(solution.info.sigma_max);
+        lambda = solution.lambda;
+
+        let next = coulomb_bounds(model, &lambda);
+        let changes: Vec<f64> = next.iter().zip(&bounds).map(|(a, b)| a - b).collect();
+        let friction: f64 = (0..m)
+            .filter(|&i| model.coefficient.get(i).is_some_and(|&mu| mu > 0.0))
+            .map(|i| next[i] * next[i])
+            .sum::<f64>()
+            .sqrt();
+        let friction_change = match norm(&changes) {
+            0.0 => 0.0,
+            change if friction > 0.0 => change / friction,
+            _ => 1.0,
+        };
+        let mut info = solution.info;
+        let carried: Vec<f64> = model
+            .springs
+            .iter()
+            .enumerate()
+            .map(|(i, s)| s * (solution.u[i] - v[i]))
+            .collect();
+        let weight = norm(&load.force).max(norm(&force));
+        let spring_force = if springs && weight > 0.0 {
+            norm(&carried) / weight
+        } else {
+            0.0
+        };
+        info.kkt.equilibrium += spring_force;
+        v = solution.u;
+        rounds.push(Round {
+            round: rounds.len() + 1,
+            friction_change,
+            spring_force,
+            tolerance,
+            info,
+        });
+        if coulomb || springs {
+            stopped |= observer(Event::Round(rounds.last().expect("just pushed"))).is_break();
+        }
+        let settled = friction_change <= settings.friction_tolerance
+            && spring_force <= spring_limit
+            && tolerance <= tight;
+        let status = if solution.status != Status::Converged {
+            Some(solution.status)
+        } else if settled {
+            Some(Status::Converged)
+        } else if stopped {
+            Some(Status::Interrupted)
+        } else if rounds.len() >= settings.max_rounds {
+            Some(Status::IterationLimit)
+        } else {
+            None
+        };
+        if let Some(status) = status {
+            let mut slip = vec![0.0; m];
+            whole.tangential().mul(&v, &mut slip);
+            if let Some(base) = base {
+                v.iter_mut().zip(base).for_each(|(v, base)| *v += base);
+            }
+            return Ok(StepSolution {
+                status,
+                u: v,
+                lambda,
+                slip_bound: bounds,
+                slip,
+                sets: solution.sets,
+                rounds,
+            });
+        }
+        if coulomb {
+            tolerance = (FOLLOWS * friction_change).clamp(tight, tolerance);
+            if friction_change <= settings.friction_tolerance {
+                tolerance = tight;
+            }
+            bounds = if settings.accelerate {
+                anderson.next(&bounds, &changes)
+            } else {
+                next
+            };
+        }
+    }
+}
+
+/// ū: the displacement before the step, changed so that T ū leaves out what prescribed displacements slide in
+/// it. None where it is zero.
+fn base(t: &Csr, load: &Load, start: &State) -> Option<Vec<f64>> {
+    let mut base = start.u.clone();
+    let slide: Vec<f64> = (load.slide.iter().zip(&start.slide))
+        .map(|(a, b)| a - b)
+        .collect();
+    if norm_max(&slide) > 0.0 {
+        // The least w with T w = slide is Tᵀy with T Tᵀ y = slide; CG, as T Tᵀ is the identity and little more.
+        let mut y = vec![0.0; slide.len()];
+        let mut r = slide.clone();
+        let mut p = slide.clone();
+        let mut image = vec![0.0; slide.len()];
+        let mut w = vec![0.0; base.len()];
+        let mut rr = dot(&r, &r);
+        let first = rr;
+        for _ in 0..10 * slide.len() {
+            if !(rr > 1e-28 * first) {
+                break;
+            }
+            w.fill(0.0);
+            t.mul_transpose_add(1.0, &p, &mut w);
+            t.mul(&w, &mut image);
+            let alpha = rr / dot(&p, &image);
+            for i in 0..y.len() {
+                y[i] += alpha * p[i];
+                r[i] -= alpha * image[i];
+            }
+            let next = dot(&r, &r);
+            let beta = next / rr;
+            rr = next;
+            p.iter_mut().zip(&r).for_each(|(p, r)| *p = r + beta * *p);
+        }
+        t.mul_transpose_add(-1.0, &y, &mut base);
+    }
+    (norm_max(&base) > 0.0).then_some(base)
+}
+
+/// The given bounds, and μλν where there is a μ.
+fn coulomb_bounds(model: &Model, lambda: &[f64]) -> Vec<f64> {
+    let mut bounds = model.problem.slip_bound().to_vec();
+    for ((bound, &mu), &normal) in bounds.iter_mut().zip(model.coefficient).zip(lambda) {
+        if mu > 0.0 {
+            *bound = mu * normal.max(0.0);
+        }
+    }
+    bounds
+}
+
+/// Earlier pairs that Anderson's acceleration looks at.
+const DEPTH: usize = 5;
+/// A residual that grows by more than this starts it anew.
+const WORSE: f64 = 2.0;
+
+/// Anderson's acceleration of a fixed point iteration x ↦ x + r(x).
+#[derive(Default)]
+struct Anderson {
+    /// Differences of successive x and r.
+    steps: Vec<(Vec<f64>, Vec<f64>)>,
+    last: Option<(Vec<f64>, Vec<f64>)>,
+    /// The least ‖r‖ so far.
+    best: Option<f64>,
+}
+
+impl Anderson {
+    /// The next point, not negative, from the present one and its residual.
+    fn next(&mut self, x: &[f64], r: &[f64]) -> Vec<f64> {
+        let size = norm(r);
+        let worse = self.best.is_some_and(|best| size > WORSE * best);
+        let difference =
+            |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a - b).collect() };
+        match self.last.take() {
+            Some((old_x, old_r)) if !worse => {
+                self.steps
+                    .push((difference(x, &old_x), difference(r, &old_r)));
+                if self.steps.len() > DEPTH {
+                    self.steps.remove(0);
+                }
+            }
+            _ => self.steps.clear(),
+        }
+        self.best = Some(self.best.map_or(size, |best| best.min(size)));
+        self.last = Some((x.to_vec(), r.to_vec()));
+        let mut next: Vec<f64> = x.iter().zip(r).map(|(x, r)| x + r).collect();
+        let columns = self.steps.len();
+        if columns > 0 && columns < x.len() {
+            // The combination of the differences that comes closest to r.
+            let matrix = faer::Mat::from_fn(x.len(), columns, |i, j| self.steps[j].1[i]);
+            let mut gamma = faer::Mat::from_fn(x.len(), 1, |i, _| r[i]);
+            matrix
+                .col_piv_qr()
+                .solve_lstsq_in_place_with_conj(faer::Conj::No, gamma.as_mut());
+            let gamma: Vec<f64> = (0..columns).map(|j| gamma[(j, 0)]).collect();
+            if gamma.iter().all(|g| g.is_finite() && g.abs() < 1e3) {
+                for (g, (dx, dr)) in gamma.iter().zip(&self.steps) {
+                    for i in 0..next.len() {
+                        next[i] -= g * (dx[i] + dr[i]);
+                    }
+                }
+            }
+        }
+        next.iter_mut().for_each(|v| *v = v.max(0.0));
+        next
+    }
+}
