@@ -30,7 +30,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Solve a case and write report.json, solution.vtu and contact.csv
+    /// Solve a case and write report.json, solution.vtu, contact.csv and, with --plots, report.html
     Solve(SolveArguments),
     /// Validate and describe a case, solve nothing
     Check {
@@ -60,6 +60,9 @@ struct SolveArguments {
     /// Replace an entry of the case, e.g. --set solver.tolerance=1e-8 or --set contact.0.friction.tresca=2e6
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     settings: Vec<String>,
+    /// Draw pictures (SVG) and write report.html, a page with everything that any browser opens
+    #[arg(long)]
+    plots: bool,
     /// No progress, no summary: results go to files, errors to standard error
     #[arg(long, short)]
     quiet: bool,

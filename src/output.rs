@@ -1,12 +1,16 @@
 //! What a solve leaves behind: `report.json`, `solution.vtu`, `contact.csv`, or the vectors of an
 //! algebraic case.
 
+pub mod chart;
+mod html;
+mod picture;
+mod plots;
 mod vtu;
 
 use crate::backend::gpu::Precision;
 use crate::case::{Build, Elastic, StepData};
 use crate::dual::{Costs, DualOperator as _};
-use crate::elasticity::{internal_forces, stresses};
+use crate::elasticity::{Stress, internal_forces, stresses};
 use crate::engine::Engine;
 use crate::matrix_market::vector_text;
 use crate::problem::Kkt;
@@ -83,6 +87,8 @@ pub struct ContactReport {
     pub force: [f64; 2],
     /// Σ λν, in N.
     pub normal_force: f64,
+    /// −Σ λτ, in N: along the tangents, as the traction on the body.
+    pub tangential_force: f64,
     pub max_pressure: f64,
     /// Area in contact, in m².
     pub area: f64,
@@ -163,6 +169,9 @@ pub struct Report {
     pub peak_memory_mib: Option<f64>,
     pub version: &'static str,
     pub history: Vec<HistoryRow>,
+    /// Products with A so far and the change of the slip bounds, after each round with Coulomb friction.
+    #[serde(skip)]
+    friction_history: Vec<(f64, f64)>,
 }
 
 impl Report {
@@ -190,6 +199,7 @@ impl Report {
             peak_memory_mib: None,
             version: env!("CARGO_PKG_VERSION"),
             history: Vec::new(),
+            friction_history: Vec::new(),
         }
     }
 
@@ -198,6 +208,18 @@ impl Report {
         let number = self.steps.len() + 1;
         let last = solution.last();
         self.status = solution.status;
+        let mut products = self.n_a;
+        if build.model().has_coulomb() {
+            // A gap between load steps.
+            self.friction_history.push((f64::NAN, f64::NAN));
+        }
+        for round in &solution.rounds {
+            products += round.info.n_a;
+            if build.model().has_coulomb() {
+                self.friction_history
+                    .push((products as f64, round.friction_change));
+            }
+        }
         self.iter += solution.iter();
         self.n_a += solution.n_a();
         self.err_relative = last.info.err_relative;
@@ -267,6 +289,7 @@ fn reactions(
             friction: pair.friction.clone(),
             force: [0.0; 2],
             normal_force: 0.0,
+            tangential_force: 0.0,
             max_pressure: 0.0,
             area: 0.0,
             separated: 0,
@@ -289,6 +312,7 @@ fn reactions(
             }
         }
         pair.normal_force += normal[i];
+        pair.tangential_force -= tangential[i];
         pair.max_pressure = pair.max_pressure.max(fields.pressure[i]);
         match fields.status(i) {
             "separated" => pair.separated += 1,
@@ -339,6 +363,98 @@ fn write(path: PathBuf, contents: &[u8]) -> Result<PathBuf, OutputError> {
     }
 }
 
+/// Displacements and stresses at the end of a step.
+pub struct StepFields {
+    /// Of every node.
+    pub displacement: Vec<[f64; 2]>,
+    /// Stresses at the nodes.
+    pub at_nodes: Vec<Stress>,
+    /// Stresses in the middle of the elements.
+    pub in_elements: Vec<Stress>,
+}
+
+impl StepFields {
+    /// From a solution.
+    pub fn new(elastic: &Elastic, data: &StepData, solution: &StepSolution) -> Self {
+        let displacement = data.unknowns.displacements(&solution.u);
+        let (at_nodes, in_elements) = stresses(&elastic.body(), &displacement);
+        Self {
+            displacement,
+            at_nodes,
+            in_elements,
+        }
+    }
+}
+
+/// A picture of a solve.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// The name of its file, without `.svg`.
+    pub name: String,
+    /// What it shows.
+    pub title: String,
+    /// The picture itself.
+    pub svg: String,
+}
+
+/// The pictures at the end of a step: the deformed bodies, a chart for each contact, the convergence, and the
+/// contact forces where there are several steps.
+pub fn pictures(
+    report: &Report,
+    build: &Build,
+    data: Option<&StepData>,
+    solution: &StepSolution,
+) -> Vec<Picture> {
+    let mut pictures = Vec::new();
+    let mut add = |name: String, title: String, svg: String| {
+        pictures.push(Picture { name, title, svg });
+    };
+    if let (Some(elastic), Some(data)) = (&build.elastic, data) {
+        let fields = StepFields::new(elastic, data, solution);
+        let contact = ContactFields::new(build, elastic, data, solution);
+        let title = match (report.title.is_empty(), report.steps.len()) {
+            (true, _) => "Deformed bodies".to_owned(),
+            (false, 1) => report.title.clone(),
+            (false, n) => format!("{}, load step {n}", report.title),
+        };
+        let svg = picture::svg(&title, elastic, &fields, &contact);
+        add("deformed".to_owned(), "Deformed bodies".to_owned(), svg);
+        for (i, pair) in elastic.pairs.iter().enumerate() {
+            let chart = plots::contact(elastic, &contact, i);
+            let name = match elastic.pairs.len() {
+                1 => "contact".to_owned(),
+                _ => format!("contact-{}", i + 1),
+            };
+            let title = format!("Contact {} / {}", pair.boundary, pair.against);
+            add(name, title, chart.svg());
+        }
+    }
+    if report.steps.len() > 1 && report.steps.iter().any(|s| !s.contacts.is_empty()) {
+        let chart = plots::steps(report);
+        add("steps".to_owned(), chart.title.clone(), chart.svg());
+    }
+    let chart = plots::convergence(report);
+    add("convergence".to_owned(), chart.title.clone(), chart.svg());
+    pictures
+}
+
+/// Writes pictures as `NAME.svg` and, with the whole report, into `report.html`.
+pub fn write_pictures(
+    directory: &Path,
+    report: &Report,
+    pictures: &[Picture],
+) -> Result<Vec<PathBuf>, OutputError> {
+    make(directory)?;
+    let mut files = Vec::new();
+    for picture in pictures {
+        let path = directory.join(format!("{}.svg", picture.name));
+        files.push(write(path, picture.svg.as_bytes())?);
+    }
+    let page = html::page(report, pictures);
+    files.push(write(directory.join("report.html"), page.as_bytes())?);
+    Ok(files)
+}
+
 /// Writes the fields of a step into `directory` (made if need be); returns the files. `number` is that of the
 /// step where there are several, and goes into the names.
 pub fn write_solution(
@@ -352,9 +468,7 @@ pub fn write_solution(
     match (&build.elastic, data) {
         (Some(elastic), Some(data)) => {
             let fields = ContactFields::new(build, elastic, data, solution);
-            let displacement = data.unknowns.displacements(&solution.u);
-            let (at_nodes, in_elements) = stresses(&elastic.body(), &displacement);
-            let text = vtu::text(elastic, &displacement, &at_nodes, &in_elements, &fields);
+            let text = vtu::text(elastic, &StepFields::new(elastic, data, solution), &fields);
             let suffix = number.map_or(String::new(), |number| format!("-{number:03}"));
             Ok(vec![
                 write(

@@ -47,7 +47,8 @@ impl<'a> Model<'a> {
         self.has_coulomb() || !self.springs.is_empty()
     }
 
-    fn has_coulomb(&self) -> bool {
+    /// Whether some slip bound is μλν.
+    pub fn has_coulomb(&self) -> bool {
         self.coefficient.iter().any(|&mu| mu > 0.0)
     }
 }

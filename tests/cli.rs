@@ -652,3 +652,37 @@ fn settings_replace_and_add() {
         }
     }
 }
+
+/// `--plots` draws what the case has, and report.html needs nothing from outside.
+#[test]
+fn plots_and_a_page_that_stands_alone() {
+    let out = directory();
+    let path = out.path().to_string_lossy().into_owned();
+    let run = signorini(&[
+        "solve",
+        "examples/press.toml",
+        "--output",
+        &path,
+        "--plots",
+        "--quiet",
+    ]);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    for name in ["deformed", "contact", "convergence"] {
+        let svg = read(&out.path().join(format!("{name}.svg")));
+        assert!(
+            svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"),
+            "{name}"
+        );
+        // Any letters may stand in the image.
+        let drawn: String = svg
+            .lines()
+            .filter(|line| !line.contains("base64"))
+            .collect();
+        assert!(!drawn.contains("NaN") && !drawn.contains("inf"), "{name}");
+    }
+    let page = read(&out.path().join("report.html"));
+    assert!(page.contains("Bracket pressed on a rigid foundation") && page.contains("converged"));
+    assert!(page.contains("Balance of forces") && page.contains("<svg"));
+    let outside = page.replace("http://www.w3.org/2000/svg", "");
+    assert!(!outside.contains("http") && !outside.contains("<script"));
+}

@@ -63,6 +63,8 @@ pub struct Pair {
     pub boundary: String,
     /// The other boundary, or what kind of obstacle.
     pub against: String,
+    /// The obstacle, where there is no other boundary.
+    pub obstacle: Option<Obstacle>,
     /// The law and its figure.
     pub friction: String,
     /// Contact nodes.
@@ -730,26 +732,21 @@ impl Case {
                 adjust: t.adjust.unwrap_or(0.0),
                 search_distance: t.search_distance,
             };
-            let (found, against) = match (&t.against, &t.obstacle) {
+            let obstacle = t.obstacle.as_ref().map(|table| match *table {
+                ObstacleTable::HalfPlane { point, normal } => Obstacle::HalfPlane { point, normal },
+                ObstacleTable::Circle { center, radius } => Obstacle::Circle { center, radius },
+            });
+            let (found, against) = match (&t.against, &obstacle) {
                 (Some(name), _) => {
                     let others = self.edges(body.mesh, name, span.clone())?;
-                    (mortar_contact(body, edges, others, &options), name.clone())
+                    (mortar_contact(body, edges, others, &options), name.as_str())
                 }
-                (None, Some(ObstacleTable::HalfPlane { point, normal })) => {
-                    let obstacle = Obstacle::HalfPlane {
-                        point: *point,
-                        normal: *normal,
+                (None, Some(obstacle)) => {
+                    let name = match obstacle {
+                        Obstacle::HalfPlane { .. } => "rigid half-plane",
+                        Obstacle::Circle { .. } => "rigid circle",
                     };
-                    let found = obstacle_contact(body, edges, &obstacle, &options);
-                    (found, "rigid half-plane".to_owned())
-                }
-                (None, Some(ObstacleTable::Circle { center, radius })) => {
-                    let obstacle = Obstacle::Circle {
-                        center: *center,
-                        radius: *radius,
-                    };
-                    let found = obstacle_contact(body, edges, &obstacle, &options);
-                    (found, "rigid circle".to_owned())
+                    (obstacle_contact(body, edges, obstacle, &options), name)
                 }
                 (None, None) => unreachable!("checked when it was read"),
             };
@@ -758,7 +755,8 @@ impl Case {
             })?;
             pairs.push(Pair {
                 boundary: t.boundary.clone(),
-                against,
+                against: against.to_owned(),
+                obstacle,
                 friction,
                 nodes: 0,
                 area: 0.0,

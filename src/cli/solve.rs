@@ -4,7 +4,10 @@ use super::{NOT_CONVERGED, SolveArguments};
 use signorini::case::Case;
 use signorini::dual::{Costs, DualOperator as _};
 use signorini::engine::Engine;
-use signorini::output::{EnginePath, Report, Timings, write_index, write_report, write_solution};
+use signorini::output::{
+    EnginePath, Report, Timings, pictures, write_index, write_pictures, write_report,
+    write_solution,
+};
 use signorini::quasistatic::{self, Event, Load, Round, State};
 use signorini::ssnm::{SetSizes, Status, Step};
 use std::fmt::Write as _;
@@ -89,6 +92,7 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     let mut state = State::at_rest(&build.problem);
     let mut files = Vec::new();
     let mut output_seconds = 0.0;
+    let mut end = None;
     for number in 0..case.n_steps() {
         let data = case.step(&build, number).map_err(|e| e.to_string())?;
         let of_problem;
@@ -152,7 +156,9 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
             }
         }
         output_seconds += output_start.elapsed().as_secs_f64();
-        if solution.status != Status::Converged {
+        let converged = solution.status == Status::Converged;
+        end = Some((data, solution));
+        if !converged {
             break;
         }
     }
@@ -175,6 +181,12 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         total: start.elapsed().as_secs_f64(),
         ..report.timings
     };
+    if arguments.plots
+        && let Some((data, solution)) = &end
+    {
+        let pictures = pictures(&report, &build, data.as_ref(), solution);
+        files.extend(write_pictures(&output, &report, &pictures).map_err(|e| e.to_string())?);
+    }
     files.push(write_report(&output, &report).map_err(|e| e.to_string())?);
     if !arguments.quiet {
         super::print(&summary(&report, &files));

@@ -1,6 +1,6 @@
 //! VTK unstructured grids (`.vtu`), inline base64: what ParaView opens.
 
-use super::ContactFields;
+use super::{ContactFields, StepFields};
 use crate::case::Elastic;
 use crate::elasticity::Stress;
 use base64::Engine as _;
@@ -44,13 +44,7 @@ fn stress_arrays(text: &mut String, stresses: &[Stress]) {
 }
 
 /// The file.
-pub(super) fn text(
-    elastic: &Elastic,
-    displacement: &[[f64; 2]],
-    at_nodes: &[Stress],
-    in_elements: &[Stress],
-    contact: &ContactFields,
-) -> String {
+pub(super) fn text(elastic: &Elastic, fields: &StepFields, contact: &ContactFields) -> String {
     let mesh = &elastic.mesh;
     let flat = |values: &[[f64; 2]]| -> Vec<f64> {
         values.iter().flat_map(|v| [v[0], v[1], 0.0]).collect()
@@ -101,8 +95,8 @@ pub(super) fn text(
     data_array(t, "UInt8", "types", 1, &types, u8::to_le_bytes);
 
     t.push_str("</Cells>\n<PointData Vectors=\"displacement\">\n");
-    floats(t, "displacement", 3, &flat(displacement));
-    stress_arrays(t, at_nodes);
+    floats(t, "displacement", 3, &flat(&fields.displacement));
+    stress_arrays(t, &fields.at_nodes);
     let scattered = |values: &[f64]| {
         let mut field = vec![0.0; mesh.nodes.len()];
         for (node, &value) in elastic.contact.nodes.iter().zip(values) {
@@ -124,7 +118,7 @@ pub(super) fn text(
     data_array(t, "Int32", "contact_status", 1, &status, i32::to_le_bytes);
 
     t.push_str("</PointData>\n<CellData>\n");
-    stress_arrays(t, in_elements);
+    stress_arrays(t, &fields.in_elements);
     let regions: Vec<i32> = mesh.elements.iter().map(|e| e.region as i32).collect();
     data_array(t, "Int32", "region", 1, &regions, i32::to_le_bytes);
     t.push_str("</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n");
