@@ -1,0 +1,330 @@
+//! Mortar rows, load steps, bodies held by contact only, moving tools.
+
+mod common;
+
+use common::{Random, Solved, case, distance, solve_case, solve_case_twice};
+use signorini::contact::{PairOptions, mortar_contact};
+use signorini::elasticity::{Body, Material, Plane};
+use signorini::mesh::structured::{CellShape, join, rectangle};
+use signorini::quasistatic::{self, Event, Load, State};
+use signorini::ssnm::Status;
+use signorini::stiffness::cholesky::CholeskyDual;
+use std::ops::ControlFlow;
+
+/// On random curved boundaries of two bodies: weights add up to one, and on straight ones linear functions
+/// are transferred exactly.
+#[test]
+fn mortar_weights_reproduce_what_they_must() {
+    let mut random = Random(7);
+    for round in 0..60 {
+        let cells = |random: &mut Random| [1 + random.below(12), 1 + random.below(3)];
+        let (below, above) = (cells(&mut random), cells(&mut random));
+        let mut low = rectangle(
+            [0.0, -1.0],
+            [2.0, 1.0],
+            below,
+            CellShape::Quad,
+            "low",
+            "low-",
+        );
+        let overhang = if round % 3 == 0 { 0.4 } else { 0.0 };
+        let mut up = rectangle(
+            [overhang, 0.0],
+            [2.0, 1.0],
+            above,
+            CellShape::Triangle,
+            "up",
+            "up-",
+        );
+        // Uneven nodes along the interface, and a common curve under both.
+        let bend = if round % 2 == 0 { 0.0 } else { 0.1 };
+        let crooked = random.between(0.0, 0.1);
+        for x in &mut low.nodes {
+            x[0] += crooked * (std::f64::consts::PI * x[0]).sin();
+        }
+        let angle = random.between(0.0, 6.0);
+        for x in low.nodes.iter_mut().chain(&mut up.nodes) {
+            x[1] -= bend * (x[0] - 1.0).powi(2);
+            *x = [
+                x[0] * angle.cos() - x[1] * angle.sin(),
+                x[0] * angle.sin() + x[1] * angle.cos(),
+            ];
+        }
+        let mesh = join(low, up);
+        let materials = [Material {
+            young: 1.0,
+            poisson: 0.3,
+            density: 0.0,
+        }; 2];
+        let body = Body {
+            mesh: &mesh,
+            materials: &materials,
+            plane: Plane::PlaneStrain,
+            thickness: 2.0,
+        };
+        let options = PairOptions {
+            adjust: 0.2,
+            ..Default::default()
+        };
+        for (first, second) in [("up-bottom", "low-top"), ("low-top", "up-bottom")] {
+            let nodes = mortar_contact(
+                &body,
+                &mesh.boundaries[first],
+                &mesh.boundaries[second],
+                &options,
+            )
+            .unwrap_or_else(|error| panic!("round {round}: {error}"));
+            for node in &nodes {
+                let sum: f64 = node.partners.iter().map(|p| p.1).sum();
+                assert!((sum - 1.0).abs() < 1e-12, "round {round}: {sum}");
+                assert!(node.area > 0.0 && node.gap >= 0.0);
+                let tangent = node.tangent();
+                let along = |i: u32| {
+                    let x = mesh.nodes[i as usize];
+                    x[0] * tangent[0] + x[1] * tangent[1]
+                };
+                let there: f64 = node.partners.iter().map(|p| p.1 * along(p.0)).sum();
+                if bend == 0.0 {
+                    assert!((there - along(node.node)).abs() < 1e-11, "round {round}");
+                }
+            }
+            // The area is that of what faces each other.
+            let area: f64 = nodes.iter().map(|n| n.area).sum();
+            if bend == 0.0 {
+                assert!((area - 2.0 * (2.0 - overhang)).abs() < 1e-9, "{area}");
+            }
+        }
+    }
+}
+
+#[test]
+fn boundaries_that_cannot_meet_are_explained() {
+    let text = |extra: &str, shift: &str| {
+        format!(
+            "[[mesh.part]]\nname = \"low\"\nrectangle = {{ size = [2, 1], cells = [4, 2] }}\n\
+             [[mesh.part]]\nname = \"up\"\nrectangle = {{ size = [2, 1], cells = [4, 2] }}\nshift = {shift}\n\
+             [[material]]\nyoung = 1e3\npoisson = 0.3\n[[support]]\nboundary = \"low-bottom\"\nx = 0\ny = 0\n\
+             [[support]]\nboundary = \"up-top\"\nx = 0\ny = -0.01\n[[contact]]\nboundary = \"up-bottom\"\n{extra}\n"
+        )
+    };
+    let error = |extra: &str, shift: &str| {
+        let case = case(&text(extra, shift));
+        match case.build() {
+            Ok(_) => panic!("accepted: {extra}"),
+            Err(error) => error.to_string(),
+        }
+    };
+    let against = "against = \"low-top\"";
+    assert!(error(against, "[0, 3]").contains("at least 2.000e0 apart"));
+    assert!(
+        error("against = \"low-top\"\nsearch_distance = 0.01", "[0, 1.1]")
+            .contains("search_distance")
+    );
+    // Facing away.
+    assert!(error("against = \"low-bottom\"", "[0, 1]").contains("no part of it faces"));
+    assert!(error(against, "[0, 0.9]").contains("overlap by 1.000e-1"));
+    assert!(error("against = \"low-top\"\ngap = -0.1", "[0, 1]").contains("overlap by 1.000e-1"));
+    assert!(error("against = \"up-bottom\"", "[0, 1]").contains("both boundaries"));
+    assert!(error("against = \"low_top\"", "[0, 1]").contains("did you mean \"low-top\"?"));
+    // What would overlap may be told to touch, or be given a gap.
+    for extra in ["adjust = 0.1", "gap = 0.002"] {
+        let solved = solve_case_twice(&text(&format!("{against}\n{extra}"), "[0, 0.9]"), 1e-9);
+        let fields = solved.fields();
+        assert!(fields.pressure.iter().all(|&p| p > 0.0), "{extra}");
+    }
+}
+
+/// A bar on a Tresca foundation, loaded and unloaded: half of the displacement stays, and against the full
+/// reverse load it is the negative (Masing's rule).
+#[test]
+fn unloading_leaves_half() {
+    let (h, g, p) = (0.02, 10.0, 40.0);
+    let text = |factors: &str| {
+        format!(
+            "[mesh]\nrectangle = {{ size = [6, {h}], cells = [200, 2] }}\n[analysis]\nplane = \"plane_stress\"\n\
+             [[material]]\nyoung = 1e6\npoisson = 0\n[[support]]\nboundary = \"left\"\nx = 0\n\
+             [[support]]\nboundary = \"top\"\ny = -1e-6\nfactors = {}\n\
+             [[traction]]\nboundary = \"right\"\nx = {}\n\
+             [[contact]]\nboundary = \"bottom\"\nfriction = {{ tresca = {g} }}\n\
+             obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}\n[steps]\nfactors = {factors}\n",
+            // Pressed on the foundation all the time.
+            format!("[1{}]", ", 1".repeat(factors.matches(',').count())),
+            p / h
+        )
+    };
+    let end = |solved: &Solved| solved.displacement()[solved.node_at([6.0, 0.5 * h])][0];
+    let full = end(&solve_case(&text("[1]"), 1e-9));
+    assert!((full / 0.004 - 1.0).abs() < 0.01);
+    // In one step or in four it is the same, as the load only grows.
+    let grown = solve_case_twice(&text("[0.25, 0.5, 0.75, 1]"), 1e-9);
+    assert!((end(&grown) / full - 1.0).abs() < 1e-3);
+    let unloaded = end(&solve_case_twice(&text("[1, 0]"), 1e-9));
+    assert!((unloaded / full - 0.5).abs() < 0.01, "{unloaded} {full}");
+    let reversed = end(&solve_case_twice(&text("[1, 0, -1]"), 1e-9));
+    assert!((reversed / full + 1.0).abs() < 0.01, "{reversed} {full}");
+    // A step in which nothing changes changes nothing.
+    let again = solve_case_twice(&text("[1, 0, 0]"), 1e-9);
+    assert!((end(&again) / unloaded - 1.0).abs() < 1e-5);
+}
+
+/// A tool without a free node is pushed down on a block and then drawn sideways: friction pulls the block along.
+#[test]
+fn a_moving_tool_drags_the_block() {
+    let text = |mu: f64| {
+        format!(
+            "[[mesh.part]]\nname = \"low\"\nrectangle = {{ size = [2, 1], cells = [8, 4] }}\n\
+             [[mesh.part]]\nname = \"tool\"\nrectangle = {{ size = [3, 0.2], cells = [5, 1] }}\nshift = [-0.5, 1]\n\
+             [[material]]\nyoung = 1e3\npoisson = 0\n[[support]]\nboundary = \"low-bottom\"\nx = 0\ny = 0\n\
+             [[support]]\nboundary = \"tool-top\"\ny = -0.02\nfactors = [1, 1]\n\
+             [[support]]\nboundary = \"tool-top\"\nx = 0.05\n[[support]]\nboundary = \"tool-bottom\"\nx = 0.05\n\
+             [[contact]]\nboundary = \"low-top\"\nagainst = \"tool-bottom\"\nfriction = {{ coulomb = {mu} }}\n\
+             [steps]\nfactors = [0, 1]\n"
+        )
+    };
+    // The tool's lower side is free in y, held in x: partners that are held in part.
+    let stick = solve_case_twice(&text(10.0), 1e-10);
+    let m = stick.build.problem.m();
+    // The far end of the sheared block lifts off, the rest goes with the tool.
+    let sticking: Vec<usize> = (0..m)
+        .filter(|&i| stick.fields().status(i) == "stick")
+        .collect();
+    assert!(sticking.len() > m / 2, "{} of {m}", sticking.len());
+    for i in sticking {
+        let node = stick.elastic().contact.nodes[i].node as usize;
+        let [x, _] = stick.displacement()[node];
+        assert!((x - 0.05).abs() < 1e-6, "{x}");
+    }
+    let slip = solve_case_twice(&text(0.1), 1e-8);
+    let fields = slip.fields();
+    let slipping = (0..m).filter(|&i| fields.status(i) == "slip").count();
+    assert!(slipping > m / 2, "{slipping} of {m}");
+    for i in 0..m {
+        // The block stays behind the tool, and the tool pulls it along: τ points along −x on top.
+        assert!(fields.slip[i] * fields.traction[i] <= 1e-12);
+        let bound = 0.1 * fields.pressure[i];
+        assert!(fields.traction[i].abs() <= bound * (1.0 + 1e-4) + 1e-9);
+    }
+    let force: f64 = slip.solution().lambda[..m].iter().sum();
+    let drag: f64 = slip.solution().lambda[m..].iter().map(|l| l.abs()).sum();
+    assert!((drag / force - 0.1).abs() < 0.02, "{drag} {force}");
+}
+
+/// A disc between two plates without any support of its own; what contact does not hold is told.
+#[test]
+fn bodies_that_only_contact_holds() {
+    let text = |load: &str, top: &str| {
+        format!(
+            "[[mesh.part]]\nname = \"low\"\nrectangle = {{ size = [3, 0.5], cells = [24, 4] }}\nshift = [-1.5, -0.5]\n\
+             [[mesh.part]]\nname = \"roller\"\nrectangle = {{ origin = [-1, -1], size = [2, 2], cells = [20, 20], \
+             map = [\"x*sqrt(1 - y^2/2)\", \"1 + y*sqrt(1 - x^2/2)\"] }}\n\
+             [[mesh.part]]\nname = \"up\"\nrectangle = {{ size = [3, 0.5], cells = [20, 4] }}\nshift = [-1.5, 2]\n\
+             [[material]]\nyoung = 1e3\npoisson = 0.3\n[[support]]\nboundary = \"low-bottom\"\nx = 0\ny = 0\n\
+             [[support]]\nboundary = \"up-top\"\nx = 0\n{top}\n{load}\n\
+             [[contact]]\nboundary = \"roller-bottom\"\nagainst = \"low-top\"\nfriction = {{ coulomb = 0.3 }}\n\
+             [[contact]]\nboundary = \"roller-top\"\nagainst = \"up-bottom\"\nfriction = {{ coulomb = 0.3 }}\n"
+        )
+    };
+    let squeezed = solve_case_twice(&text("", "y = -0.02"), 1e-8);
+    assert_eq!(squeezed.build.held_by_contact.len(), 1);
+    let held = squeezed.solution().last();
+    assert!(held.spring_force < 1e-7 && held.info.kkt.max() < 1e-6);
+    // The plates carry the same force.
+    let elastic = squeezed.elastic();
+    let lambda = &squeezed.solution().lambda;
+    let force = |pair: u32| -> f64 {
+        (0..elastic.pair_of.len())
+            .filter(|&i| elastic.pair_of[i] == pair)
+            .map(|i| {
+                let node = &elastic.contact.nodes[i];
+                lambda[i] * node.normal[1] + lambda[i + elastic.pair_of.len()] * node.tangent()[1]
+            })
+            .sum()
+    };
+    assert!(force(1) > 1.0, "{}", force(1));
+    assert!(
+        (force(0) / force(1) + 1.0).abs() < 1e-5,
+        "{} {}",
+        force(0),
+        force(1)
+    );
+    // The upper plate free in y as well, pressed down: two bodies float.
+    let pressed = solve_case_twice(
+        &text("[[traction]]\nboundary = \"up-top\"\npressure = 3", ""),
+        1e-8,
+    );
+    assert_eq!(pressed.build.held_by_contact.len(), 2);
+    // Pulled up it has nothing to hold it: no panic, no false success.
+    let case = case(&text(
+        "[[traction]]\nboundary = \"up-top\"\npressure = -3",
+        "",
+    ));
+    let build = case.build().unwrap_or_else(|error| panic!("{error}"));
+    let mut dual = CholeskyDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
+    let data = case
+        .step(&build, 0)
+        .unwrap_or_else(|error| panic!("{error}"))
+        .expect("an elastic case");
+    let solution = quasistatic::solve_step(
+        &build.model(),
+        &data.load,
+        &State::at_rest(&build.problem),
+        &mut dual,
+        &case.settings(),
+        |_| ControlFlow::Continue(()),
+    )
+    .unwrap_or_else(|error| panic!("{error}"));
+    assert_ne!(solution.status, Status::Converged);
+}
+
+/// The accelerated fixed point and the plain one come to the same.
+#[test]
+fn acceleration_changes_the_way_not_the_end() {
+    let text = "[mesh]\nrectangle = { size = [0.04, 0.04], cells = [48, 48] }\n\
+        [[material]]\nyoung = 1.3e11\npoisson = 0.2\n\
+        [[support]]\nboundary = \"right\"\nx = 0\n[[support]]\npoint = [0.04, 0]\ny = 0\n\
+        [[traction]]\nboundary = \"left\"\npressure = 15e7\n[[traction]]\nboundary = \"top\"\npressure = 5e7\n\
+        [[contact]]\nboundary = \"bottom\"\nfriction = { coulomb = 1 }\n\
+        obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
+    let case = case(text);
+    let build = case.build().unwrap_or_else(|error| panic!("{error}"));
+    let run = |accelerate: bool| {
+        let mut dual = CholeskyDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
+        let mut settings = case.settings();
+        settings.accelerate = accelerate;
+        settings.ssnm.tolerance = 1e-9;
+        settings.friction_tolerance = 1e-8;
+        let load = Load::of(&build.problem);
+        let mut rounds = 0;
+        let solution = quasistatic::solve_step(
+            &build.model(),
+            &load,
+            &State::at_rest(&build.problem),
+            &mut dual,
+            &settings,
+            |event| {
+                if let Event::Round(round) = event {
+                    rounds = round.round;
+                }
+                ControlFlow::Continue(())
+            },
+        )
+        .unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(solution.status, Status::Converged);
+        assert_eq!(rounds, solution.rounds.len());
+        // |λτ| ≤ μ λν holds with the λν at the end.
+        let (normal, tangential) = solution.lambda.split_at(build.problem.m());
+        let top = normal.iter().copied().fold(0.0, f64::max);
+        for (n, t) in normal.iter().zip(tangential) {
+            assert!(t.abs() <= n + 1e-6 * top);
+        }
+        solution
+    };
+    let (plain, fast) = (run(false), run(true));
+    assert!(distance(&plain.u, &fast.u) < 1e-7);
+    println!(
+        "{} rounds, accelerated {}",
+        plain.rounds.len(),
+        fast.rounds.len()
+    );
+    assert!(fast.rounds.len() < plain.rounds.len());
+}
