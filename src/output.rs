@@ -35,6 +35,8 @@ pub struct Timings {
     pub mesh: f64,
     /// K, f, N, T, d, g, and their validation.
     pub assembly: f64,
+    /// The part of it for the search and the integrals of the contacts.
+    pub pairing: f64,
     /// b and σ_max.
     pub setup: f64,
     /// Ordering, symbolic and numeric factorisation, and the probe solve; or moving K to where PCG runs.
@@ -391,51 +393,78 @@ impl StepFields {
 pub struct Picture {
     /// The name of its file, without `.svg`.
     pub name: String,
+    /// The load step it shows, from 1; None for the whole of them.
+    pub step: Option<usize>,
     /// What it shows.
     pub title: String,
     /// The picture itself.
     pub svg: String,
 }
 
-/// The pictures at the end of a step: the deformed bodies, a chart for each contact, the convergence, and the
-/// contact forces where there are several steps.
-pub fn pictures(
+/// The pictures at the end of the step that was added to the report last: the deformed bodies and a chart for
+/// each contact. `several` says whether there are more steps, which goes into the names.
+pub fn step_pictures(
     report: &Report,
     build: &Build,
     data: Option<&StepData>,
     solution: &StepSolution,
+    several: bool,
 ) -> Vec<Picture> {
-    let mut pictures = Vec::new();
-    let mut add = |name: String, title: String, svg: String| {
-        pictures.push(Picture { name, title, svg });
+    let (Some(elastic), Some(data)) = (&build.elastic, data) else {
+        return Vec::new();
     };
-    if let (Some(elastic), Some(data)) = (&build.elastic, data) {
-        let fields = StepFields::new(elastic, data, solution);
-        let contact = ContactFields::new(build, elastic, data, solution);
-        let title = match (report.title.is_empty(), report.steps.len()) {
-            (true, _) => "Deformed bodies".to_owned(),
-            (false, 1) => report.title.clone(),
-            (false, n) => format!("{}, load step {n}", report.title),
+    let step = report.steps.len();
+    let (suffix, of_step) = if several {
+        (format!("-{step:03}"), format!(", load step {step}"))
+    } else {
+        Default::default()
+    };
+    let fields = StepFields::new(elastic, data, solution);
+    let contact = ContactFields::new(build, elastic, data, solution);
+    let title = if report.title.is_empty() {
+        "Deformed bodies"
+    } else {
+        &report.title
+    };
+    let title = format!("{title}{of_step}");
+    let mut pictures = vec![Picture {
+        name: format!("deformed{suffix}"),
+        step: Some(step),
+        title: format!("Deformed bodies{of_step}"),
+        svg: picture::svg(&title, step, elastic, &fields, &contact),
+    }];
+    for (i, pair) in elastic.pairs.iter().enumerate() {
+        let number = match elastic.pairs.len() {
+            1 => String::new(),
+            _ => format!("-{}", i + 1),
         };
-        let svg = picture::svg(&title, elastic, &fields, &contact);
-        add("deformed".to_owned(), "Deformed bodies".to_owned(), svg);
-        for (i, pair) in elastic.pairs.iter().enumerate() {
-            let chart = plots::contact(elastic, &contact, i);
-            let name = match elastic.pairs.len() {
-                1 => "contact".to_owned(),
-                _ => format!("contact-{}", i + 1),
-            };
-            let title = format!("Contact {} / {}", pair.boundary, pair.against);
-            add(name, title, chart.svg());
-        }
+        let mut chart = plots::contact(elastic, &contact, i);
+        chart.title += &of_step;
+        pictures.push(Picture {
+            name: format!("contact{number}{suffix}"),
+            step: Some(step),
+            title: format!("Contact {} / {}{of_step}", pair.boundary, pair.against),
+            svg: chart.svg(),
+        });
     }
-    if report.steps.len() > 1 && report.steps.iter().any(|s| !s.contacts.is_empty()) {
-        let chart = plots::steps(report);
-        add("steps".to_owned(), chart.title.clone(), chart.svg());
-    }
-    let chart = plots::convergence(report);
-    add("convergence".to_owned(), chart.title.clone(), chart.svg());
     pictures
+}
+
+/// The pictures of the whole: the convergence, and the contact forces where there are several steps.
+pub fn pictures(report: &Report) -> Vec<Picture> {
+    let mut charts = vec![("convergence", plots::convergence(report))];
+    if report.steps.len() > 1 && report.steps.iter().any(|s| !s.contacts.is_empty()) {
+        charts.insert(0, ("steps", plots::steps(report)));
+    }
+    charts
+        .into_iter()
+        .map(|(name, chart)| Picture {
+            name: name.to_owned(),
+            step: None,
+            title: chart.title.clone(),
+            svg: chart.svg(),
+        })
+        .collect()
 }
 
 /// Writes pictures as `NAME.svg` and, with the whole report, into `report.html`.

@@ -140,15 +140,15 @@ fn boundaries_that_cannot_meet_are_explained() {
 fn unloading_leaves_half() {
     let (h, g, p) = (0.02, 10.0, 40.0);
     let text = |factors: &str| {
+        // Pressed on the foundation all the time.
+        let always = format!("[1{}]", ", 1".repeat(factors.matches(',').count()));
         format!(
             "[mesh]\nrectangle = {{ size = [6, {h}], cells = [200, 2] }}\n[analysis]\nplane = \"plane_stress\"\n\
              [[material]]\nyoung = 1e6\npoisson = 0\n[[support]]\nboundary = \"left\"\nx = 0\n\
-             [[support]]\nboundary = \"top\"\ny = -1e-6\nfactors = {}\n\
+             [[support]]\nboundary = \"top\"\ny = -1e-6\nfactors = {always}\n\
              [[traction]]\nboundary = \"right\"\nx = {}\n\
              [[contact]]\nboundary = \"bottom\"\nfriction = {{ tresca = {g} }}\n\
              obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}\n[steps]\nfactors = {factors}\n",
-            // Pressed on the foundation all the time.
-            format!("[1{}]", ", 1".repeat(factors.matches(',').count())),
             p / h
         )
     };

@@ -157,16 +157,22 @@ fn blocks_pushed_sideways() {
     assert!(distance(&slip.solution().u, &none.solution().u) < 0.05);
 }
 
+/// The plate of [`greco_plate`] with so many elements a side.
+fn greco(cells: usize) -> String {
+    format!(
+        "[mesh]\nrectangle = {{ size = [0.04, 0.04], cells = [{cells}, {cells}] }}\n\
+         [[material]]\nyoung = 1.3e11\npoisson = 0.2\n\
+         [[support]]\nboundary = \"right\"\nx = 0\n[[support]]\npoint = [0.04, 0]\ny = 0\n\
+         [[traction]]\nboundary = \"left\"\npressure = 15e7\n[[traction]]\nboundary = \"top\"\npressure = 5e7\n\
+         [[contact]]\nboundary = \"bottom\"\nfriction = {{ coulomb = 1 }}\n\
+         obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}\n"
+    )
+}
+
 /// The GRECO plate (SSNV128). The reference is an independent 128 × 128 computation.
 #[test]
 fn greco_plate() {
-    let text = "[mesh]\nrectangle = { size = [0.04, 0.04], cells = [128, 128] }\n\
-        [[material]]\nyoung = 1.3e11\npoisson = 0.2\n\
-        [[support]]\nboundary = \"right\"\nx = 0\n[[support]]\npoint = [0.04, 0]\ny = 0\n\
-        [[traction]]\nboundary = \"left\"\npressure = 15e7\n[[traction]]\nboundary = \"top\"\npressure = 5e7\n\
-        [[contact]]\nboundary = \"bottom\"\nfriction = { coulomb = 1 }\n\
-        obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
-    let solved = solve_case(text, 1e-8);
+    let solved = solve_case(&greco(128), 1e-8);
     let u = solved.displacement();
     for (x, expected) in [
         (0.0, 2.860),
@@ -320,6 +326,90 @@ fn hertz_converges_with_h() {
         assert!(fine.0.abs() < 0.3 * coarse.0.abs(), "{coarse:?} {fine:?}");
         assert!(fine.0.abs() < 0.005 && fine.1.abs() < 0.005, "{fine:?}");
     }
+}
+
+/// Draws the convergence plots of docs/validation.md: `cargo test --release --test validation -- --ignored`.
+#[test]
+#[ignore = "writes docs/*.svg"]
+fn figures() {
+    use signorini::output::chart::{Axis, Chart, Mark, Series, colour};
+    let mut series = Vec::new();
+    for (name, sides, colours) in [
+        (
+            "λ on the plate",
+            ON_THE_PLATE,
+            [colour::BLUE, colour::GREEN],
+        ),
+        (
+            "λ on the disc",
+            ON_THE_DISC,
+            [colour::ORANGE, colour::PURPLE],
+        ),
+    ] {
+        let errors: Vec<(f64, (f64, f64))> = [20, 28, 40, 57, 80, 113, 160, 226]
+            .iter()
+            .map(|&cells| {
+                (
+                    50.0 * 0.2 / f64::from(cells) / 6.2146,
+                    hertz_errors(cells as usize, sides),
+                )
+            })
+            .collect();
+        for (what, colour, pick) in [
+            (
+                "a",
+                colours[0],
+                (|e: &(f64, f64)| e.0) as fn(&(f64, f64)) -> f64,
+            ),
+            ("p₀", colours[1], |e: &(f64, f64)| e.1),
+        ] {
+            series.push(Series {
+                name: format!("{what}, {name}"),
+                colour,
+                mark: Mark::LineAndDots,
+                points: errors.iter().map(|(h, e)| (*h, 100.0 * pick(e))).collect(),
+            });
+        }
+    }
+    let chart = Chart {
+        title: "Hertz, NAFEMS-1: deviation from the formula in %".to_owned(),
+        x: Axis::logarithmic("finest element / half-width a", ""),
+        y: Axis::new("deviation", "%"),
+        series,
+        zones: Vec::new(),
+        rules: Vec::new(),
+    };
+    std::fs::create_dir_all("docs").unwrap_or_else(|error| panic!("{error}"));
+    std::fs::write("docs/hertz-convergence.svg", chart.svg())
+        .unwrap_or_else(|error| panic!("{error}"));
+
+    let at = |cells: usize, x: f64| {
+        let solved = solve_case(&greco(cells), 1e-9);
+        solved.displacement()[solved.node_at([x, 0.0])][0]
+    };
+    let mut series = Vec::new();
+    for (x, colour) in [(0.0, colour::BLUE), (0.01, colour::ORANGE)] {
+        let finest = at(384, x);
+        series.push(Series {
+            name: format!("u_x at x = {x}"),
+            colour,
+            mark: Mark::LineAndDots,
+            points: [8, 16, 32, 64, 128]
+                .iter()
+                .map(|&cells| (0.04 / cells as f64, (at(cells, x) / finest - 1.0).abs()))
+                .collect(),
+        });
+    }
+    let chart = Chart {
+        title: "GRECO plate, Coulomb: deviation from 384 × 384 elements".to_owned(),
+        x: Axis::logarithmic("h", "m"),
+        y: Axis::logarithmic("relative deviation", ""),
+        series,
+        zones: Vec::new(),
+        rules: Vec::new(),
+    };
+    std::fs::write("docs/greco-convergence.svg", chart.svg())
+        .unwrap_or_else(|error| panic!("{error}"));
 }
 
 /// F/G = (tan α + μ)/(1 − μ tan α): a wedge pushed up a slope (NAFEMS CGS-4).

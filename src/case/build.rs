@@ -119,6 +119,8 @@ pub struct Build {
     pub mesh_seconds: f64,
     /// Seconds for K, f and the contact rows.
     pub assembly_seconds: f64,
+    /// The part of it for the search and the integrals of the contacts.
+    pub pairing_seconds: f64,
 }
 
 impl Build {
@@ -206,6 +208,7 @@ impl Case {
             elastic: None,
             mesh_seconds,
             assembly_seconds: start.elapsed().as_secs_f64() - mesh_seconds,
+            pairing_seconds: 0.0,
         })
     }
 
@@ -239,7 +242,9 @@ impl Case {
         }
         let forces = self.forces(&body, 0)?;
         let mut pairs = Vec::new();
+        let pairing = Instant::now();
         let (candidates, owner) = self.contact_nodes(&body, &mut pairs)?;
+        let pairing_seconds = pairing.elapsed().as_secs_f64();
         let floating = self.floating(&mesh, &unknowns, &candidates)?;
         let contact = contact_rows(&body, &unknowns, &candidates).or_else(|error| {
             let span = self.tables.contact.first().map_or(0..0, |c| c.span());
@@ -288,6 +293,7 @@ impl Case {
             }),
             mesh_seconds,
             assembly_seconds: start.elapsed().as_secs_f64() - mesh_seconds,
+            pairing_seconds,
         })
     }
 

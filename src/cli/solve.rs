@@ -5,8 +5,8 @@ use signorini::case::Case;
 use signorini::dual::{Costs, DualOperator as _};
 use signorini::engine::Engine;
 use signorini::output::{
-    EnginePath, Report, Timings, pictures, write_index, write_pictures, write_report,
-    write_solution,
+    EnginePath, Report, Timings, pictures, step_pictures, write_index, write_pictures,
+    write_report, write_solution,
 };
 use signorini::quasistatic::{self, Event, Load, Round, State};
 use signorini::ssnm::{SetSizes, Status, Step};
@@ -41,10 +41,11 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
 
     let build = case.build().map_err(|e| e.to_string())?;
     log.say(format_args!(
-        "n = {}, m = {}: assembled in {:.3} s",
+        "n = {}, m = {}: assembled in {:.3} s, of which the contacts {:.4} s",
         build.problem.n_free(),
         build.problem.m(),
-        build.mesh_seconds + build.assembly_seconds
+        build.mesh_seconds + build.assembly_seconds,
+        build.pairing_seconds
     ));
     for body in &build.held_by_contact {
         log.tell(&format!(
@@ -92,7 +93,7 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     let mut state = State::at_rest(&build.problem);
     let mut files = Vec::new();
     let mut output_seconds = 0.0;
-    let mut end = None;
+    let mut drawn = Vec::new();
     for number in 0..case.n_steps() {
         let data = case.step(&build, number).map_err(|e| e.to_string())?;
         let of_problem;
@@ -155,10 +156,17 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
                 files.push(index);
             }
         }
+        if arguments.plots {
+            drawn.extend(step_pictures(
+                &report,
+                &build,
+                data.as_ref(),
+                &solution,
+                several,
+            ));
+        }
         output_seconds += output_start.elapsed().as_secs_f64();
-        let converged = solution.status == Status::Converged;
-        end = Some((data, solution));
-        if !converged {
+        if solution.status != Status::Converged {
             break;
         }
     }
@@ -175,17 +183,16 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     report.timings = Timings {
         mesh: build.mesh_seconds,
         assembly: build.assembly_seconds,
+        pairing: build.pairing_seconds,
         factor: timings.factor,
         linear_reference: timings.linear_reference,
         output: output_seconds,
         total: start.elapsed().as_secs_f64(),
         ..report.timings
     };
-    if arguments.plots
-        && let Some((data, solution)) = &end
-    {
-        let pictures = pictures(&report, &build, data.as_ref(), solution);
-        files.extend(write_pictures(&output, &report, &pictures).map_err(|e| e.to_string())?);
+    if arguments.plots {
+        drawn.extend(pictures(&report));
+        files.extend(write_pictures(&output, &report, &drawn).map_err(|e| e.to_string())?);
     }
     files.push(write_report(&output, &report).map_err(|e| e.to_string())?);
     if !arguments.quiet {
@@ -252,10 +259,22 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
         report.kkt.max()
     )
     .expect("writing to a string cannot fail");
+    if let Some(step) = report.steps.last()
+        && step.status == Status::IterationLimit
+        && step.spring_force > 1e-4
+    {
+        writeln!(
+            text,
+            "  the springs that hold bodies without supports still carry {:.1e} of the load: contact and friction \
+             do not hold these bodies, add a [[support]]",
+            step.spring_force
+        )
+        .expect("writing to a string cannot fail");
+    }
     if let Some(step) = report.steps.last().filter(|step| step.rounds > 1) {
         let steps = match report.steps.len() {
             1 => String::new(),
-            n => format!(", the last of {n} load steps,"),
+            n => format!(" in the last of {n} load steps"),
         };
         writeln!(
             text,

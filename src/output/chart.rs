@@ -129,11 +129,9 @@ impl Scale {
         }
         let mut unit = 1.0;
         if axis.logarithmic {
-            low = 10f64.powf(low.log10().floor());
-            high = 10f64.powf(high.log10().ceil());
-            if low == high {
-                high *= 10.0;
-            }
+            // A little around the data.
+            let around = (high / low).powf(0.04).clamp(1.2, 10.0);
+            (low, high) = (low / around, (high * around).min(f64::MAX));
         } else {
             if high - low <= 1e-12 * high.abs().max(low.abs()) {
                 let middle = high.abs().max(1e-300);
@@ -168,9 +166,24 @@ impl Scale {
     fn ticks(&self, wanted: f64) -> Vec<(f64, String)> {
         if self.logarithmic {
             let (a, b) = (
-                self.low.log10().round() as i32,
-                self.high.log10().round() as i32,
+                self.low.log10().ceil() as i32,
+                self.high.log10().floor() as i32,
             );
+            if b - a < 2 {
+                return (a - 1..=b)
+                    .flat_map(|k| [(1, k), (2, k), (5, k)])
+                    .map(|(f, k)| (f64::from(f) * 10f64.powi(k), f, k))
+                    .filter(|(v, ..)| (self.low..=self.high).contains(v))
+                    .map(|(v, f, k)| {
+                        let label = match (f, k) {
+                            (_, -3..4) => format!("{v:.*}", (-k).max(0) as usize),
+                            (1, _) => power_of_ten(k),
+                            _ => format!("{f}·{}", power_of_ten(k)),
+                        };
+                        (v, label)
+                    })
+                    .collect();
+            }
             let step = (f64::from(b - a) / wanted).ceil().max(1.0) as i32;
             return (a..=b)
                 .step_by(step as usize)

@@ -10,8 +10,11 @@ body { font: 15px/1.5 system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', Arial
 h1 { font-size: 1.5rem; margin-bottom: .2rem } h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #ddd; padding-bottom: .2rem }
 .status { display: inline-block; padding: .1rem .6rem; border-radius: .3rem; color: #fff; background: #00795a } .status.bad { background: #b5342b }
 table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums } th, td { padding: .2rem .8rem .2rem 0; text-align: right; border-bottom: 1px solid #eee; vertical-align: top } th:first-child, td:first-child { text-align: left } th { font-weight: 600; color: #555 }
-figure { margin: 1rem 0; overflow-x: auto } figure svg { max-width: 100%; height: auto } .scroll { overflow-x: auto } p.note { color: #555 }
+summary { cursor: pointer; margin: .5rem 0 } figure { margin: 1rem 0; overflow-x: auto } figure svg { max-width: 100%; height: auto } .scroll { overflow-x: auto } p.note { color: #555 }
 ";
+
+/// Pictures of earlier load steps are on the page where there are no more steps than this.
+const MOST_STEPS: usize = 12;
 
 /// A table with a head; cells are escaped.
 fn table(out: &mut String, head: &[&str], rows: impl Iterator<Item = Vec<String>>) {
@@ -57,7 +60,8 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
         report.kkt.max()
     )
     .expect("writing to a string cannot fail");
-    for picture in pictures {
+    let last = report.steps.len();
+    let show = |out: &mut String, picture: &Picture| {
         writeln!(
             out,
             "<h2>{}</h2>\n<figure>\n{}</figure>",
@@ -65,6 +69,24 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
             picture.svg
         )
         .expect("writing to a string cannot fail");
+    };
+    let of_last = |picture: &&Picture| picture.step == Some(last);
+    for picture in pictures.iter().filter(of_last) {
+        show(out, picture);
+    }
+    for picture in pictures.iter().filter(|p| p.step.is_none()) {
+        show(out, picture);
+    }
+    if last > 1 && last <= MOST_STEPS {
+        for step in 1..last {
+            writeln!(out, "<details><summary>Load step {step}</summary>")
+                .expect("writing to a string cannot fail");
+            for picture in pictures.iter().filter(|p| p.step == Some(step)) {
+                writeln!(out, "<figure>\n{}</figure>", picture.svg)
+                    .expect("writing to a string cannot fail");
+            }
+            out.push_str("</details>\n");
+        }
     }
     if let Some(step) = report.steps.last() {
         let vector = |v: [f64; 2]| [format!("{:.6e}", v[0]), format!("{:.6e}", v[1])];

@@ -156,6 +156,7 @@ impl Raster {
         let mut encoder = png::Encoder::new(&mut bytes, self.width as u32, self.height as u32);
         encoder.set_color(png::ColorType::Rgba);
         encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::High);
         let written = encoder
             .write_header()
             .and_then(|mut writer| writer.write_image_data(&pixels));
@@ -165,8 +166,10 @@ impl Raster {
 }
 
 /// The picture of a step.
+/// `number` keeps the names in it apart from those of other pictures on the same page.
 pub(super) fn svg(
     title: &str,
+    number: usize,
     elastic: &Elastic,
     fields: &StepFields,
     contact: &ContactFields,
@@ -243,13 +246,13 @@ pub(super) fn svg(
         escape(title)
     ));
     put(format_args!(
-        "<text x=\"{MARGIN}\" y=\"46\" fill=\"#555555\">von Mises stress; displacements, {} m at most, drawn × {magnified}; grey: before loading</text>",
+        "<text x=\"{MARGIN}\" y=\"46\" fill=\"#555555\">von Mises stress; displacements × {magnified}, the largest {} m</text>",
         short(travel)
     ));
     put(format_args!("<g transform=\"translate({MARGIN} {HEAD})\">"));
     // Rigid obstacles, cut off a little outside the bodies.
     put(format_args!(
-        "<clipPath id=\"field\"><rect x=\"-14\" y=\"-10\" width=\"{:.1}\" height=\"{:.1}\"/></clipPath><g clip-path=\"url(#field)\" fill=\"#e2e2e2\" stroke=\"#9a9a9a\">",
+        "<clipPath id=\"field{number}\"><rect x=\"-14\" y=\"-10\" width=\"{:.1}\" height=\"{:.1}\"/></clipPath><g clip-path=\"url(#field{number})\" fill=\"#e2e2e2\" stroke=\"#9a9a9a\">",
         size[0] + 28.0,
         size[1] + 22.0
     ));
@@ -361,10 +364,10 @@ pub(super) fn svg(
         })
         .collect();
     put(format_args!(
-        "<defs><linearGradient id=\"viridis\" x1=\"0\" y1=\"1\" x2=\"0\" y2=\"0\">{stops}</linearGradient></defs>"
+        "<defs><linearGradient id=\"viridis{number}\" x1=\"0\" y1=\"1\" x2=\"0\" y2=\"0\">{stops}</linearGradient></defs>"
     ));
     put(format_args!(
-        "<rect width=\"16\" height=\"{bar:.0}\" fill=\"url(#viridis)\" stroke=\"#222222\" stroke-width=\"0.6\"/><text y=\"-8\">Pa</text>"
+        "<rect width=\"16\" height=\"{bar:.0}\" fill=\"url(#viridis{number})\" stroke=\"#222222\" stroke-width=\"0.6\"/><text y=\"-8\">Pa</text>"
     ));
     let step = nice(top / 8.0);
     let mut value = 0.0;

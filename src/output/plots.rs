@@ -46,7 +46,7 @@ pub(super) fn contact(elastic: &Elastic, fields: &ContactFields, pair: usize) ->
         x: Axis::new(label, "m"),
         y: Axis::new("contact stress", "Pa"),
         series: all,
-        zones: zones(&nodes, fields),
+        zones: zones(&nodes, fields, bounded),
         rules: Vec::new(),
     }
 }
@@ -158,10 +158,11 @@ fn zoomed(nodes: Places, fields: &ContactFields) -> Places {
 }
 
 /// Stretches of nodes in one state, from midpoint to midpoint.
-fn zones(nodes: &Places, fields: &ContactFields) -> Vec<Zone> {
+fn zones(nodes: &Places, fields: &ContactFields, friction: bool) -> Vec<Zone> {
     let mut zones: Vec<Zone> = Vec::new();
     let state = |i: usize| match fields.status(i) {
         "separated" => ("separated", colour::SEPARATED),
+        _ if !friction => ("in contact", colour::STICK),
         "stick" => ("stick", colour::STICK),
         _ => ("slip", colour::SLIP),
     };
