@@ -18,19 +18,23 @@
 //! Newton method of Kučera, Motyčková and Markopoulos solves in few products with A = B K⁻¹ Bᵀ,
 //! B = (N; T).
 //!
+//! Coulomb friction (g = μ λν), load steps and bodies that only contact holds are several such problems in a
+//! row: [`quasistatic`].
+//!
 //! # The way the data flows
 //!
 //! ```text
 //! case ─▶ mesh ─▶ elasticity (K, f) ─┐
 //!                 contact (N, T, d, g) ┴▶ ContactProblem ─▶ dual (A, b) ─▶ ssnm ─▶ Solution ─▶ output
-//!                                                                        └─ stiffness: Cholesky | PCG
-//!                                                                             └─ backend: Cpu | Gpu
+//!                                                │              └─ stiffness: Cholesky | PCG
+//!                                                └─ quasistatic: rounds and steps    └─ backend: Cpu | Gpu
 //! ```
 //!
 //! Each stage can be entered from outside: [`problem::ContactProblem`] is the door for matrices of your
-//! own, [`case::Case`] that for a case file. [`engine::Engine`] chooses between the ways to apply K⁻¹.
+//! own, [`case::Case`] that for a case file, [`mesh::Mesh`] that for a mesh made in code. [`engine::Engine`]
+//! chooses between the ways to apply K⁻¹; [`stiffness::cholesky::CholeskyDual`] is the plain one.
 //!
-//! # A first solve
+//! # A problem from matrices
 //!
 //! Two springs in a row, the outer one pushed into a wall that is 1 away and rubs with at most 0.1:
 //!
@@ -51,14 +55,115 @@
 //!     coordinates: None,
 //! })?;
 //! let mut dual = CholeskyDual::new(&problem)?;
+//! // The observer sees every outer step, and may stop the solve.
 //! let solution = ssnm::solve(&problem, &mut dual, &Settings::default(), |step| {
-//!     println!("step {}: err {:e}", step.iter, step.err);
+//!     println!("step {}: err {:e}, {} products with A", step.iter, step.err, step.n_a);
 //!     ControlFlow::Continue(())
 //! })?;
 //! assert_eq!(solution.status, Status::Converged);
 //! // The wall holds the second spring at 1, friction holds back the first: 2 u₁ − 1 = −0.1.
 //! assert!((solution.u[1] - 1.0).abs() < 1e-6);
 //! assert!((solution.u[0] - 0.45).abs() < 1e-6);
+//! // λν is the force on the wall, and at the end all conditions are checked against K.
+//! assert!((solution.lambda[0] - 0.45).abs() < 1e-6);
+//! assert!(solution.info.kkt.max() < 1e-5);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Two bodies from meshes made in code
+//!
+//! A block pressed on another one, meshes not matching, with Coulomb friction:
+//!
+//! ```
+//! use signorini::contact::{Friction, PairOptions, contact_rows, mortar_contact};
+//! use signorini::elasticity::{Body, Material, Plane, Unknowns, assemble};
+//! use signorini::mesh::structured::{CellShape, join, rectangle};
+//! use signorini::problem::{ContactData, ContactProblem};
+//! use signorini::quasistatic::{self, Load, Model, Settings, State};
+//! use signorini::ssnm::Status;
+//! use signorini::stiffness::cholesky::CholeskyDual;
+//! use std::ops::ControlFlow;
+//!
+//! let mesh = join(
+//!     rectangle([0.0, 0.0], [2.0, 1.0], [10, 5], CellShape::Quad, "low", "low-"),
+//!     rectangle([0.0, 1.0], [2.0, 1.0], [7, 4], CellShape::Triangle, "up", "up-"),
+//! );
+//! let rubber = Material { young: 5e6, poisson: 0.4, density: 0.0 };
+//! let body = Body { mesh: &mesh, materials: &[rubber; 2], plane: Plane::PlaneStrain, thickness: 1.0 };
+//!
+//! // Supports: the bottom is held, the top is let down by 1 cm.
+//! let mut prescribed = vec![[None; 2]; mesh.nodes.len()];
+//! for &node in mesh.boundaries["low-bottom"].iter().flatten() {
+//!     prescribed[node as usize] = [Some(0.0); 2];
+//! }
+//! for &node in mesh.boundaries["up-top"].iter().flatten() {
+//!     prescribed[node as usize] = [Some(0.0), Some(-0.01)];
+//! }
+//! let unknowns = Unknowns::new(prescribed);
+//! let (stiffness, load) = assemble(&body, &unknowns, &vec![[0.0; 2]; mesh.nodes.len()]);
+//!
+//! let options = PairOptions { friction: Friction::Coulomb(&|_| 0.3), ..Default::default() };
+//! let nodes = mortar_contact(&body, &mesh.boundaries["up-bottom"], &mesh.boundaries["low-top"], &options)?;
+//! let rows = contact_rows(&body, &unknowns, &nodes)?;
+//! let problem = ContactProblem::new(ContactData {
+//!     stiffness,
+//!     load,
+//!     gap: rows.gap(&unknowns),
+//!     slip_bound: rows.slip_bound.clone(),
+//!     normal: rows.normal.clone(),
+//!     tangential: rows.tangential.clone(),
+//!     coordinates: Some(unknowns.coordinates(&mesh)),
+//! })?;
+//!
+//! let model = Model { problem: &problem, coefficient: &rows.coefficient, springs: &[] };
+//! let mut dual = CholeskyDual::new(&problem)?;
+//! let solution = quasistatic::solve_step(
+//!     &model,
+//!     &Load::of(&problem),
+//!     &State::at_rest(&problem),
+//!     &mut dual,
+//!     &Settings::default(),
+//!     |_| ControlFlow::Continue(()),
+//! )?;
+//! assert_eq!(solution.status, Status::Converged);
+//!
+//! // Displacements of all nodes, and pressures at the contact nodes.
+//! let u = unknowns.displacements(&solution.u);
+//! let pressures: Vec<f64> = rows.nodes.iter().zip(&solution.lambda).map(|(node, l)| l / node.area).collect();
+//! assert!(u.iter().all(|u| u[1] <= 0.0));
+//! assert!(pressures.iter().all(|&p| p > 2e4 && p < 5e4));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # A case file
+//!
+//! ```
+//! use signorini::case::Case;
+//! use signorini::engine::{Engine, Options};
+//! use signorini::output::ContactFields;
+//! use signorini::quasistatic::{self, State};
+//! use std::ops::ControlFlow;
+//! use std::path::Path;
+//!
+//! let case = Case::read(Path::new("examples/press.toml"), &["solver.tolerance=1e-6".to_owned()])?;
+//! let build = case.build()?;
+//! let mut engine = Engine::new(&build.problem, Options::default(), |line| println!("{line}"))?;
+//! let mut state = State::at_rest(&build.problem);
+//! for step in 0..case.n_steps() {
+//!     let data = case.step(&build, step)?.expect("an elastic case");
+//!     let solution = quasistatic::solve_step(
+//!         &build.model(),
+//!         &data.load,
+//!         &state,
+//!         &mut engine,
+//!         &case.settings(),
+//!         |_| ControlFlow::Continue(()),
+//!     )?;
+//!     let fields = ContactFields::new(&build, build.elastic.as_ref().unwrap(), &data, &solution);
+//!     let highest = fields.pressure.iter().copied().fold(0.0, f64::max);
+//!     assert!(highest > 4e7 && highest < 4.5e7);
+//!     state = solution.state(&data.load);
+//! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

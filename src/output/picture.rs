@@ -22,8 +22,8 @@ const FINE: f64 = 2.0;
 const VISIBLE_EDGE: f64 = 7.0;
 /// Displacements are scaled to this part of the size of the mesh.
 const SHOWN: f64 = 0.04;
-/// Scaling opens gaps that are closed: to this part of the size of the mesh at most.
-const FALSE_GAP: f64 = 0.005;
+/// Scaled bodies overlap where they have closed a gap: by this part of the size of the mesh at most.
+const FALSE_OVERLAP: f64 = 0.003;
 
 /// Stops of the colour map viridis (Smith and van der Walt 2015), evenly spaced.
 const VIRIDIS: [[f64; 3]; 11] = [
@@ -49,21 +49,20 @@ fn viridis(value: f64) -> [u8; 3] {
     })
 }
 
-/// A factor for the displacements: a round one that shows them, near 1 where it would open closed gaps.
+/// A factor for the displacements: a round one that shows them, near 1 where bodies would overlap by it.
 fn magnification(elastic: &Elastic, largest: f64, contact: &ContactFields) -> f64 {
     let (low, high) = elastic.mesh.bounding_box();
     let size = (high[0] - low[0]).hypot(high[1] - low[1]);
     if !(largest > 0.0) {
         return 1.0;
     }
-    let closed = (elastic.contact.nodes.iter().enumerate())
-        .filter(|&(i, _)| contact.pressure[i] > 0.0)
-        .map(|(_, node)| node.gap)
-        .fold(0.0, f64::max);
-    let mut wanted = SHOWN * size / largest;
-    if closed > 0.0 {
-        wanted = wanted.min((FALSE_GAP * size / closed).max(1.0));
-    }
+    // A gap d that becomes g is drawn as d + s (g − d).
+    let room = FALSE_OVERLAP * size;
+    let wanted = (elastic.contact.nodes.iter().zip(&contact.gap))
+        .map(|(node, gap)| (node.gap, node.gap - gap))
+        .filter(|&(before, closed)| closed > 1e-9 * before)
+        .map(|(before, closed)| (before + room) / closed)
+        .fold(SHOWN * size / largest, f64::min);
     if wanted < 1.0 {
         return 1.0;
     }
