@@ -2,10 +2,10 @@
 // gmsh -2 -format msh41 cylinder.geo -o cylinder.msh
 mm = 1e-3;
 R = 50*mm;
-fine = 0.045*mm;      // at the contact: about 23 elements over the expected half-width of 1.04 mm
-coarse = 4*mm;
+fine = 0.08*mm;       // at the contact: about 13 elements over the expected half-width of 1.04 mm
+coarse = 5*mm;
 Point(1) = {0, 0, 0, fine};
-Point(2) = {R*Sin(4*Pi/180), R - R*Cos(4*Pi/180), 0, 0.2*mm};  // 4 degrees: 3.5 mm, beyond the contact
+Point(2) = {R*Sin(4*Pi/180), R - R*Cos(4*Pi/180), 0, 0.3*mm};  // 4 degrees: 3.5 mm, beyond the contact
 Point(3) = {R, R, 0, coarse};
 Point(4) = {0, R, 0, coarse};
 Point(5) = {0, R, 0};                       // the centre, for the arcs only

@@ -3,8 +3,8 @@
 //
 // The flanks of blade and disc lie on the line x + y = 24, at 45 degrees; elsewhere there is clearance. The two
 // bodies share no points, so that Gmsh makes two meshes, which need not match.
-fine = 0.15;                         // at the flanks
-coarse = 2;
+fine = 0.25;                          // at the flanks
+coarse = 3;
 t = Tan(Pi/8);                       // tangent length of an arc of radius 1 in a corner of 135 degrees
 s = Sqrt(0.5);
 

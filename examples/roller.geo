@@ -3,15 +3,15 @@
 //
 // The bodies touch in (0, 0) and (0, 20) but share no points, so that Gmsh makes three meshes.
 R = 10;
-fine = 0.018;                        // at the contacts, whose half-widths are about 0.15 and 0.21
-coarse = 1.5;
+fine = 0.028;                        // at the contacts, whose half-widths are about 0.15 and 0.21
+coarse = 2;
 
 // The roller.
-c = R*Cos(4*Pi/180);
-d = R*Sin(4*Pi/180);
+c = R*Cos(2.5*Pi/180);
+d = R*Sin(2.5*Pi/180);
 Point(1) = {0, R, 0};                // the centre
 Point(2) = {0, 0, 0};                // a node in the middle of each contact
-Point(3) = {d, R - c, 0};            // 4 degrees on, 0.7: beyond the contacts
+Point(3) = {d, R - c, 0};            // 2.5 degrees on, 0.44: beyond the contacts
 Point(4) = {d, R + c, 0};
 Point(5) = {0, 2*R, 0};
 Point(6) = {-d, R + c, 0};

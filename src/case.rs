@@ -712,6 +712,18 @@ fn suggested(message: &str) -> String {
                 .or(line.split_once("unknown variant "))
         })
         .map(|(_, names)| quoted(names));
+    const LAWS: &str = "\"none\", { tresca = 1e6 } (Pa) or { coulomb = 0.3 }";
+    if message.contains("friction")
+        && [
+            "unit variant, expected newtype",
+            "wanted string or table",
+            "wanted exactly 1",
+        ]
+        .iter()
+        .any(|text| message.contains(text))
+    {
+        return format!("{message}; a friction law is written as {LAWS}");
+    }
     let Some((wrong, known)) = unknown.as_ref().and_then(|names| names.split_first()) else {
         return message.to_owned();
     };

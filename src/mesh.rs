@@ -238,12 +238,17 @@ impl Mesh {
         (length, [dy / length, -dx / length])
     }
 
+    /// Area of an element, negative if its nodes are clockwise.
+    pub(crate) fn signed_area(&self, element: &Element) -> f64 {
+        let [a, b, c, d] = self.coordinates(element);
+        0.5 * (cross(a, b, c) + cross(a, c, d))
+    }
+
     /// Area of each region.
     pub fn areas(&self) -> Vec<f64> {
         let mut areas = vec![0.0; self.regions.len()];
         for element in &self.elements {
-            let [a, b, c, d] = self.coordinates(element);
-            areas[element.region as usize] += 0.5 * (cross(a, b, c) + cross(a, c, d));
+            areas[element.region as usize] += self.signed_area(element);
         }
         areas
     }

@@ -117,8 +117,15 @@ pub struct StepReport {
     pub rounds: usize,
     /// ‖μλν − g‖ / ‖μλν‖ at the end; 0 without Coulomb friction.
     pub friction_change: f64,
-    /// What the springs of bodies without supports still carry, relative to the load.
+    /// What the springs of bodies without supports still carry, relative to the contact forces on them.
     pub spring_force: f64,
+    /// The bodies that contact does not hold.
+    pub loose: Vec<String>,
+    /// Whether there is Coulomb friction, and whether there are springs.
+    #[serde(skip)]
+    pub coulomb: bool,
+    #[serde(skip)]
+    pub springs: bool,
     pub iter: usize,
     #[serde(rename = "n_A")]
     pub n_a: usize,
@@ -250,6 +257,9 @@ impl Report {
             rounds: solution.rounds.len(),
             friction_change: last.friction_change,
             spring_force: last.spring_force,
+            loose: solution.loose.clone(),
+            coulomb: build.model().has_coulomb(),
+            springs: !build.springs.is_empty(),
             iter: solution.iter(),
             n_a: solution.n_a(),
             sets: solution.sets.sizes(),

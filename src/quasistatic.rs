@@ -27,9 +27,17 @@ pub struct Model<'a> {
     pub problem: &'a ContactProblem,
     /// μ of each contact node, length m: where it is not 0, the slip bound is μλν.
     pub coefficient: &'a [f64],
-    /// Stiffness of the springs that hold bodies without supports, as long as K has rows and part of its
-    /// diagonal; empty where there are none.
-    pub springs: &'a [f64],
+    /// The springs that hold bodies without supports, part of the diagonal of K; empty where there are none.
+    pub springs: &'a [Springs],
+}
+
+/// Weak springs under a body that its supports leave a motion as a whole.
+#[derive(Clone, Debug)]
+pub struct Springs {
+    /// Which body it is and how it can move, for messages.
+    pub body: String,
+    /// Unknowns with the stiffness of their springs.
+    pub stiffness: Vec<(u32, f64)>,
 }
 
 impl<'a> Model<'a> {
@@ -128,7 +136,8 @@ pub struct Round {
     pub round: usize,
     /// ‖μλν − g‖ / ‖μλν‖; 0 without Coulomb friction.
     pub friction_change: f64,
-    /// ‖S(v − v')‖ / ‖f‖, what the springs carry; 0 without springs.
+    /// ‖S(v − v')‖ / ‖Bᵀλ‖ on the unknowns of a body, the largest of all bodies on springs: what these carry
+    /// beside the contact forces; 0 without springs.
     pub spring_force: f64,
     /// The tolerance of the problem.
     pub tolerance: f64,
@@ -161,6 +170,8 @@ pub struct StepSolution {
     pub sets: Sets,
     /// The rounds; their last one has the optimality conditions at the end.
     pub rounds: Vec<Round>,
+    /// The bodies whose springs could not be let go ([`Springs::body`]).
+    pub loose: Vec<String>,
 }
 
 impl StepSolution {
@@ -193,6 +204,8 @@ impl StepSolution {
 const FOLLOWS: f64 = 1e-3;
 /// The same of the first rounds.
 const FIRST_TOLERANCE: f64 = 1e-3;
+/// Springs whose force has not fallen to this part of what it was so many rounds ago will not be let go.
+const LET_GO: (usize, f64) = (8, 0.7);
 /// The part of the friction tolerance that the last problem may be off by.
 const RESOLVED: f64 = 0.1;
 
@@ -232,8 +245,11 @@ pub fn solve_step(
     if let Some(base) = &base {
         let mut pull = vec![0.0; base.len()];
         whole.stiffness().mul(base, &mut pull);
-        for i in 0..force.len() {
-            force[i] -= pull[i] - model.springs.get(i).map_or(0.0, |s| s * base[i]);
+        for (force, pull) in force.iter_mut().zip(pull) {
+            *force -= pull;
+        }
+        for &(i, s) in model.springs.iter().flat_map(|body| &body.stiffness) {
+            force[i as usize] += s * base[i as usize];
         }
         let mut moved = vec![0.0; m];
         whole.normal().mul(base, &mut moved);
@@ -260,8 +276,8 @@ pub fn solve_step(
     };
     loop {
         let mut f = force.clone();
-        for (i, s) in model.springs.iter().enumerate() {
-            f[i] += s * v[i];
+        for &(i, s) in model.springs.iter().flat_map(|body| &body.stiffness) {
+            f[i as usize] += s * v[i as usize];
         }
         let problem = whole.with_data(f, gap.clone(), bounds.clone(), scales);
         let failed = |error: DualError| SolveError {
@@ -305,19 +321,12 @@ pub fn solve_step(
             _ => 1.0,
         };
         let mut info = solution.info;
-        let carried: Vec<f64> = model
-            .springs
-            .iter()
-            .enumerate()
-            .map(|(i, s)| s * (solution.u[i] - v[i]))
-            .collect();
-        let weight = norm(&load.force).max(norm(&force));
-        let spring_force = if springs && weight > 0.0 {
-            norm(&carried) / weight
-        } else {
-            0.0
-        };
-        info.kkt.equilibrium += spring_force;
+        let carried = spring_forces(model, &lambda, &solution.u, &v);
+        let spring_force = carried.iter().map(|c| c.relative).fold(0.0, f64::max);
+        let carried_in_all = norm(&carried.iter().map(|c| c.force).collect::<Vec<_>>());
+        if carried_in_all > 0.0 {
+            info.kkt.equilibrium += carried_in_all / norm(&load.force).max(norm(&force));
+        }
         v = solution.u;
         rounds.push(Round {
             round: rounds.len() + 1,
@@ -332,12 +341,22 @@ pub fn solve_step(
         let settled = friction_change <= settings.friction_tolerance
             && spring_force <= spring_limit
             && tolerance <= tight;
+        let falling = |back: usize, part: f64| {
+            let before = rounds.len().checked_sub(back + 1);
+            before.is_none_or(|i| spring_force <= part * rounds[i].spring_force)
+        };
+        let loose: Vec<String> = (model.springs.iter().zip(&carried))
+            .filter(|(_, carried)| carried.relative > spring_limit)
+            .map(|(springs, _)| springs.body.clone())
+            .collect();
         let status = if solution.status != Status::Converged {
             Some(solution.status)
         } else if settled {
             Some(Status::Converged)
         } else if stopped {
             Some(Status::Interrupted)
+        } else if !loose.is_empty() && !falling(LET_GO.0, LET_GO.1) {
+            Some(Status::Stagnated)
         } else if rounds.len() >= settings.max_rounds {
             Some(Status::IterationLimit)
         } else {
@@ -357,6 +376,7 @@ pub fn solve_step(
                 slip,
                 sets: solution.sets,
                 rounds,
+                loose,
             });
         }
         if coulomb {
@@ -409,6 +429,45 @@ fn base(t: &Csr, load: &Load, start: &State) -> Option<Vec<f64>> {
         t.mul_transpose_add(-1.0, &y, &mut base);
     }
     (norm_max(&base) > 0.0).then_some(base)
+}
+
+/// What the springs under a body carry.
+struct Carried {
+    /// ‖S(u − u')‖.
+    force: f64,
+    /// The same over ‖Bᵀλ‖ on the same unknowns; 1 without contact forces.
+    relative: f64,
+}
+
+/// What the springs carry between the displacements `old`, where they are anchored, and `new`.
+fn spring_forces(model: &Model, lambda: &[f64], new: &[f64], old: &[f64]) -> Vec<Carried> {
+    if model.springs.is_empty() {
+        return Vec::new();
+    }
+    let mut contact = vec![0.0; new.len()];
+    let (normal, tangential) = lambda.split_at(model.problem.m());
+    (model.problem.normal()).mul_transpose_add(1.0, normal, &mut contact);
+    (model.problem.tangential()).mul_transpose_add(1.0, tangential, &mut contact);
+    model
+        .springs
+        .iter()
+        .map(|body| {
+            let over = |value: &dyn Fn(usize, f64) -> f64| {
+                let all = body.stiffness.iter();
+                norm(&all.map(|&(i, s)| value(i as usize, s)).collect::<Vec<_>>())
+            };
+            let force = over(&|i, s| s * (new[i] - old[i]));
+            let contact = over(&|i, _| contact[i]);
+            Carried {
+                force,
+                relative: match (force > 0.0, contact > 0.0) {
+                    (false, _) => 0.0,
+                    (true, true) => force / contact,
+                    (true, false) => 1.0,
+                },
+            }
+        })
+        .collect()
 }
 
 /// The given bounds, and μλν where there is a μ.

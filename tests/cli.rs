@@ -558,7 +558,7 @@ fn broken_cases_are_explained_with_their_line() {
         (
             "boundary = \"left\"",
             "boundary = \"left\"\nfactors = [1, 2]",
-            "line 8: factors needs 1 finite numbers",
+            "line 8: factors belong to load steps",
         ),
         (
             "[[contact]]",

@@ -225,7 +225,7 @@ fn bodies_that_only_contact_holds() {
         )
     };
     let squeezed = solve_case_twice(&text("", "y = -0.02"), 1e-8);
-    assert_eq!(squeezed.build.held_by_contact.len(), 1);
+    assert_eq!(squeezed.build.springs.len(), 1);
     let held = squeezed.solution().last();
     assert!(held.spring_force < 1e-7 && held.info.kkt.max() < 1e-6);
     // The plates carry the same force.
@@ -252,7 +252,7 @@ fn bodies_that_only_contact_holds() {
         &text("[[traction]]\nboundary = \"up-top\"\npressure = 3", ""),
         1e-8,
     );
-    assert_eq!(pressed.build.held_by_contact.len(), 2);
+    assert_eq!(pressed.build.springs.len(), 2);
     // Pulled up it has nothing to hold it: no panic, no false success.
     let case = case(&text(
         "[[traction]]\nboundary = \"up-top\"\npressure = -3",
@@ -274,6 +274,37 @@ fn bodies_that_only_contact_holds() {
     )
     .unwrap_or_else(|error| panic!("{error}"));
     assert_ne!(solution.status, Status::Converged);
+    assert!(solution.rounds.len() < 30, "{}", solution.rounds.len());
+    assert!(solution.loose.iter().any(|body| body.contains("\"up\"")));
+}
+
+/// The weight of a soft block rests on the floor, whatever a stiff body beside it is moved by.
+#[test]
+fn springs_are_let_go_of_every_body() {
+    let text = |moved: f64| {
+        format!(
+            "[[mesh.part]]\nname = \"pad\"\nrectangle = {{ size = [0.2, 0.04], cells = [40, 8] }}\n\
+             [[mesh.part]]\nname = \"beam\"\nrectangle = {{ origin = [1, 0], size = [0.2, 0.04], cells = [20, 4] }}\n\
+             [[material]]\nregion = \"pad\"\nyoung = 5e6\npoisson = 0.3\n\
+             [[material]]\nregion = \"beam\"\nyoung = 2.1e11\npoisson = 0.3\n\
+             [[body_force]]\nregion = \"pad\"\ny = -5e5\n\
+             [[support]]\nboundary = \"pad-left\"\nx = 0\n\
+             [[support]]\nboundary = \"beam-left\"\nx = 0\ny = 0\n\
+             [[support]]\nboundary = \"beam-right\"\ny = {moved}\n\
+             [[contact]]\nboundary = \"pad-bottom\"\n\
+             obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}\n"
+        )
+    };
+    for moved in [0.0, 1e-3] {
+        let solved = solve_case_twice(&text(moved), 1e-8);
+        let force: f64 = solved.solution().lambda[..solved.build.problem.m()]
+            .iter()
+            .sum();
+        assert!(
+            (force / 4000.0 - 1.0).abs() < 1e-5,
+            "moved {moved}: {force}"
+        );
+    }
 }
 
 /// The accelerated fixed point and the plain one come to the same.

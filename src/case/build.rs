@@ -12,7 +12,7 @@ use crate::matrix_market::{self, MatrixMarketError};
 use crate::mesh::gmsh::GmshError;
 use crate::mesh::{Mesh, gmsh, structured};
 use crate::problem::{ContactData, ContactProblem, ProblemError, Scales};
-use crate::quasistatic::{Load, Model};
+use crate::quasistatic::{Load, Model, Springs};
 use crate::sparse::{BlockCsr, Csr};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -110,9 +110,7 @@ pub struct Build {
     /// μ of each contact node; 0 where the slip bound is given.
     pub coefficient: Vec<f64>,
     /// Springs that hold what has no supports, in K already; empty where all bodies have supports.
-    pub springs: Vec<f64>,
-    /// The bodies that these springs hold, for a log.
-    pub held_by_contact: Vec<String>,
+    pub springs: Vec<Springs>,
     /// None for an algebraic case.
     pub elastic: Option<Elastic>,
     /// Seconds for the mesh, or the matrices, to be read or made.
@@ -204,7 +202,6 @@ impl Case {
             problem,
             coefficient,
             springs: Vec::new(),
-            held_by_contact: Vec::new(),
             elastic: None,
             mesh_seconds,
             assembly_seconds: start.elapsed().as_secs_f64() - mesh_seconds,
@@ -254,7 +251,7 @@ impl Case {
         let pair_of: Vec<u32> = contact.nodes.iter().map(|c| owner[&c.node]).collect();
         self.count_nodes(&contact, &pair_of, &mut pairs)?;
         let (mut stiffness, load) = assemble(&body, &unknowns, &forces);
-        let springs = springs(&body, &unknowns, &floating, &mut stiffness);
+        let springs = springs(&body, &unknowns, floating, &mut stiffness);
         let n_free = unknowns.n_free();
         let gap = contact.gap(&unknowns);
         let failed = |source| BuildError::Problem {
@@ -278,7 +275,6 @@ impl Case {
             problem,
             coefficient: contact.coefficient.clone(),
             springs,
-            held_by_contact: floating.into_iter().map(|f| f.text).collect(),
             elastic: Some(Elastic {
                 mesh,
                 materials,
@@ -388,6 +384,12 @@ impl Case {
         if let Some([x, y]) = &r.map {
             for place in &mut mesh.nodes {
                 *place = [x.at(*place), y.at(*place)];
+            }
+            let turned = (mesh.elements.iter())
+                .filter(|element| mesh.signed_area(element) < 0.0)
+                .count();
+            if turned != 0 && turned != mesh.elements.len() {
+                return Ok(self.invalid(span, "map folds the rectangle over itself")?);
             }
             mesh = Mesh::new(mesh.nodes, mesh.elements, mesh.regions, mesh.boundaries)
                 .or_else(|error| self.invalid(span, format!("map: {error}")))?;
@@ -563,21 +565,24 @@ impl Case {
         Ok((prescribed, held))
     }
 
-    /// The boundary or point of each `[[support]]`.
+    /// The boundary or point of each `[[support]]`, with the component where it holds one.
     fn support_names(&self) -> Vec<String> {
-        self.tables
-            .support
-            .iter()
-            .map(
-                |table| match (&table.get_ref().boundary, table.get_ref().point) {
-                    (Some(name), _) => name.clone(),
-                    (None, point) => {
-                        let [x, y] = point.unwrap_or_default();
-                        format!("({x}, {y})")
-                    }
-                },
-            )
-            .collect()
+        let name = |table: &toml::Spanned<super::SupportTable>| {
+            let s = table.get_ref();
+            let place = match (&s.boundary, s.point) {
+                (Some(name), _) => name.clone(),
+                (None, point) => {
+                    let [x, y] = point.unwrap_or_default();
+                    format!("({x}, {y})")
+                }
+            };
+            match (&s.x, &s.y) {
+                (Some(_), None) => place + ", x",
+                (None, Some(_)) => place + ", y",
+                _ => place,
+            }
+        };
+        self.tables.support.iter().map(name).collect()
     }
 
     /// The bodies that their supports leave a motion as a whole, which contact has to prevent.
@@ -814,20 +819,19 @@ struct Floating {
 /// in few rounds, stiff enough not to spoil the condition of A.
 const SPRING: f64 = 0.05;
 
-/// Adds springs under all nodes of the floating bodies to K; returns them, one per unknown.
+/// Adds springs under all nodes of the floating bodies to K, and returns them.
 fn springs(
     body: &Body,
     unknowns: &Unknowns,
-    floating: &[Floating],
+    floating: Vec<Floating>,
     stiffness: &mut BlockCsr<2>,
-) -> Vec<f64> {
+) -> Vec<Springs> {
     if floating.is_empty() {
         return Vec::new();
     }
-    let mut springs = vec![0.0; stiffness.n_rows()];
     let mut volumes = vec![[0.0; 2]; body.mesh.nodes.len()];
     body.add_body_force(None, |_, _| [1.0, 0.0], &mut volumes);
-    for one in floating {
+    let hold = |one: Floating| {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for &node in &one.nodes {
             let x = body.mesh.nodes[node as usize];
@@ -838,6 +842,7 @@ fn springs(
         }
         let size = (high[0] - low[0]).hypot(high[1] - low[1]);
         let per_volume = SPRING * body.materials[one.region as usize].young / (size * size);
+        let mut springs = Vec::new();
         for &node in &one.nodes {
             let Some(block) = unknowns.block(node) else {
                 continue;
@@ -849,12 +854,16 @@ fn springs(
                 if unknowns.prescribed(node)[c].is_none() {
                     let spring = per_volume * volumes[node as usize][0];
                     diagonal[c][c] += spring;
-                    springs[2 * block as usize + c] = spring;
+                    springs.push((2 * block + c as u32, spring));
                 }
             }
         }
-    }
-    springs
+        Springs {
+            body: one.text,
+            stiffness: springs,
+        }
+    };
+    floating.into_iter().map(hold).collect()
 }
 
 /// ": did you mean …?", where a name is like a known one.

@@ -72,8 +72,11 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
             };
             say(format_args!("total load    ({x:.6e}, {y:.6e}) N{name}"));
         }
-        for body in &build.held_by_contact {
-            say(format_args!("supports      {body}: only contact holds it"));
+        for springs in &build.springs {
+            say(format_args!(
+                "supports      {}: only contact holds it",
+                springs.body
+            ));
         }
         for pair in &elastic.pairs {
             say(format_args!(
@@ -108,9 +111,9 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
     let factor = (n * (8.0 * n.max(2.0).log2() - 10.0).max(20.0)) * 8.0;
     let matrix = problem.stiffness().n_blocks() as f64 * 36.0;
     say(format_args!(
-        "size          {} unknowns, {} multipliers; about {:.0} MiB for the direct solve",
+        "size          {} unknowns, {} contact nodes; about {:.0} MiB for the direct solve",
         problem.n_free(),
-        2 * problem.m(),
+        problem.m(),
         (factor + 3.0 * matrix) / (1 << 20) as f64 + 20.0
     ));
     super::print(&text);

@@ -5,8 +5,8 @@ use signorini::case::Case;
 use signorini::dual::{Costs, DualOperator as _};
 use signorini::engine::Engine;
 use signorini::output::{
-    EnginePath, Report, Timings, pictures, step_pictures, write_index, write_pictures,
-    write_report, write_solution,
+    ContactReport, EnginePath, Report, Timings, pictures, step_pictures, write_index,
+    write_pictures, write_report, write_solution,
 };
 use signorini::quasistatic::{self, Event, Load, Round, State};
 use signorini::ssnm::{SetSizes, Status, Step};
@@ -47,9 +47,10 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         build.mesh_seconds + build.assembly_seconds,
         build.pairing_seconds
     ));
-    for body in &build.held_by_contact {
+    for springs in &build.springs {
         log.tell(&format!(
-            "{body}: only contact holds it, so weak springs do at first and are then let go"
+            "{}: only contact holds it, so weak springs do at first and are then let go",
+            springs.body
         ));
     }
     log.rounds = build.model().takes_rounds();
@@ -234,7 +235,9 @@ fn describe(status: Status) -> &'static str {
         Status::IterationLimit => {
             "NOT converged: the limit of outer steps (solver.max_iterations) or rounds (solver.max_rounds) is reached"
         }
-        Status::Stagnated => "NOT converged: rounding stops all progress; loosen solver.tolerance",
+        Status::Stagnated => {
+            "NOT converged: no progress any more; loosen solver.tolerance, or try --stiffness cholesky or solver.method=exact"
+        }
         Status::TimeLimit => "NOT converged: the time limit is reached (solver.time_limit)",
         Status::Interrupted => "NOT converged: interrupted",
     }
@@ -249,7 +252,23 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
     } = report.sets;
     let mut text = String::new();
     let contact = report.m - separated;
-    writeln!(text, "{}", describe(report.status)).expect("writing to a string cannot fail");
+    let loose = report.steps.last().map_or(&[][..], |step| &step.loose);
+    if report.status != Status::Converged && !loose.is_empty() {
+        writeln!(
+            text,
+            "NOT converged: contact and friction do not hold every body under this load"
+        )
+        .expect("writing to a string cannot fail");
+        for body in loose {
+            writeln!(
+                text,
+                "  {body}: add a [[support]], friction, or change the load"
+            )
+            .expect("writing to a string cannot fail");
+        }
+    } else {
+        writeln!(text, "{}", describe(report.status)).expect("writing to a string cannot fail");
+    }
     writeln!(
         text,
         "  {} outer steps, {} products with A, err {:.1e} of the first; optimality conditions met to {:.1e}",
@@ -259,41 +278,41 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
         report.kkt.max()
     )
     .expect("writing to a string cannot fail");
-    if let Some(step) = report.steps.last()
-        && step.status == Status::IterationLimit
-        && step.spring_force > 1e-4
-    {
-        writeln!(
-            text,
-            "  the springs that hold bodies without supports still carry {:.1e} of the load: contact and friction \
-             do not hold these bodies, add a [[support]]",
-            step.spring_force
-        )
-        .expect("writing to a string cannot fail");
-    }
     if let Some(step) = report.steps.last().filter(|step| step.rounds > 1) {
         let steps = match report.steps.len() {
             1 => String::new(),
             n => format!(" in the last of {n} load steps"),
         };
-        writeln!(
-            text,
-            "  {} rounds{steps}: slip bounds settled to {:.1e}{}",
-            step.rounds,
-            step.friction_change,
-            if step.spring_force > 0.0 {
-                format!(", springs let go to {:.1e} of the load", step.spring_force)
-            } else {
-                String::new()
-            }
-        )
-        .expect("writing to a string cannot fail");
+        let mut what = Vec::new();
+        if step.coulomb {
+            what.push(format!(
+                "slip bounds settled to {:.1e}",
+                step.friction_change
+            ));
+        }
+        if step.springs {
+            what.push(format!(
+                "springs let go to {:.1e} of the contact forces",
+                step.spring_force
+            ));
+        }
+        writeln!(text, "  {} rounds{steps}: {}", step.rounds, what.join(", "))
+            .expect("writing to a string cannot fail");
     }
+    let (contact, separated, stick, slip) = match report.steps.last() {
+        Some(step) if !step.contacts.is_empty() => {
+            let sum = |of: &dyn Fn(&ContactReport) -> usize| step.contacts.iter().map(of).sum();
+            let (separated, stick, slip): (usize, usize, usize) =
+                (sum(&|c| c.separated), sum(&|c| c.stick), sum(&|c| c.slip));
+            (stick + slip, separated, stick, slip)
+        }
+        // Without geometry the sets are all there is: a separated multiplier sticks or slips as well.
+        _ => (contact, separated, stick, slip_plus + slip_minus),
+    };
     writeln!(
         text,
-        "  {contact} of {} nodes in contact, {separated} separated; {stick} stick, {} slip",
-        report.m,
-        slip_plus + slip_minus
+        "  {contact} of {} nodes in contact, {separated} separated; {stick} stick, {slip} slip",
+        report.m
     )
     .expect("writing to a string cannot fail");
     writeln!(

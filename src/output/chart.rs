@@ -424,8 +424,8 @@ mod tests {
         assert_eq!(scale.ticks(6.0)[1].1, "−0.01");
         let axis = Axis::logarithmic("err", "");
         let scale = Scale::new(&axis, [3e-9, 1.0, 0.0].into_iter(), 0.0, 1.0, 0.0);
-        assert_eq!(scale.ticks(20.0).len(), 10);
-        assert_eq!(scale.ticks(20.0)[0].1, "10⁻⁹");
+        assert_eq!(scale.ticks(20.0).len(), 9);
+        assert_eq!(scale.ticks(20.0)[0].1, "10⁻⁸");
     }
 
     #[test]

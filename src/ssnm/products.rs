@@ -72,6 +72,8 @@ struct Following {
     r: Vec<f64>,
     /// ‖Be‖ / √(eᵀKe) for the last change e of u; 0 before the first.
     gain: f64,
+    /// The largest of these ratios so far.
+    largest_gain: f64,
     /// What r is off by.
     off: f64,
     /// What products may have falsified the carried r by since then.
@@ -112,6 +114,7 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
         self.following = Some(Following {
             r: c,
             gain: 0.0,
+            largest_gain: 0.0,
             off: 0.0,
             drift: 0.0,
         });
@@ -131,6 +134,11 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
     /// Sets the error to reach.
     pub fn aim_at(&mut self, level: f64) {
         self.level = level;
+    }
+
+    /// The error to reach.
+    pub fn level(&self) -> f64 {
+        self.level
     }
 
     /// Sets what a product may falsify r by at an error of `err`.
@@ -267,6 +275,11 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
             .sum();
         if change > 0.0 && moved > 0.0 {
             following.gain = moved.sqrt() / change;
+            following.largest_gain = following.largest_gain.max(following.gain);
+            // Where a soft body touches a stiff one, the ratio depends on which of them has changed.
+            if self.part < RELAXED {
+                following.gain = following.largest_gain;
+            }
         }
         following.off = following.gain * remaining;
         following.r.copy_from_slice(r);
