@@ -206,6 +206,8 @@ const FOLLOWS: f64 = 1e-3;
 const FIRST_TOLERANCE: f64 = 1e-3;
 /// Springs whose force has not fallen to this part of what it was so many rounds ago will not be let go.
 const LET_GO: (usize, f64) = (8, 0.7);
+/// Tolerances with springs, relative to those without.
+const INFLATED: f64 = 0.05;
 /// The part of the friction tolerance that the last problem may be off by.
 const RESOLVED: f64 = 0.1;
 
@@ -232,11 +234,14 @@ pub fn solve_step(
     let whole = model.problem;
     let m = whole.m();
     let (coulomb, springs) = (model.has_coulomb(), !model.springs.is_empty());
-    let tight = if coulomb {
-        (settings.ssnm.tolerance).min(RESOLVED * settings.friction_tolerance)
-    } else {
-        settings.ssnm.tolerance
-    };
+    // err⁰, at zero contact forces, is large where only springs hold a body.
+    let finer = if springs { INFLATED } else { 1.0 };
+    let tight = finer
+        * if coulomb {
+            (settings.ssnm.tolerance).min(RESOLVED * settings.friction_tolerance)
+        } else {
+            settings.ssnm.tolerance
+        };
     let spring_limit = 10.0 * settings.ssnm.tolerance;
 
     let base = base(whole.tangential(), load, start);
@@ -265,19 +270,25 @@ pub fn solve_step(
 
     let mut lambda = start.lambda.clone();
     let mut bounds = coulomb_bounds(model, &lambda);
-    let mut v = vec![0.0; force.len()];
+    // Where the springs are anchored.
+    let mut anchor = vec![0.0; force.len()];
+    let held: Vec<(u32, f64)> = (model.springs.iter().flat_map(|body| &body.stiffness))
+        .copied()
+        .collect();
+    // The forces of springs are spread over a whole body, slip bounds over few nodes.
+    let weight = (held.len() as f64 / m.max(1) as f64).sqrt();
     let mut anderson = Anderson::default();
     let mut rounds: Vec<Round> = Vec::new();
     let mut sigma = settings.ssnm.sigma_max;
-    let mut tolerance = if coulomb {
-        tight.max(FIRST_TOLERANCE)
+    let mut tolerance = if coulomb || springs {
+        tight.max(finer * FIRST_TOLERANCE)
     } else {
         tight
     };
     loop {
         let mut f = force.clone();
-        for &(i, s) in model.springs.iter().flat_map(|body| &body.stiffness) {
-            f[i as usize] += s * v[i as usize];
+        for &(i, s) in &held {
+            f[i as usize] += s * anchor[i as usize];
         }
         let problem = whole.with_data(f, gap.clone(), bounds.clone(), scales);
         let failed = |error: DualError| SolveError {
@@ -321,13 +332,13 @@ pub fn solve_step(
             _ => 1.0,
         };
         let mut info = solution.info;
-        let carried = spring_forces(model, &lambda, &solution.u, &v);
+        let carried = spring_forces(model, &lambda, &solution.u, &anchor);
         let spring_force = carried.iter().map(|c| c.relative).fold(0.0, f64::max);
         let carried_in_all = norm(&carried.iter().map(|c| c.force).collect::<Vec<_>>());
         if carried_in_all > 0.0 {
             info.kkt.equilibrium += carried_in_all / norm(&load.force).max(norm(&force));
         }
-        v = solution.u;
+        let mut v = solution.u;
         rounds.push(Round {
             round: rounds.len() + 1,
             friction_change,
@@ -379,16 +390,28 @@ pub fn solve_step(
                 loose,
             });
         }
-        if coulomb {
-            tolerance = (FOLLOWS * friction_change).clamp(tight, tolerance);
-            if friction_change <= settings.friction_tolerance {
-                tolerance = tight;
-            }
-            bounds = if settings.accelerate {
-                anderson.next(&bounds, &changes)
-            } else {
-                next
-            };
+        let settling = friction_change.max(spring_force);
+        tolerance = (finer * FOLLOWS * settling).clamp(tight, tolerance);
+        if friction_change <= settings.friction_tolerance && spring_force <= spring_limit {
+            tolerance = tight;
+        }
+        if !settings.accelerate {
+            bounds = next;
+            anchor = v;
+            continue;
+        }
+        // The fixed point of both at once; all entries are forces.
+        let mut point = bounds.clone();
+        let mut change = changes;
+        for &(i, s) in &held {
+            let i = i as usize;
+            point.push(weight * s * anchor[i]);
+            change.push(weight * s * (v[i] - anchor[i]));
+        }
+        let point = anderson.next(&point, &change);
+        bounds = point[..m].iter().map(|g| g.max(0.0)).collect();
+        for (&(i, s), force) in held.iter().zip(&point[m..]) {
+            anchor[i as usize] = force / (weight * s);
         }
     }
 }
@@ -497,7 +520,7 @@ struct Anderson {
 }
 
 impl Anderson {
-    /// The next point, not negative, from the present one and its residual.
+    /// The next point from the present one and its residual.
     fn next(&mut self, x: &[f64], r: &[f64]) -> Vec<f64> {
         let size = norm(r);
         let worse = self.best.is_some_and(|best| size > WORSE * best);
@@ -533,7 +556,6 @@ impl Anderson {
                 }
             }
         }
-        next.iter_mut().for_each(|v| *v = v.max(0.0));
         next
     }
 }
