@@ -569,6 +569,12 @@ impl Case {
             if let Some(factors) = factors
                 && (factors.len() != n_steps || !factors.iter().all(|f| f.is_finite()))
             {
+                if t.steps.is_none() {
+                    return self.invalid(
+                        span,
+                        "factors belong to load steps: add [steps] with its own factors",
+                    );
+                }
                 return self.invalid(
                     span,
                     format!(

@@ -72,6 +72,29 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
             };
             say(format_args!("total load    ({x:.6e}, {y:.6e}) N{name}"));
         }
+        for (name, table) in elastic.supports.iter().zip(&tables.support) {
+            let s = table.get_ref();
+            let mut what: Vec<String> = [("x", &s.x), ("y", &s.y)]
+                .iter()
+                .filter_map(|(c, value)| value.as_ref().map(|value| format!("{c} = {value}")))
+                .collect();
+            if s.symmetry {
+                what.push("symmetry".to_owned());
+            }
+            if let Some(factors) = &s.factors {
+                what.push(format!("factors {factors:?}"));
+            }
+            say(format_args!(
+                "support       \"{name}\": {}",
+                what.join(", ")
+            ));
+        }
+        if let Some(steps) = &tables.steps {
+            say(format_args!(
+                "steps         factors {:?}",
+                steps.get_ref().factors
+            ));
+        }
         for springs in &build.springs {
             say(format_args!(
                 "supports      {}: only contact holds it",

@@ -151,7 +151,7 @@ const FACING: f64 = -0.1;
 /// The contact nodes of the boundary `edges` against the boundary `others` of another body (or of the same
 /// one, across a slit): see the module for the method.
 ///
-/// `edges` carry the multipliers: take the side with the finer mesh, or the softer one. Edges point so that
+/// `edges` carry the multipliers: take the side with the coarser mesh where they differ much. Edges point so that
 /// the body lies on their left, as in [`crate::mesh::Mesh::boundaries`].
 ///
 /// # Errors
