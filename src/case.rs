@@ -548,6 +548,21 @@ impl Case {
                 return self.invalid(contact.span(), message);
             }
         }
+        for (i, contact) in t.contact.iter().enumerate() {
+            let c = contact.get_ref();
+            let twice = t.contact[..i].iter().any(|other| {
+                let o = other.get_ref();
+                c.against.is_some()
+                    && (c.against.as_ref() == Some(&o.boundary))
+                    && (o.against.as_ref() == Some(&c.boundary))
+            });
+            if twice {
+                return self.invalid(
+                    contact.span(),
+                    "this contact stands above with its boundaries the other way round: name each pair once",
+                );
+            }
+        }
         if let Some(steps) = &t.steps {
             let factors = &steps.get_ref().factors;
             if factors.is_empty() || !factors.iter().all(|f| f.is_finite()) {
@@ -764,6 +779,8 @@ fn set(document: &mut toml_edit::DocumentMut, setting: &str) -> Result<(), Strin
         .pop()
         .filter(|k| !k.is_empty())
         .ok_or("the key is empty")?;
+    const CHOICES: [&str; 2] = ["friction", "obstacle"];
+    let parent = parts.last().copied().unwrap_or("");
     let mut item = document.as_item_mut();
     for part in parts {
         item = match part.parse::<usize>() {
@@ -793,6 +810,13 @@ fn set(document: &mut toml_edit::DocumentMut, setting: &str) -> Result<(), Strin
     let table = item
         .as_table_like_mut()
         .ok_or_else(|| format!("\"{last}\" would lie in something that is no table"))?;
+    // Of these only one entry can stand: a new one replaces what was there.
+    if CHOICES.contains(&parent) {
+        let others: Vec<String> = table.iter().map(|(key, _)| key.to_owned()).collect();
+        others.iter().filter(|key| *key != last).for_each(|key| {
+            table.remove(key);
+        });
+    }
     table.insert(last, toml_edit::Item::Value(value));
     Ok(())
 }

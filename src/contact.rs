@@ -142,6 +142,10 @@ pub enum ContactError {
     #[error("the node at ({x:.6e}, {y:.6e}) belongs to both boundaries of the contact")]
     Shared { x: f64, y: f64 },
     #[error(
+        "no part of it faces the obstacle: the normal of a half-plane points out of the obstacle, towards the body"
+    )]
+    FacesAway,
+    #[error(
         "the node at ({x:.6e}, {y:.6e}) lies at the centre of the circle, so its normal is undefined"
     )]
     NoNormal { x: f64, y: f64 },
@@ -194,6 +198,16 @@ pub fn obstacle_contact(
     let mut nodes: Vec<u32> = edges.iter().flatten().copied().collect();
     nodes.sort_unstable();
     nodes.dedup();
+    let faces = |&edge: &[u32; 2]| {
+        let (_, outward) = mesh.edge_normal(edge);
+        let [p, q] = edge.map(|node| mesh.nodes[node as usize]);
+        let (_, towards) = obstacle.distance([0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1])]);
+        // An undefined direction is an error of its own below.
+        !(outward[0] * towards[0] + outward[1] * towards[1] <= 0.0)
+    };
+    if !edges.iter().any(faces) {
+        return Err(ContactError::FacesAway);
+    }
     let mut area = vec![0.0; mesh.nodes.len()];
     let mut bound = area.clone();
     body.integrate_on_boundary(edges, &|_| 1.0, &mut area);

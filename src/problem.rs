@@ -291,11 +291,16 @@ impl ContactProblem {
         }
     }
 
-    /// ‖u‖∞ and ‖u‖ of a displacement, not below the scales of the problem.
+    /// ‖u‖∞ and ‖u‖ of a displacement, not below the scales of the problem, nor below what the loads would do
+    /// to each node by itself: where contact bears them at once, u is nothing but rounding.
     pub(crate) fn sizes(&self, u: &[f64]) -> (f64, f64) {
+        let alone: Vec<f64> = (self.load.iter())
+            .zip(self.stiffness.diagonal())
+            .map(|(f, k)| f / k)
+            .collect();
         (
-            norm_max(u).max(self.scales.u_max),
-            norm(u).max(self.scales.u),
+            norm_max(u).max(self.scales.u_max).max(norm_max(&alone)),
+            norm(u).max(self.scales.u).max(norm(&alone)),
         )
     }
 

@@ -38,6 +38,8 @@ pub struct Springs {
     pub body: String,
     /// Unknowns with the stiffness of their springs.
     pub stiffness: Vec<(u32, f64)>,
+    /// Whether no support holds it in x, and in y.
+    pub translates: [bool; 2],
 }
 
 impl<'a> Model<'a> {
@@ -92,6 +94,8 @@ pub struct State {
     pub lambda: Vec<f64>,
     /// [`Load::slide`] there.
     pub slide: Vec<f64>,
+    /// The largest err⁰ on the way there ([`Info::first_error`]).
+    pub first_error: f64,
 }
 
 impl State {
@@ -101,6 +105,7 @@ impl State {
             u: vec![0.0; problem.stiffness().n_rows()],
             lambda: vec![0.0; 2 * problem.m()],
             slide: vec![0.0; problem.m()],
+            first_error: 0.0,
         }
     }
 }
@@ -170,6 +175,8 @@ pub struct StepSolution {
     pub sets: Sets,
     /// The rounds; their last one has the optimality conditions at the end.
     pub rounds: Vec<Round>,
+    /// The largest err⁰ so far, earlier steps included.
+    pub first_error: f64,
     /// The bodies whose springs could not be let go ([`Springs::body`]).
     pub loose: Vec<String>,
 }
@@ -181,6 +188,7 @@ impl StepSolution {
             u: self.u.clone(),
             lambda: self.lambda.clone(),
             slide: load.slide.clone(),
+            first_error: self.first_error,
         }
     }
 
@@ -205,9 +213,14 @@ const FOLLOWS: f64 = 1e-3;
 /// The same of the first rounds.
 const FIRST_TOLERANCE: f64 = 1e-3;
 /// Springs whose force has not fallen to this part of what it was so many rounds ago will not be let go.
-const LET_GO: (usize, f64) = (8, 0.7);
+const LET_GO: (usize, f64) = (16, 0.7);
+/// A body without contact moves twice as far in each round, so that it gets across any gap; after so many rounds
+/// there is nothing in its way.
+const FLIGHTS: usize = 40;
 /// Tolerances with springs, relative to those without.
 const INFLATED: f64 = 0.05;
+/// err⁰ counts as this part of the largest so far at least: where a load goes back to zero it says nothing.
+const LEAST_ERROR: f64 = 1e-3;
 /// The part of the friction tolerance that the last problem may be off by.
 const RESOLVED: f64 = 0.1;
 
@@ -250,6 +263,7 @@ pub fn solve_step(
     if let Some(base) = &base {
         let mut pull = vec![0.0; base.len()];
         whole.stiffness().mul(base, &mut pull);
+        let load_before = norm(&pull);
         for (force, pull) in force.iter_mut().zip(pull) {
             *force -= pull;
         }
@@ -264,7 +278,7 @@ pub fn solve_step(
         scales = Scales {
             u_max: norm_max(base),
             u: norm(base),
-            load: norm(&load.force),
+            load: norm(&load.force).max(load_before),
         };
     }
 
@@ -272,12 +286,15 @@ pub fn solve_step(
     let mut bounds = coulomb_bounds(model, &lambda);
     // Where the springs are anchored.
     let mut anchor = vec![0.0; force.len()];
-    let held: Vec<(u32, f64)> = (model.springs.iter().flat_map(|body| &body.stiffness))
+    let held_unknowns: Vec<(u32, f64)> = (model.springs.iter().flat_map(|body| &body.stiffness))
         .copied()
         .collect();
     // The forces of springs are spread over a whole body, slip bounds over few nodes.
-    let weight = (held.len() as f64 / m.max(1) as f64).sqrt();
+    let weight = (held_unknowns.len() as f64 / m.max(1) as f64).sqrt();
     let mut anderson = Anderson::default();
+    let mut flights = 0;
+    // The round since which no body has flown.
+    let mut settled_from = 0;
     let mut rounds: Vec<Round> = Vec::new();
     let mut sigma = settings.ssnm.sigma_max;
     let mut tolerance = if coulomb || springs {
@@ -287,7 +304,7 @@ pub fn solve_step(
     };
     loop {
         let mut f = force.clone();
-        for &(i, s) in &held {
+        for &(i, s) in &held_unknowns {
             f[i as usize] += s * anchor[i as usize];
         }
         let problem = whole.with_data(f, gap.clone(), bounds.clone(), scales);
@@ -306,6 +323,7 @@ pub fn solve_step(
                 tolerance,
                 initial: Some(&lambda),
                 sigma_max: sigma,
+                least_error: LEAST_ERROR * start.first_error,
                 time_limit: (settings.ssnm.time_limit)
                     .map(|limit| limit.saturating_sub(begin.elapsed())),
                 ..settings.ssnm
@@ -332,11 +350,14 @@ pub fn solve_step(
             _ => 1.0,
         };
         let mut info = solution.info;
-        let carried = spring_forces(model, &lambda, &solution.u, &anchor);
+        let carried = spring_forces(model, [&lambda, &start.lambda], &solution.u, &anchor);
+        let flies = carried.iter().any(|c| c.free && c.relative > spring_limit);
+        flights = if flies { flights + 1 } else { 0 };
         let spring_force = carried.iter().map(|c| c.relative).fold(0.0, f64::max);
         let carried_in_all = norm(&carried.iter().map(|c| c.force).collect::<Vec<_>>());
         if carried_in_all > 0.0 {
-            info.kkt.equilibrium += carried_in_all / norm(&load.force).max(norm(&force));
+            let size = norm(&load.force).max(norm(&force)).max(scales.load);
+            info.kkt.equilibrium += carried_in_all / size;
         }
         let mut v = solution.u;
         rounds.push(Round {
@@ -356,17 +377,23 @@ pub fn solve_step(
             let before = rounds.len().checked_sub(back + 1);
             before.is_none_or(|i| spring_force <= part * rounds[i].spring_force)
         };
-        let loose: Vec<String> = (model.springs.iter().zip(&carried))
-            .filter(|(_, carried)| carried.relative > spring_limit)
-            .map(|(springs, _)| springs.body.clone())
-            .collect();
+        let held = if flies {
+            flights < FLIGHTS
+        } else {
+            rounds.len() < settled_from + LET_GO.0 || falling(LET_GO.0, LET_GO.1)
+        };
+        let mut loose = Vec::new();
         let status = if solution.status != Status::Converged {
             Some(solution.status)
         } else if settled {
             Some(Status::Converged)
         } else if stopped {
             Some(Status::Interrupted)
-        } else if !loose.is_empty() && !falling(LET_GO.0, LET_GO.1) {
+        } else if spring_force > spring_limit && !held {
+            loose = (model.springs.iter().zip(&carried))
+                .filter(|(_, carried)| carried.relative > spring_limit)
+                .map(|(springs, _)| springs.body.clone())
+                .collect();
             Some(Status::Stagnated)
         } else if rounds.len() >= settings.max_rounds {
             Some(Status::IterationLimit)
@@ -386,6 +413,8 @@ pub fn solve_step(
                 slip_bound: bounds,
                 slip,
                 sets: solution.sets,
+                first_error: (start.first_error)
+                    .max(rounds.last().map_or(0.0, |round| round.info.first_error)),
                 rounds,
                 loose,
             });
@@ -400,17 +429,24 @@ pub fn solve_step(
             anchor = v;
             continue;
         }
+        if flies {
+            fly(model, &carried, 2f64.powi(flights as i32), &v, &mut anchor);
+            bounds = next;
+            anderson = Anderson::default();
+            settled_from = rounds.len();
+            continue;
+        }
         // The fixed point of both at once; all entries are forces.
         let mut point = bounds.clone();
         let mut change = changes;
-        for &(i, s) in &held {
+        for &(i, s) in &held_unknowns {
             let i = i as usize;
             point.push(weight * s * anchor[i]);
             change.push(weight * s * (v[i] - anchor[i]));
         }
         let point = anderson.next(&point, &change);
         bounds = point[..m].iter().map(|g| g.max(0.0)).collect();
-        for (&(i, s), force) in held.iter().zip(&point[m..]) {
+        for (&(i, s), force) in held_unknowns.iter().zip(&point[m..]) {
             anchor[i as usize] = force / (weight * s);
         }
     }
@@ -458,19 +494,50 @@ fn base(t: &Csr, load: &Load, start: &State) -> Option<Vec<f64>> {
 struct Carried {
     /// ‖S(u − u')‖.
     force: f64,
-    /// The same over ‖Bᵀλ‖ on the same unknowns; 1 without contact forces.
+    /// The same over ‖Bᵀλ‖ on the same unknowns, now or before the step; 1 without contact forces.
     relative: f64,
+    /// No contact forces.
+    free: bool,
+}
+
+/// Anchors the springs at `v`; those of bodies without contact go on by `far` times their mean motion, so that
+/// such a body comes across a gap without being stretched.
+fn fly(model: &Model, carried: &[Carried], far: f64, v: &[f64], anchor: &mut [f64]) {
+    for (body, carried) in model.springs.iter().zip(carried) {
+        let (mut moved, mut weight) = ([0.0; 2], [0.0; 2]);
+        for &(i, s) in &body.stiffness {
+            let (i, c) = (i as usize, i as usize % 2);
+            moved[c] += s * (v[i] - anchor[i]);
+            weight[c] += s;
+        }
+        for &(i, _) in &body.stiffness {
+            let (i, c) = (i as usize, i as usize % 2);
+            anchor[i] = v[i];
+            if carried.free && body.translates[c] && weight[c] > 0.0 {
+                anchor[i] += far * moved[c] / weight[c];
+            }
+        }
+    }
 }
 
 /// What the springs carry between the displacements `old`, where they are anchored, and `new`.
-fn spring_forces(model: &Model, lambda: &[f64], new: &[f64], old: &[f64]) -> Vec<Carried> {
+fn spring_forces(
+    model: &Model,
+    [now, before]: [&[f64]; 2],
+    new: &[f64],
+    old: &[f64],
+) -> Vec<Carried> {
     if model.springs.is_empty() {
         return Vec::new();
     }
-    let mut contact = vec![0.0; new.len()];
-    let (normal, tangential) = lambda.split_at(model.problem.m());
-    (model.problem.normal()).mul_transpose_add(1.0, normal, &mut contact);
-    (model.problem.tangential()).mul_transpose_add(1.0, tangential, &mut contact);
+    let contact = |lambda: &[f64]| {
+        let mut forces = vec![0.0; new.len()];
+        let (normal, tangential) = lambda.split_at(model.problem.m());
+        (model.problem.normal()).mul_transpose_add(1.0, normal, &mut forces);
+        (model.problem.tangential()).mul_transpose_add(1.0, tangential, &mut forces);
+        forces
+    };
+    let (now, before) = (contact(now), contact(before));
     model
         .springs
         .iter()
@@ -480,9 +547,11 @@ fn spring_forces(model: &Model, lambda: &[f64], new: &[f64], old: &[f64]) -> Vec
                 norm(&all.map(|&(i, s)| value(i as usize, s)).collect::<Vec<_>>())
             };
             let force = over(&|i, s| s * (new[i] - old[i]));
-            let contact = over(&|i, _| contact[i]);
+            let (now, before) = (over(&|i, _| now[i]), over(&|i, _| before[i]));
+            let contact = now.max(before);
             Carried {
                 force,
+                free: now == 0.0,
                 relative: match (force > 0.0, contact > 0.0) {
                     (false, _) => 0.0,
                     (true, true) => force / contact,

@@ -71,6 +71,8 @@ pub struct Settings<'a> {
     pub initial: Option<&'a [f64]>,
     /// σ_max as an earlier solve with the same A has found it ([`Info::sigma_max`]); estimated if None.
     pub sigma_max: Option<f64>,
+    /// err⁰ counts as this at least; 0 where nothing is known of what errors are small.
+    pub least_error: f64,
     /// Set from outside to stop at the next product with A.
     pub interrupt: Option<&'a AtomicBool>,
 }
@@ -87,6 +89,7 @@ impl Default for Settings<'_> {
             time_limit: None,
             initial: None,
             sigma_max: None,
+            least_error: 0.0,
             interrupt: None,
         }
     }
@@ -165,6 +168,8 @@ pub struct Info {
     pub rho: f64,
     /// The estimate of σ_max.
     pub sigma_max: f64,
+    /// err⁰, not relative to anything.
+    pub first_error: f64,
     /// err / err⁰ at the end.
     pub err_relative: f64,
     /// The optimality conditions at the end.
@@ -268,7 +273,8 @@ pub fn solve(
     };
     let mut point = newton.origin();
     // err⁰ at λ = 0 even for a warm start: a good start must not make the same tolerance harder.
-    let err0 = newton.error(&point);
+    let first_error = newton.error(&point);
+    let err0 = first_error.max(settings.least_error);
     let level = settings.tolerance.min(if exact { EXACT } else { 1.0 });
     newton.products.aim_at(level * err0);
     newton.products.allow(err0);
@@ -317,6 +323,7 @@ pub fn solve(
         n_a_sigma,
         rho: newton.rho,
         sigma_max: newton.products.sigma,
+        first_error,
         err_relative: if err0 > 0.0 {
             newton.error(&point) / err0
         } else {

@@ -514,6 +514,11 @@ fn broken_cases_are_explained_with_their_line() {
         ),
         ("tresca = 10", "tresca = -10", "must be a finite number ≥ 0"),
         (
+            "normal = [0, 1]",
+            "normal = [0, -1]",
+            "no part of it faces the obstacle",
+        ),
+        (
             "tresca = 10",
             "coulomb = -0.3",
             "the coefficient of friction is -0.3",

@@ -274,7 +274,7 @@ fn bodies_that_only_contact_holds() {
     )
     .unwrap_or_else(|error| panic!("{error}"));
     assert_ne!(solution.status, Status::Converged);
-    assert!(solution.rounds.len() < 30, "{}", solution.rounds.len());
+    assert!(solution.rounds.len() < 60, "{}", solution.rounds.len());
     assert!(solution.loose.iter().any(|body| body.contains("\"up\"")));
 }
 
@@ -358,4 +358,38 @@ fn acceleration_changes_the_way_not_the_end() {
         fast.rounds.len()
     );
     assert!(fast.rounds.len() < plain.rounds.len());
+}
+
+/// A body comes down on the floor across any gap, a step may take all load away again, and what contact bears
+/// at once, with no displacement at all, counts as solved.
+#[test]
+fn gaps_are_crossed_and_loads_taken_away() {
+    let text = |gap: f64, moved: f64, factors: &str| {
+        format!(
+            "[mesh.rectangle]\norigin = [0, {gap}]\nsize = [1, 1]\ncells = [6, 6]\n\
+             [[material]]\nyoung = 2e11\npoisson = 0.3\n[[support]]\nboundary = \"left\"\nx = {moved}\n\
+             [[traction]]\nboundary = \"top\"\ny = -1e4\n\
+             [[contact]]\nboundary = \"bottom\"\nfriction = {{ coulomb = 0.2 }}\n\
+             obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}\n[steps]\nfactors = {factors}\n"
+        )
+    };
+    for (gap, moved) in [(1e-3, 1e-6), (0.1, 0.0), (0.0, 0.0)] {
+        let solved = solve_case_twice(&text(gap, moved, "[1]"), 1e-7);
+        let m = solved.build.problem.m();
+        let force: f64 = solved.solution().lambda[..m].iter().sum();
+        assert!((force / 1e4 - 1.0).abs() < 1e-4, "gap {gap}: {force}");
+    }
+    let empty = solve_case(&text(0.0, 0.0, "[0.5, 1, 0]"), 1e-7);
+    let m = empty.build.problem.m();
+    let force: f64 = empty.solution().lambda[..m].iter().sum();
+    assert!(force < 1.0, "{force}");
+    let still = "[mesh.rectangle]\nsize = [2, 1]\ncells = [1, 1]\n[[material]]\nyoung = 1e9\npoisson = 0.3\n\
+        [[support]]\nboundary = \"top\"\nx = 0\ny = 0\n[[traction]]\nboundary = \"right\"\ny = -1e6\n\
+        [[contact]]\nboundary = \"bottom\"\nfriction = { tresca = 1e5 }\n\
+        obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
+    let solved = solve_case(still, 1e-6);
+    let force: f64 = solved.solution().lambda[..solved.build.problem.m()]
+        .iter()
+        .sum();
+    assert!((force / 5e5 - 1.0).abs() < 1e-6, "{force}");
 }

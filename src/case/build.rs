@@ -657,6 +657,7 @@ impl Case {
                     .filter(|&node| body[node as usize] == b as u32)
                     .collect(),
                 region: element.region,
+                translates: [!holds(0), !holds(1)],
                 text,
             });
         }
@@ -811,6 +812,7 @@ impl Case {
 struct Floating {
     nodes: Vec<u32>,
     region: u32,
+    translates: [bool; 2],
     /// What it is and which motion.
     text: String,
 }
@@ -861,6 +863,7 @@ fn springs(
         Springs {
             body: one.text,
             stiffness: springs,
+            translates: one.translates,
         }
     };
     floating.into_iter().map(hold).collect()

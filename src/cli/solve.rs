@@ -40,6 +40,9 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     });
 
     let build = case.build().map_err(|e| e.to_string())?;
+    // Not after an hour.
+    std::fs::create_dir_all(&output)
+        .map_err(|e| format!("cannot write to the directory {}: {e}", output.display()))?;
     log.say(format_args!(
         "n = {}, m = {}: assembled in {:.3} s, of which the contacts {:.4} s",
         build.problem.n_free(),
@@ -236,7 +239,7 @@ fn describe(status: Status) -> &'static str {
             "NOT converged: the limit of outer steps (solver.max_iterations) or rounds (solver.max_rounds) is reached"
         }
         Status::Stagnated => {
-            "NOT converged: no progress any more; loosen solver.tolerance, or try --stiffness cholesky or solver.method=exact"
+            "NOT converged: no progress any more; loosen solver.tolerance or, where PCG is used, try --stiffness cholesky"
         }
         Status::TimeLimit => "NOT converged: the time limit is reached (solver.time_limit)",
         Status::Interrupted => "NOT converged: interrupted",
