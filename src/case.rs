@@ -93,7 +93,7 @@ pub struct PartTable {
     /// A structured rectangle.
     pub rectangle: Option<RectangleTable>,
     /// Where its origin is moved to, after scaling.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "two")]
     pub shift: [f64; 2],
 }
 
@@ -102,16 +102,19 @@ pub struct PartTable {
 #[serde(deny_unknown_fields)]
 pub struct RectangleTable {
     /// The lower left corner.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "two")]
     pub origin: [f64; 2],
     /// Width and height.
+    #[serde(deserialize_with = "two")]
     pub size: [f64; 2],
     /// Cells across and up.
+    #[serde(deserialize_with = "two")]
     pub cells: [usize; 2],
     /// `quad` or `triangle`.
     #[serde(default)]
     pub shape: CellShape,
     /// Where the point (x, y) of the rectangle goes: bends it, or grades its mesh.
+    #[serde(default, deserialize_with = "two_or_none")]
     pub map: Option<[Quantity; 2]>,
 }
 
@@ -126,6 +129,7 @@ pub struct AnalysisTable {
     #[serde(default = "one")]
     pub thickness: Spanned<f64>,
     /// Acceleration in m/s², for materials with a density.
+    #[serde(default, deserialize_with = "two_or_none")]
     pub gravity: Option<[f64; 2]>,
 }
 
@@ -165,6 +169,7 @@ pub struct SupportTable {
     /// A boundary, or
     pub boundary: Option<String>,
     /// the node nearest to a point.
+    #[serde(default, deserialize_with = "two_or_none")]
     pub point: Option<[f64; 2]>,
     /// u_x in m; free if left out.
     pub x: Option<Quantity>,
@@ -239,9 +244,33 @@ pub struct ContactTable {
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum ObstacleTable {
     /// `{ half_plane = { point = […], normal = […] } }`; the normal points out of the obstacle.
-    HalfPlane { point: [f64; 2], normal: [f64; 2] },
+    HalfPlane {
+        #[serde(deserialize_with = "two")]
+        point: [f64; 2],
+        #[serde(deserialize_with = "two")]
+        normal: [f64; 2],
+    },
     /// `{ circle = { center = […], radius = … } }`.
-    Circle { center: [f64; 2], radius: f64 },
+    Circle {
+        #[serde(deserialize_with = "two")]
+        center: [f64; 2],
+        radius: f64,
+    },
+}
+
+/// Exactly two entries: arrays of serde take the first two of more.
+fn two<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<[T; 2], D::Error> {
+    let entries = Vec::<T>::deserialize(from)?;
+    <[T; 2]>::try_from(entries).map_err(|entries| {
+        serde::de::Error::custom(format!("expected 2 entries, found {}", entries.len()))
+    })
+}
+
+/// As [`two`], for an entry that may be left out.
+fn two_or_none<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(
+    from: D,
+) -> Result<Option<[T; 2]>, D::Error> {
+    two(from).map(Some)
 }
 
 /// The friction law.

@@ -515,6 +515,16 @@ fn broken_cases_are_explained_with_their_line() {
         ("tresca = 10", "tresca = -10", "must be a finite number ≥ 0"),
         (
             "normal = [0, 1]",
+            "normal = [0, 1, 0]",
+            "expected 2 entries, found 3",
+        ),
+        (
+            "cells = [4, 2]",
+            "cells = [4, 2, 7]",
+            "expected 2 entries, found 3",
+        ),
+        (
+            "normal = [0, 1]",
             "normal = [0, -1]",
             "no part of it faces the obstacle",
         ),
