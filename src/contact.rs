@@ -51,6 +51,20 @@ pub enum Friction<'a> {
     Coulomb(Field<'a>),
 }
 
+impl Friction<'_> {
+    /// The slip bound of a node at x, whose share of a Tresca bound is `force`.
+    fn at(&self, x: [f64; 2], force: f64) -> Result<SlipBound, ContactError> {
+        Ok(match self {
+            Self::None => SlipBound::Given(0.0),
+            Self::Tresca(tresca) => {
+                checked("Tresca bound", x, tresca(x))?;
+                SlipBound::Given(checked("Tresca bound", x, force)?)
+            }
+            Self::Coulomb(mu) => SlipBound::Coulomb(checked("coefficient of friction", x, mu(x))?),
+        })
+    }
+}
+
 /// How the slip bound of a contact node comes about.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SlipBound {
@@ -230,16 +244,7 @@ pub fn obstacle_contact(
             } else if gap < 0.0 {
                 return Err(ContactError::Overlap { x, y, depth: -gap });
             }
-            let slip_bound = match options.friction {
-                Friction::None => SlipBound::Given(0.0),
-                Friction::Tresca(tresca) => {
-                    checked("Tresca bound", place, tresca(place))?;
-                    SlipBound::Given(checked("Tresca bound", place, bound[i])?)
-                }
-                Friction::Coulomb(mu) => {
-                    SlipBound::Coulomb(checked("coefficient of friction", place, mu(place))?)
-                }
-            };
+            let slip_bound = options.friction.at(place, bound[i])?;
             Ok(ContactNode {
                 node,
                 partners: Vec::new(),

@@ -159,7 +159,7 @@
 //!         &case.settings(),
 //!         |_| ControlFlow::Continue(()),
 //!     )?;
-//!     let fields = ContactFields::new(&build, build.elastic.as_ref().unwrap(), &data, &solution);
+//!     let fields = ContactFields::new(&build, build.elastic.as_ref().expect("an elastic case"), &data, &solution);
 //!     let highest = fields.pressure.iter().copied().fold(0.0, f64::max);
 //!     assert!(highest > 4e7 && highest < 4.5e7);
 //!     state = solution.state(&data.load);

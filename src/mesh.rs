@@ -255,16 +255,20 @@ impl Mesh {
 
     /// Smallest and largest corner of the box around the mesh.
     pub fn bounding_box(&self) -> ([f64; 2], [f64; 2]) {
-        let mut low = [f64::INFINITY; 2];
-        let mut high = [f64::NEG_INFINITY; 2];
-        for x in &self.nodes {
-            for c in 0..2 {
-                low[c] = low[c].min(x[c]);
-                high[c] = high[c].max(x[c]);
-            }
-        }
-        (low, high)
+        bounds(self.nodes.iter().copied())
     }
+}
+
+/// Smallest and largest corner of the box around some points.
+pub(crate) fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> ([f64; 2], [f64; 2]) {
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for x in points {
+        for c in 0..2 {
+            low[c] = low[c].min(x[c]);
+            high[c] = high[c].max(x[c]);
+        }
+    }
+    (low, high)
 }
 
 /// Turns a clockwise element around and rejects one without area or with a reflex corner.

@@ -257,6 +257,9 @@ pub fn solve_step(
         };
     let spring_limit = 10.0 * settings.ssnm.tolerance;
 
+    let held_unknowns: Vec<(u32, f64)> = (model.springs.iter().flat_map(|body| &body.stiffness))
+        .copied()
+        .collect();
     let base = base(whole.tangential(), load, start);
     let (mut force, mut gap) = (load.force.clone(), load.gap.clone());
     let mut scales = Scales::default();
@@ -267,7 +270,7 @@ pub fn solve_step(
         for (force, pull) in force.iter_mut().zip(pull) {
             *force -= pull;
         }
-        for &(i, s) in model.springs.iter().flat_map(|body| &body.stiffness) {
+        for &(i, s) in &held_unknowns {
             force[i as usize] += s * base[i as usize];
         }
         let mut moved = vec![0.0; m];
@@ -286,9 +289,6 @@ pub fn solve_step(
     let mut bounds = coulomb_bounds(model, &lambda);
     // Where the springs are anchored.
     let mut anchor = vec![0.0; force.len()];
-    let held_unknowns: Vec<(u32, f64)> = (model.springs.iter().flat_map(|body| &body.stiffness))
-        .copied()
-        .collect();
     // The forces of springs are spread over a whole body, slip bounds over few nodes.
     let weight = (held_unknowns.len() as f64 / m.max(1) as f64).sqrt();
     let mut anderson = Anderson::default();

@@ -10,7 +10,7 @@ use crate::contact::{
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble, load_vector};
 use crate::matrix_market::{self, MatrixMarketError};
 use crate::mesh::gmsh::GmshError;
-use crate::mesh::{Mesh, gmsh, structured};
+use crate::mesh::{Mesh, bounds, gmsh, structured};
 use crate::problem::{ContactData, ContactProblem, ProblemError, Scales};
 use crate::quasistatic::{Load, Model, Springs};
 use crate::sparse::{BlockCsr, Csr};
@@ -374,12 +374,11 @@ impl Case {
         scale: Option<f64>,
         rectangle: &Option<RectangleTable>,
     ) -> Result<Mesh, BuildError> {
-        let (file, r) = match (file, rectangle) {
+        let r = match (file, rectangle) {
             (Some(file), _) => return Ok(gmsh::read(&self.beside(file), scale.unwrap_or(1.0))?),
-            (None, Some(rectangle)) => (file, rectangle),
+            (None, Some(rectangle)) => rectangle,
             (None, None) => unreachable!("checked when it was read"),
         };
-        debug_assert!(file.is_none());
         let mut mesh = structured::rectangle(r.origin, r.size, r.cells, r.shape, "body", "");
         if let Some([x, y]) = &r.map {
             for place in &mut mesh.nodes {
@@ -834,14 +833,8 @@ fn springs(
     let mut volumes = vec![[0.0; 2]; body.mesh.nodes.len()];
     body.add_body_force(None, |_, _| [1.0, 0.0], &mut volumes);
     let hold = |one: Floating| {
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for &node in &one.nodes {
-            let x = body.mesh.nodes[node as usize];
-            for c in 0..2 {
-                low[c] = low[c].min(x[c]);
-                high[c] = high[c].max(x[c]);
-            }
-        }
+        let places = one.nodes.iter().map(|&node| body.mesh.nodes[node as usize]);
+        let (low, high) = bounds(places);
         let size = (high[0] - low[0]).hypot(high[1] - low[1]);
         let per_volume = SPRING * body.materials[one.region as usize].young / (size * size);
         let mut springs = Vec::new();

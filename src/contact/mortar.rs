@@ -14,8 +14,9 @@
 //! along the field of averaged normals of the first boundary. Where an edge is covered in part, its ψ are
 //! biorthogonal on that part (Cichosz and Bischoff 2011).
 
-use super::{ContactError, ContactNode, Friction, PairOptions, SlipBound, checked, rounding};
+use super::{ContactError, ContactNode, Friction, PairOptions, checked, rounding};
 use crate::elasticity::{Body, edge_points};
+use crate::mesh::bounds;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -47,17 +48,8 @@ struct Bounds {
 
 impl Bounds {
     fn around(points: impl IntoIterator<Item = Point>) -> Self {
-        let mut bounds = Self {
-            low: [f64::INFINITY; 2],
-            high: [f64::NEG_INFINITY; 2],
-        };
-        for x in points {
-            for c in 0..2 {
-                bounds.low[c] = bounds.low[c].min(x[c]);
-                bounds.high[c] = bounds.high[c].max(x[c]);
-            }
-        }
-        bounds
+        let (low, high) = bounds(points);
+        Self { low, high }
     }
 
     fn diagonal(&self) -> f64 {
@@ -281,16 +273,7 @@ pub fn mortar_contact(
             continue;
         }
         let x = place(node);
-        let slip_bound = match options.friction {
-            Friction::None => SlipBound::Given(0.0),
-            Friction::Tresca(tresca) => {
-                checked("Tresca bound", x, tresca(x))?;
-                SlipBound::Given(checked("Tresca bound", x, sum.bound)?)
-            }
-            Friction::Coulomb(mu) => {
-                SlipBound::Coulomb(checked("coefficient of friction", x, mu(x))?)
-            }
-        };
+        let slip_bound = options.friction.at(x, sum.bound)?;
         // ν lies between the normals of both sides, so that it does not matter which of them is named first.
         let own = normals[&node];
         let normal: Point = std::array::from_fn(|c| own[c] - sum.facing[c] / sum.area);

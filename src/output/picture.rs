@@ -4,7 +4,7 @@ use super::chart::{STYLE, colour, escape, nice};
 use super::{ContactFields, StepFields};
 use crate::case::Elastic;
 use crate::contact::Obstacle;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, bounds};
 use base64::Engine as _;
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -186,13 +186,7 @@ pub(super) fn svg(
         .zip(&fields.displacement)
         .map(|(x, u)| [x[0] + magnified * u[0], x[1] + magnified * u[1]])
         .collect();
-    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for x in mesh.nodes.iter().chain(&moved) {
-        for c in 0..2 {
-            low[c] = low[c].min(x[c]);
-            high[c] = high[c].max(x[c]);
-        }
-    }
+    let (low, high) = bounds(mesh.nodes.iter().chain(&moved).copied());
     let unit = (FIELD_WIDTH / (high[0] - low[0])).min(FIELD_HEIGHT / (high[1] - low[1]));
     let size = [unit * (high[0] - low[0]), unit * (high[1] - low[1])];
     let place = |x: [f64; 2]| [unit * (x[0] - low[0]), unit * (high[1] - x[1])];
