@@ -30,8 +30,11 @@ pub struct Progress {
     pub rr_start: f64,
     /// What the iterations have lowered eᵀKe by, e the error of x: the sum of all α rᵀz.
     pub energy: f64,
-    /// The last α rᵀz.
-    pub decrease: f64,
+    /// The part of it that the last iterations have brought: the last one up to the ninth iteration, about
+    /// the last fifth or more of them all from the tenth on.
+    pub recent: f64,
+    /// How many these were.
+    pub recent_terms: usize,
     /// The run is over: the goal is reached, or the run broke down, or a number is not finite.
     pub done: bool,
     /// A direction had no positive curvature.
@@ -39,7 +42,7 @@ pub struct Progress {
 }
 
 /// Where a CG run starts and when it ends: at the first goal that it reaches.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run {
     /// Starts from the x that is there, with r = b − Kx on entry; from x = 0 otherwise.
     pub continues: bool,
@@ -47,10 +50,39 @@ pub struct Run {
     pub residual: f64,
     /// ‖r‖ relative to the r on entry: the larger of the two counts.
     pub residual_part: f64,
-    /// α rᵀz of the last iteration.
-    pub decrease: f64,
-    /// The same relative to the sum over all iterations, to be added.
-    pub decrease_part: f64,
+    /// eᵀKe as estimated from [`Progress::recent`].
+    pub remaining: f64,
+    /// The same relative to the sum of all α rᵀz, to be added.
+    pub remaining_part: f64,
+    /// What eᵀKe is estimated to be relative to the last α rᵀz, where that stands alone; a sum of more of
+    /// them is itself the estimate.
+    pub to_come: f64,
+}
+
+impl Default for Run {
+    /// Starts from zero and has no goal.
+    fn default() -> Self {
+        Self {
+            continues: false,
+            residual: 0.0,
+            residual_part: 0.0,
+            remaining: 0.0,
+            remaining_part: 0.0,
+            to_come: 1.0,
+        }
+    }
+}
+
+/// Whether a block of that many terms α rᵀz is full after so many iterations; see
+/// `shaders/shared/common.wgsl`, which does the same.
+///
+/// The estimate of eᵀKe is made from the block before the last and what there is of the last. Up to nine
+/// iterations each term is a block, which leaves the last one; from then on a block is a fifth of all
+/// iterations, so that the two are at least that. Where PCG is slow, α rᵀz falls and rises again by orders
+/// of magnitude, and a single one tells nothing. Sums over blocks need neither a history nor differences,
+/// in which f32 would lose all digits.
+fn block_is_full(terms: usize, iterations: usize) -> bool {
+    terms >= (iterations / 5).max(1)
 }
 
 /// What a backend has done so far; all zero on the CPU.

@@ -319,7 +319,7 @@ pub struct SolverTable {
     pub method: ssnm::Method,
     pub max_iterations: usize,
     pub time_limit: Option<Spanned<String>>,
-    pub friction_tolerance: Spanned<f64>,
+    pub friction_tolerance: Option<Spanned<f64>>,
     pub max_rounds: usize,
 }
 
@@ -336,7 +336,7 @@ impl Default for SolverTable {
             method: defaults.method,
             max_iterations: defaults.max_iterations,
             time_limit: None,
-            friction_tolerance: plain(rounds.friction_tolerance),
+            friction_tolerance: None,
             max_rounds: rounds.max_rounds,
         }
     }
@@ -650,9 +650,11 @@ impl Case {
         if !unit(*s.c_fact.get_ref()) {
             return self.invalid(s.c_fact.span(), "c_fact must lie between 0 and 1");
         }
-        if !unit(*s.friction_tolerance.get_ref()) {
+        if let Some(tolerance) = &s.friction_tolerance
+            && !unit(*tolerance.get_ref())
+        {
             return self.invalid(
-                s.friction_tolerance.span(),
+                tolerance.span(),
                 "friction_tolerance must lie between 0 and 1",
             );
         }
@@ -725,7 +727,7 @@ impl Case {
         let s = &self.tables.solver;
         quasistatic::Settings {
             ssnm: self.newton_settings(),
-            friction_tolerance: *s.friction_tolerance.get_ref(),
+            friction_tolerance: s.friction_tolerance.as_ref().map(|t| *t.get_ref()),
             max_rounds: s.max_rounds,
             ..Default::default()
         }

@@ -1,5 +1,6 @@
 //! The dual operator A = B K⁻¹ Bᵀ and what belongs to it.
 
+pub(crate) mod balance;
 mod nested;
 
 pub use nested::NestedDual;
@@ -13,6 +14,9 @@ pub use crate::stiffness::pcg::Accuracy;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+/// A relative residual that says that PCG did not get anywhere.
+const HARDLY_MOVED: f64 = 0.1;
+
 /// Why a product with A could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum DualError {
@@ -23,6 +27,14 @@ pub enum DualError {
     Pcg(PcgError),
     #[error(transparent)]
     Factor(#[from] FactorError),
+}
+
+impl DualError {
+    /// Whether K⁻¹ was applied, but not as accurately as asked. A residual that has hardly moved is no such case:
+    /// K is singular then.
+    pub fn is_stalled(&self) -> bool {
+        matches!(self, Self::Pcg(PcgError::Stalled { reached, .. }) if *reached < HARDLY_MOVED)
+    }
 }
 
 impl From<PcgError> for DualError {
@@ -74,9 +86,11 @@ impl Stop<'_> {
 /// K⁻¹; the algorithms are written once over it. Where K⁻¹ is a matter of many iterations, they stop at the
 /// accuracy asked for, and end with [`DualError::Stopped`] once `stop` says so.
 pub trait DualOperator {
-    /// Goes on with another load f and gap d. A u that follows λ starts anew from zero.
-    fn set_data(&mut self, load: &[f64], gap: &[f64]) -> Result<(), DualError>;
-    /// y = A p; both have length 2m, normal part first.
+    /// Goes on with the load f and the offsets c = (d, origin of slip), length 2m. A u that follows λ starts anew
+    /// from zero, unless nothing has changed.
+    fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError>;
+    /// y = A p; both have length 2m, normal part first. Where bodies can move as a whole, p has to leave them in
+    /// balance (G p = 0), and y is known but for a motion Gᵀα.
     fn apply(
         &mut self,
         p: &[f64],
@@ -84,15 +98,15 @@ pub trait DualOperator {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError>;
-    /// b = B K⁻¹ f − c with c = (d, 0).
+    /// b = B K⁺ f − c.
     fn right_hand_side(
         &mut self,
         b: &mut [f64],
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError>;
-    /// r = Aλ − b = c − B u with u = K⁻¹(f − Bᵀλ), where u is kept and its error is lowered from one time to
-    /// the next.
+    /// r = Aλ − b = c − B u with u = K⁺(f − Bᵀλ), where u is kept and its error is lowered from one time to
+    /// the next. Where bodies can move as a whole, λ has to balance them.
     ///
     /// None, without a result, where products are exact and r can be carried along.
     fn gradient(
@@ -104,11 +118,12 @@ pub trait DualOperator {
     ) -> Result<Option<Followed>, DualError> {
         Ok(None)
     }
-    /// u = K⁻¹(f − Bᵀλ), where the solver iterates to ‖f − Bᵀλ − Ku‖ ≤ `accuracy` ‖f‖.
+    /// u = K⁺(f − Bᵀλ) with ‖f − Bᵀλ − Ku‖ ≤ `residual`, or as close as rounding allows; what is at hand where
+    /// that is infinite.
     fn displacement(
         &mut self,
         lambda: &[f64],
-        accuracy: f64,
+        residual: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError>;
     /// PCG iterations of one system K x = f to a relative residual of `tolerance`, not counted in the costs;
@@ -129,6 +144,8 @@ pub struct Followed {
     pub change: f64,
     /// What it is off by now, as far as PCG can tell.
     pub remaining: f64,
+    /// PCG is slow: what is left is smoother than what it has moved by.
+    pub slow: bool,
 }
 
 /// What the nested path has cost.
@@ -145,9 +162,13 @@ pub struct Costs {
 ///
 /// Lanczos with full reorthogonalisation; the Ritz value is taken when it has settled to 0.1 %, and
 /// raised by 2 % since it approaches σ_max from below. The products need no more accuracy than that.
-pub fn sigma_max(
+///
+/// Where bodies can move as a whole, A is meant on the directions that leave them in balance; `project` takes
+/// a vector there.
+pub(crate) fn sigma_max(
     dual: &mut impl DualOperator,
     len: usize,
+    project: impl Fn(&mut [f64]),
     stop: &Stop,
 ) -> Result<(f64, usize), DualError> {
     const MAX_STEPS: usize = 30;
@@ -167,6 +188,7 @@ pub fn sigma_max(
             (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
         })
         .collect();
+    project(&mut q);
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let (mut alpha, mut beta) = (Vec::new(), Vec::new());
     let mut w = vec![0.0; len];
@@ -178,6 +200,7 @@ pub fn sigma_max(
         }
         q.iter_mut().for_each(|v| *v /= length);
         dual.apply(&q, &mut w, ACCURACY, stop)?;
+        project(&mut w);
         alpha.push(dot(&q, &w));
         basis.push(std::mem::replace(&mut q, w.clone()));
         // Twice is enough.
@@ -187,6 +210,7 @@ pub fn sigma_max(
                 q.iter_mut().zip(p).for_each(|(q, p)| *q -= c * p);
             }
         }
+        project(&mut q);
         let previous = ritz;
         ritz = largest_eigenvalue(&alpha, &beta);
         let next = norm(&q);

@@ -95,7 +95,7 @@ enum Path {
 pub struct Engine<'a> {
     problem: &'a ContactProblem,
     path: Path,
-    /// The load and the gap, where they are not those of the problem any more.
+    /// The load and the offsets, where they are not those of the problem any more.
     data: Option<(Vec<f64>, Vec<f64>)>,
     options: Options,
     log: Box<dyn FnMut(&str) + 'a>,
@@ -200,31 +200,48 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Runs `work` and, if the GPU fails in it and the choice was left open, runs it again on the CPU.
+    /// Runs `work` and, if the GPU or PCG fails in it and the choice was left open, runs it again with the factor on
+    /// the CPU.
     fn with_fallback<T>(
         &mut self,
         mut work: impl FnMut(&mut dyn DualOperator) -> Result<T, DualError>,
     ) -> Result<T, DualError> {
         let outcome = match &mut self.path {
             Path::Cholesky(dual) => return work(dual.as_mut()),
-            Path::Cpu(dual) => return work(dual.as_mut()),
+            Path::Cpu(dual) => work(dual.as_mut()),
             Path::Gpu(dual, _) => work(dual.as_mut()),
         };
-        match outcome {
-            Err(DualError::Pcg(PcgError::Gpu(error))) if self.options.place == Place::Auto => {
-                (self.log)(&format!(
-                    "{error}; going on with the Cholesky factor on the CPU"
-                ));
-                let mut dual = Box::new(CholeskyDual::new(self.problem)?);
-                if let Some((load, gap)) = &self.data {
-                    dual.set_data(load, gap)?;
-                }
-                let outcome = work(dual.as_mut());
-                self.path = Path::Cholesky(dual);
-                outcome
+        let Err(DualError::Pcg(error)) = outcome else {
+            return outcome;
+        };
+        let open = match error {
+            PcgError::Gpu(_) => self.options.place == Place::Auto,
+            PcgError::Stalled { .. } | PcgError::NotPositiveDefinite => {
+                self.options.stiffness == Stiffness::Auto && self.options.place != Place::Gpu
             }
-            outcome => outcome,
+            _ => false,
+        };
+        if !open {
+            return Err(error.into());
         }
+        (self.log)(&format!(
+            "{error}; going on with the Cholesky factor on the CPU"
+        ));
+        let mut dual = match CholeskyDual::new(self.problem) {
+            Ok(dual) => Box::new(dual),
+            // What PCG has reached is of more use than a second complaint.
+            Err(other @ (FactorError::OutOfMemory { .. } | FactorError::TooLarge)) => {
+                (self.log)(&format!("{other}"));
+                return Err(error.into());
+            }
+            Err(error) => return Err(error.into()),
+        };
+        if let Some((load, offsets)) = &self.data {
+            dual.set_data(load, offsets)?;
+        }
+        let outcome = work(dual.as_mut());
+        self.path = Path::Cholesky(dual);
+        outcome
     }
 }
 
@@ -335,9 +352,9 @@ fn on_best(
 }
 
 impl DualOperator for Engine<'_> {
-    fn set_data(&mut self, load: &[f64], gap: &[f64]) -> Result<(), DualError> {
-        self.data = Some((load.to_vec(), gap.to_vec()));
-        self.with_fallback(|dual| dual.set_data(load, gap))
+    fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
+        self.data = Some((load.to_vec(), offsets.to_vec()));
+        self.with_fallback(|dual| dual.set_data(load, offsets))
     }
 
     fn apply(
@@ -372,10 +389,10 @@ impl DualOperator for Engine<'_> {
     fn displacement(
         &mut self,
         lambda: &[f64],
-        accuracy: f64,
+        residual: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
-        self.with_fallback(|dual| dual.displacement(lambda, accuracy, stop))
+        self.with_fallback(|dual| dual.displacement(lambda, residual, stop))
     }
 
     fn linear_iterations(&mut self, tolerance: f64) -> Result<Option<usize>, DualError> {

@@ -18,8 +18,10 @@
 //! Newton method of Kučera, Motyčková and Markopoulos solves in few products with A = B K⁻¹ Bᵀ,
 //! B = (N; T).
 //!
-//! Coulomb friction (g = μ λν), load steps and bodies that only contact holds are several such problems in a
-//! row: [`quasistatic`].
+//! Bodies that can move as a whole make K singular; their rigid motions R are found from the coordinates
+//! ([`problem::FreeBodies`]), u = K⁺(f − Bᵀλ) + Rα, and λ has to balance them: Rᵀ(f − Bᵀλ) = 0.
+//!
+//! Coulomb friction (g = μ λν) and load steps are several such problems in a row: [`quasistatic`].
 //!
 //! # The way the data flows
 //!
@@ -115,7 +117,7 @@
 //!     coordinates: Some(unknowns.coordinates(&mesh)),
 //! })?;
 //!
-//! let model = Model { problem: &problem, coefficient: &rows.coefficient, springs: &[] };
+//! let model = Model { problem: &problem, coefficient: &rows.coefficient };
 //! let mut dual = CholeskyDual::new(&problem)?;
 //! let solution = quasistatic::solve_step(
 //!     &model,

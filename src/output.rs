@@ -108,6 +108,15 @@ pub struct SupportReport {
     pub force: [f64; 2],
 }
 
+/// A body that contact and friction do not hold.
+#[derive(Clone, Debug, Serialize)]
+pub struct NotHeldReport {
+    /// Which body it is.
+    pub body: String,
+    /// Which way the loads push it.
+    pub motion: String,
+}
+
 /// A load step in the report.
 #[derive(Clone, Debug, Serialize)]
 pub struct StepReport {
@@ -117,15 +126,11 @@ pub struct StepReport {
     pub rounds: usize,
     /// ‖μλν − g‖ / ‖μλν‖ at the end; 0 without Coulomb friction.
     pub friction_change: f64,
-    /// What the springs of bodies without supports still carry, relative to the contact forces on them.
-    pub spring_force: f64,
-    /// The bodies that contact does not hold.
-    pub loose: Vec<String>,
-    /// Whether there is Coulomb friction, and whether there are springs.
+    /// The bodies that contact and friction do not hold, and which way the loads push them.
+    pub not_held: Vec<NotHeldReport>,
+    /// Whether there is Coulomb friction.
     #[serde(skip)]
     pub coulomb: bool,
-    #[serde(skip)]
-    pub springs: bool,
     pub iter: usize,
     #[serde(rename = "n_A")]
     pub n_a: usize,
@@ -256,10 +261,13 @@ impl Report {
             status: solution.status,
             rounds: solution.rounds.len(),
             friction_change: last.friction_change,
-            spring_force: last.spring_force,
-            loose: solution.loose.clone(),
+            not_held: (solution.not_held.iter())
+                .map(|one| NotHeldReport {
+                    body: build.free_body_name(one.body),
+                    motion: one.motion.clone(),
+                })
+                .collect(),
             coulomb: build.model().has_coulomb(),
-            springs: !build.springs.is_empty(),
             iter: solution.iter(),
             n_a: solution.n_a(),
             sets: solution.sets.sizes(),

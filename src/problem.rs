@@ -1,7 +1,14 @@
 //! The algebraic contact problem (1)–(3) of the paper, validated: the door for users with their own
 //! discretisation.
 
-use crate::sparse::{BlockCsr, Csr, dot, norm, norm_max};
+mod free;
+mod kkt;
+
+pub use free::{FreeBodies, FreeBody};
+pub use kkt::Kkt;
+pub(crate) use kkt::slip_violation;
+
+use crate::sparse::{BlockCsr, Csr, norm};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -47,20 +54,17 @@ pub struct ContactProblem {
     gap: Vec<f64>,
     slip_bound: Vec<f64>,
     coordinates: Option<Vec<[f64; 2]>>,
-    /// What the violations are measured by at least.
-    scales: Scales,
-}
-
-/// Sizes that a displacement and a load have at least: where u is only the change since an earlier state,
-/// its own size says nothing about what is a small violation.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Scales {
-    /// ‖u‖∞.
-    pub u_max: f64,
-    /// ‖u‖.
-    pub u: f64,
-    /// ‖f‖.
-    pub load: f64,
+    /// Where slip is counted from: T u less this is the slip, length m.
+    slip_origin: Vec<f64>,
+    /// The areas that turn nodal forces into pressures, length m.
+    areas: Arc<Vec<f64>>,
+    /// ‖forces that act on the bodies‖: ‖f‖, but for what prescribed displacements add to f.
+    acting: f64,
+    free: Arc<FreeBodies>,
+    /// The connected part of K that each node belongs to.
+    parts: Arc<Vec<u32>>,
+    /// Σⱼ Bᵢⱼ²/Kⱼⱼ, length 2m.
+    compliance: Arc<Vec<f64>>,
 }
 
 /// A claim of [`ContactProblem::new`] that the data breaks. Rows and columns count from 1.
@@ -249,9 +253,21 @@ impl ContactProblem {
             });
         }
         check_rows(&data, n)?;
+        let free = match &data.coordinates {
+            Some(points) => FreeBodies::find(&data.stiffness, points),
+            None => FreeBodies::default(),
+        };
+        let (_, parts) = data.stiffness.components();
+        let compliance = compliance(&data);
         Ok(Self {
             n,
             n_free: n,
+            slip_origin: vec![0.0; m],
+            areas: Arc::new(vec![1.0; m]),
+            acting: norm(&data.load),
+            free: Arc::new(free),
+            parts: Arc::new(parts),
+            compliance: Arc::new(compliance),
             stiffness: Arc::new(data.stiffness),
             load: data.load,
             normal: data.normal,
@@ -259,12 +275,12 @@ impl ContactProblem {
             gap: data.gap,
             slip_bound: data.slip_bound,
             coordinates: data.coordinates,
-            scales: Scales::default(),
         })
     }
 
-    /// The problem with the same K, N and T and another load, gap and slip bound: a load step, or one of
-    /// several problems in a row. The gap may be negative here, where a prescribed motion has closed it.
+    /// The problem with the same K, N and T and another load, gap, origin of slip and slip bound: a load step, or
+    /// one of several problems in a row. (3) is then about T u − `slip_origin`. The gap may be negative here,
+    /// where a prescribed motion has closed it.
     ///
     /// # Panics
     /// If a length differs, or an entry of the slip bound is negative or NaN.
@@ -272,36 +288,39 @@ impl ContactProblem {
         &self,
         load: Vec<f64>,
         gap: Vec<f64>,
+        slip_origin: Vec<f64>,
         slip_bound: Vec<f64>,
-        scales: Scales,
     ) -> Self {
         assert_eq!(load.len(), self.load.len());
         assert_eq!((gap.len(), slip_bound.len()), (self.m(), self.m()));
+        assert_eq!(slip_origin.len(), self.m());
         assert!(slip_bound.iter().all(|&g| g >= 0.0));
         Self {
+            acting: norm(&load),
             load,
             gap,
+            slip_origin,
             slip_bound,
-            scales,
-            normal: self.normal.clone(),
-            tangential: self.tangential.clone(),
-            stiffness: Arc::clone(&self.stiffness),
-            coordinates: self.coordinates.clone(),
-            ..*self
+            ..self.clone()
         }
     }
 
-    /// ‖u‖∞ and ‖u‖ of a displacement, not below the scales of the problem, nor below what the loads would do
-    /// to each node by itself: where contact bears them at once, u is nothing but rounding.
-    pub(crate) fn sizes(&self, u: &[f64]) -> (f64, f64) {
-        let alone: Vec<f64> = (self.load.iter())
-            .zip(self.stiffness.diagonal())
-            .map(|(f, k)| f / k)
-            .collect();
-        (
-            norm_max(u).max(self.scales.u_max).max(norm_max(&alone)),
-            norm(u).max(self.scales.u).max(norm(&alone)),
-        )
+    /// Gives the area of each contact node, length m: what turns its force into a pressure. Without, forces are
+    /// compared as they are.
+    ///
+    /// # Panics
+    /// If the length differs.
+    pub fn with_areas(mut self, areas: Vec<f64>) -> Self {
+        assert_eq!(areas.len(), self.m());
+        self.areas = Arc::new(areas);
+        self
+    }
+
+    /// Says how large the forces are that act on the bodies (a Euclidean norm), where the load f is larger by
+    /// what prescribed displacements add to it.
+    pub fn with_acting_forces(mut self, acting: f64) -> Self {
+        self.acting = acting;
+        self
     }
 
     /// Says how many of the unknowns are free, where some rows of K only hold a prescribed component.
@@ -349,6 +368,32 @@ impl ContactProblem {
         &self.load
     }
 
+    /// Where slip is counted from: (3) is about T u less this.
+    pub fn slip_origin(&self) -> &[f64] {
+        &self.slip_origin
+    }
+
+    /// (d, origin of slip): c in r = c − B u.
+    pub fn offsets(&self) -> Vec<f64> {
+        [&self.gap[..], &self.slip_origin].concat()
+    }
+
+    /// The areas of the contact nodes; ones where they are not known.
+    pub fn areas(&self) -> &[f64] {
+        &self.areas
+    }
+
+    /// The bodies that can move as a whole, as far as K and the coordinates tell.
+    pub fn free_bodies(&self) -> &FreeBodies {
+        &self.free
+    }
+
+    /// How far a multiplier moves its own contact node at least, per force: Σⱼ Bᵢⱼ²/Kⱼⱼ ≤ Aᵢᵢ, length 2m; 0 for
+    /// an empty row.
+    pub(crate) fn compliance(&self) -> &[f64] {
+        &self.compliance
+    }
+
     /// N.
     pub fn normal(&self) -> &Csr {
         &self.normal
@@ -374,6 +419,11 @@ impl ContactProblem {
         self.coordinates.as_deref()
     }
 
+    /// Whether K ties an unknown to another one; those it does not are held where they are.
+    pub(crate) fn is_coupled(&self, unknown: usize) -> bool {
+        is_coupled(&self.stiffness, unknown)
+    }
+
     /// " at (x, y)" for an unknown whose place is known.
     pub(crate) fn place_of(&self, unknown: usize) -> String {
         match &self.coordinates {
@@ -384,97 +434,32 @@ impl ContactProblem {
             _ => String::new(),
         }
     }
+}
 
-    /// The optimality conditions (1)–(3) at (u, λ), in f64 against the assembled K.
-    ///
-    /// `u` as long as K has rows, `lambda` of length 2m: λν, then λτ.
-    pub fn kkt(&self, u: &[f64], lambda: &[f64]) -> Kkt {
-        let m = self.m();
-        let (lambda_n, lambda_t) = lambda.split_at(m);
-        let mut residual = vec![0.0; u.len()];
-        self.stiffness().mul(u, &mut residual);
-        self.normal()
-            .mul_transpose_add(1.0, lambda_n, &mut residual);
-        self.tangential()
-            .mul_transpose_add(1.0, lambda_t, &mut residual);
-        for (r, f) in residual.iter_mut().zip(self.load()) {
-            *r -= f;
-        }
-        let (mut nu, mut tu) = (vec![0.0; m], vec![0.0; m]);
-        self.normal().mul(u, &mut nu);
-        self.tangential().mul(u, &mut tu);
-        for (nu, d) in nu.iter_mut().zip(self.gap()) {
-            *nu -= d;
-        }
-        let positive = |values: &mut dyn Iterator<Item = f64>| {
-            values.fold(
-                0.0,
-                |acc: f64, v| if v > acc || v.is_nan() { v } else { acc },
-            )
-        };
-        let (u_max, u_length) = self.sizes(u);
-        let slip =
-            positive(&mut (0..m).map(|i| slip_violation(lambda_t[i], tu[i], self.slip_bound()[i])));
-        Kkt {
-            equilibrium: ratio(norm(&residual), norm(self.load()).max(self.scales.load)),
-            penetration: ratio(positive(&mut nu.iter().copied()), u_max),
-            tension: ratio(positive(&mut lambda_n.iter().map(|v| -v)), norm_max(lambda)),
-            complementarity: ratio(dot(lambda_n, &nu).abs(), norm(lambda) * u_length),
-            friction_bound: ratio(
-                positive(&mut (0..m).map(|i| lambda_t[i].abs() - self.slip_bound()[i])),
-                norm_max(self.slip_bound()),
-            ),
-            slip: ratio(slip, u_max),
+/// Whether K ties an unknown to another one.
+fn is_coupled(k: &BlockCsr<2>, unknown: usize) -> bool {
+    let (i, a) = (unknown / 2, unknown % 2);
+    let (cols, blocks) = k.row(i);
+    (cols.iter().zip(blocks))
+        .any(|(&j, block)| (0..2).any(|b| 2 * j as usize + b != unknown && block[a][b] != 0.0))
+}
+
+/// Σⱼ Bᵢⱼ²/Kⱼⱼ for each row of B = (N; T).
+fn compliance(data: &ContactData) -> Vec<f64> {
+    let diagonal = data.stiffness.diagonal();
+    let mut sums = Vec::with_capacity(2 * data.gap.len());
+    for matrix in [&data.normal, &data.tangential] {
+        for i in 0..data.gap.len() {
+            let (cols, values) = matrix.row(i);
+            let terms = cols.iter().zip(values);
+            sums.push(
+                terms
+                    .map(|(&j, v)| v[0][0] * v[0][0] / diagonal[j as usize])
+                    .sum(),
+            );
         }
     }
-}
-
-/// Violations of the optimality conditions, each relative to the size of what it is measured in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct Kkt {
-    /// ‖Ku + Nᵀλν + Tᵀλτ − f‖ / ‖f‖.
-    pub equilibrium: f64,
-    /// max (Nu − d)₊ / ‖u‖∞.
-    pub penetration: f64,
-    /// max (−λν)₊ / ‖λ‖∞.
-    pub tension: f64,
-    /// |λνᵀ(Nu − d)| / (‖λ‖ ‖u‖).
-    pub complementarity: f64,
-    /// max (|λτ| − g)₊ / ‖g‖∞.
-    pub friction_bound: f64,
-    /// max over sticking nodes of |Tu|, over slipping ones of Tu against the sign of λτ; / ‖u‖∞.
-    pub slip: f64,
-}
-
-impl Kkt {
-    /// The largest of the six; NaN if one is.
-    pub fn max(&self) -> f64 {
-        norm_max(&[
-            self.equilibrium,
-            self.penetration,
-            self.tension,
-            self.complementarity,
-            self.friction_bound,
-            self.slip,
-        ])
-    }
-}
-
-/// How far (T u)ᵢ is from what (3) allows with λτ,i: nothing where the node sticks, against the sign of
-/// λτ,i where it slips.
-pub(crate) fn slip_violation(lambda: f64, slip: f64, g: f64) -> f64 {
-    if lambda.abs() < g {
-        slip.abs()
-    } else if g == 0.0 {
-        0.0
-    } else {
-        -slip * lambda.signum()
-    }
-}
-
-/// a / b, and 0 where b is.
-fn ratio(a: f64, b: f64) -> f64 {
-    if b == 0.0 { 0.0 } else { a / b }
+    sums
 }
 
 /// Completes the last block for odd n: a decoupled unknown with the equation 1 · u = 0.

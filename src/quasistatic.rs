@@ -1,65 +1,66 @@
-//! Load steps, Coulomb friction, and bodies that only contact holds: what takes several contact problems
-//! (1)–(3) in a row.
+//! Load steps and Coulomb friction: what takes several contact problems (1)–(3) in a row.
 //!
-//! **Load steps.** In a quasi-static process friction acts on the slip since the last step. With u = ū + v, ū
-//! the displacement before, a step is a problem (1)–(3) in v with the load f − Kū and the gap d − Nū; the
-//! multipliers are those of the whole load.
+//! **Load steps.** In a quasi-static process friction acts on the slip since the last step. A step is a problem
+//! (1)–(3) in the whole displacement u under the whole load, with T(u − ū) in place of T u, ū the displacement
+//! before: the history is in the origin of slip alone, so that nothing of an earlier, larger load is left in
+//! the load or the gap of a small one.
 //!
 //! **Coulomb friction** bounds λτ by μλν, which is not known beforehand. The bounds are a fixed point of
 //! g ↦ μλν(g), where λν(g) solves the problem with the given bounds g (Tresca): successive approximation as in
 //! Nečas, Jarušek and Haslinger (1980), warm-started, with Anderson's acceleration (Walker and Ni 2011).
 //!
-//! **Bodies without supports** have a singular stiffness matrix. Weak springs S make it regular; they are
-//! anchored at the solution of the round before (proximal point method), until they carry nothing.
+//! **Bodies that only contact holds** have to be balanced by the forces of each round. The bounds of a round are
+//! those of forces on or inside Coulomb's cones that balance the bodies, so that the round can; the forces
+//! found so far are projected there. If there are no such forces, no contact can hold the bodies, and the
+//! projection tells which way they are pushed.
 
-use crate::dual::{DualError, DualOperator};
-use crate::problem::{ContactProblem, Scales};
-use crate::sparse::{Csr, dot, norm, norm_max};
+use crate::dual::DualOperator;
+use crate::dual::balance::{Balance, Nearest, cone, interval};
+use crate::problem::ContactProblem;
+use crate::sparse::norm;
 use crate::ssnm::{self, Info, Sets, SolveError, Status};
 use faer::linalg::solvers::SolveLstsqCore as _;
+use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// What stays the same in all steps.
 #[derive(Clone, Copy, Debug)]
 pub struct Model<'a> {
-    /// K (with the springs), N, T and the given slip bounds; load and gap are those of the steps.
+    /// K, N, T and the given slip bounds; load and gap are those of the steps.
     pub problem: &'a ContactProblem,
-    /// μ of each contact node, length m: where it is not 0, the slip bound is μλν.
+    /// μ of each contact node, length m: where it is not 0, the slip bound is μλν. Empty without Coulomb friction.
     pub coefficient: &'a [f64],
-    /// The springs that hold bodies without supports, part of the diagonal of K; empty where there are none.
-    pub springs: &'a [Springs],
-}
-
-/// Weak springs under a body that its supports leave a motion as a whole.
-#[derive(Clone, Debug)]
-pub struct Springs {
-    /// Which body it is and how it can move, for messages.
-    pub body: String,
-    /// Unknowns with the stiffness of their springs.
-    pub stiffness: Vec<(u32, f64)>,
-    /// Whether no support holds it in x, and in y.
-    pub translates: [bool; 2],
 }
 
 impl<'a> Model<'a> {
-    /// A problem with given slip bounds and supports enough.
+    /// A problem with given slip bounds.
     pub fn new(problem: &'a ContactProblem) -> Self {
         Self {
             problem,
             coefficient: &[],
-            springs: &[],
         }
     }
 
-    /// Whether a step may take more than one problem.
-    pub fn takes_rounds(&self) -> bool {
-        self.has_coulomb() || !self.springs.is_empty()
-    }
-
-    /// Whether some slip bound is μλν.
+    /// Whether some slip bound is μλν: a step takes more than one problem then.
     pub fn has_coulomb(&self) -> bool {
         self.coefficient.iter().any(|&mu| mu > 0.0)
+    }
+
+    /// μ of a contact node, 0 where its bound is given.
+    fn mu(&self, i: usize) -> f64 {
+        self.coefficient.get(i).copied().unwrap_or(0.0)
+    }
+
+    /// The given bounds, and μλν where there is a μ.
+    fn bounds(&self, lambda: &[f64]) -> Vec<f64> {
+        let given = self.problem.slip_bound().iter().enumerate();
+        given
+            .map(|(i, &given)| match self.mu(i) {
+                0.0 => given,
+                mu => mu * lambda[i].max(0.0),
+            })
+            .collect()
     }
 }
 
@@ -68,6 +69,8 @@ impl<'a> Model<'a> {
 pub struct Load {
     /// f, as long as K has rows.
     pub force: Vec<f64>,
+    /// ‖f‖ without what prescribed displacements add to it: the forces that act.
+    pub acting: f64,
     /// d, length m: the initial gap less what prescribed displacements have closed of it.
     pub gap: Vec<f64>,
     /// What prescribed displacements add to T u, length m.
@@ -79,6 +82,7 @@ impl Load {
     pub fn of(problem: &ContactProblem) -> Self {
         Self {
             force: problem.load().to_vec(),
+            acting: norm(problem.load()),
             gap: problem.gap().to_vec(),
             slide: vec![0.0; problem.m()],
         }
@@ -94,8 +98,6 @@ pub struct State {
     pub lambda: Vec<f64>,
     /// [`Load::slide`] there.
     pub slide: Vec<f64>,
-    /// The largest err⁰ on the way there ([`Info::first_error`]).
-    pub first_error: f64,
 }
 
 impl State {
@@ -105,7 +107,6 @@ impl State {
             u: vec![0.0; problem.stiffness().n_rows()],
             lambda: vec![0.0; 2 * problem.m()],
             slide: vec![0.0; problem.m()],
-            first_error: 0.0,
         }
     }
 }
@@ -113,21 +114,29 @@ impl State {
 /// Settings of the rounds.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a> {
-    /// Those of each problem; `initial` is ignored.
+    /// Those of each problem; `initial`, `place` and `first_error` are ignored.
     pub ssnm: ssnm::Settings<'a>,
-    /// ‖μλν − g‖ / ‖μλν‖ to reach.
-    pub friction_tolerance: f64,
+    /// ‖μλν − g‖ / ‖μλν‖ to reach; ten times the tolerance of the problems if None.
+    pub friction_tolerance: Option<f64>,
     /// Rounds at most.
     pub max_rounds: usize,
     /// Whether the fixed point is accelerated.
     pub accelerate: bool,
 }
 
+impl Settings<'_> {
+    /// ‖μλν − g‖ / ‖μλν‖ to reach.
+    pub fn friction_tolerance(&self) -> f64 {
+        self.friction_tolerance
+            .unwrap_or(FRICTION * self.ssnm.tolerance)
+    }
+}
+
 impl Default for Settings<'_> {
     fn default() -> Self {
         Self {
             ssnm: ssnm::Settings::default(),
-            friction_tolerance: 1e-5,
+            friction_tolerance: None,
             max_rounds: 100,
             accelerate: true,
         }
@@ -141,9 +150,6 @@ pub struct Round {
     pub round: usize,
     /// ‖μλν − g‖ / ‖μλν‖; 0 without Coulomb friction.
     pub friction_change: f64,
-    /// ‖S(v − v')‖ / ‖Bᵀλ‖ on the unknowns of a body, the largest of all bodies on springs: what these carry
-    /// beside the contact forces; 0 without springs.
-    pub spring_force: f64,
     /// The tolerance of the problem.
     pub tolerance: f64,
     /// How it went.
@@ -156,6 +162,15 @@ pub enum Event<'a> {
     Newton(&'a ssnm::Step),
     /// A round has ended; heard only where there may be more than one.
     Round(&'a Round),
+}
+
+/// A body that contact and friction do not hold.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NotHeld {
+    /// Its number among [`ContactProblem::free_bodies`].
+    pub body: usize,
+    /// Which way the loads push it, in words.
+    pub motion: String,
 }
 
 /// The end of a step.
@@ -175,10 +190,8 @@ pub struct StepSolution {
     pub sets: Sets,
     /// The rounds; their last one has the optimality conditions at the end.
     pub rounds: Vec<Round>,
-    /// The largest err⁰ so far, earlier steps included.
-    pub first_error: f64,
-    /// The bodies whose springs could not be let go ([`Springs::body`]).
-    pub loose: Vec<String>,
+    /// The bodies that nothing holds, where the status says so.
+    pub not_held: Vec<NotHeld>,
 }
 
 impl StepSolution {
@@ -188,7 +201,6 @@ impl StepSolution {
             u: self.u.clone(),
             lambda: self.lambda.clone(),
             slide: load.slide.clone(),
-            first_error: self.first_error,
         }
     }
 
@@ -208,27 +220,22 @@ impl StepSolution {
     }
 }
 
+/// The tolerance of the slip bounds, relative to that of the problems.
+const FRICTION: f64 = 10.0;
 /// The tolerance of the problem of a round beside the change of the slip bounds in the round before.
 const FOLLOWS: f64 = 1e-3;
 /// The same of the first rounds.
 const FIRST_TOLERANCE: f64 = 1e-3;
-/// Springs whose force has not fallen to this part of what it was so many rounds ago will not be let go.
-const LET_GO: (usize, f64) = (16, 0.7);
-/// A body without contact moves twice as far in each round, so that it gets across any gap; after so many rounds
-/// there is nothing in its way.
-const FLIGHTS: usize = 40;
-/// Tolerances with springs, relative to those without.
-const INFLATED: f64 = 0.05;
-/// err⁰ counts as this part of the largest so far at least: where a load goes back to zero it says nothing.
-const LEAST_ERROR: f64 = 1e-3;
 /// The part of the friction tolerance that the last problem may be off by.
 const RESOLVED: f64 = 0.1;
+/// A body counts as pushed if this part of the largest imbalance is its own.
+const PUSHED: f64 = 1e-3;
 
 /// Solves one load step from `start`; the operator belongs to `model.problem`.
 ///
-/// A model without Coulomb friction and springs takes one problem, otherwise rounds follow until slip bounds
-/// and springs have settled. A step that does not get there ends with the [`Status`] of the round that
-/// failed, or [`Status::IterationLimit`] after too many of them.
+/// A model without Coulomb friction takes one problem, otherwise rounds follow until the slip bounds have
+/// settled. A step that does not get there ends with the [`Status`] of the round that failed, or
+/// [`Status::IterationLimit`] after too many of them.
 ///
 /// # Errors
 /// If the operator fails; λ is that of the last round.
@@ -246,75 +253,45 @@ pub fn solve_step(
     let begin = Instant::now();
     let whole = model.problem;
     let m = whole.m();
-    let (coulomb, springs) = (model.has_coulomb(), !model.springs.is_empty());
-    // err⁰, at zero contact forces, is large where only springs hold a body.
-    let finer = if springs { INFLATED } else { 1.0 };
-    let tight = finer
-        * if coulomb {
-            (settings.ssnm.tolerance).min(RESOLVED * settings.friction_tolerance)
-        } else {
-            settings.ssnm.tolerance
-        };
-    let spring_limit = 10.0 * settings.ssnm.tolerance;
+    let coulomb = model.has_coulomb();
+    let friction_tolerance = settings.friction_tolerance();
+    let tight = if coulomb {
+        (settings.ssnm.tolerance).min(RESOLVED * friction_tolerance)
+    } else {
+        settings.ssnm.tolerance
+    };
 
-    let held_unknowns: Vec<(u32, f64)> = (model.springs.iter().flat_map(|body| &body.stiffness))
-        .copied()
-        .collect();
-    let base = base(whole.tangential(), load, start);
-    let (mut force, mut gap) = (load.force.clone(), load.gap.clone());
-    let mut scales = Scales::default();
-    if let Some(base) = &base {
-        let mut pull = vec![0.0; base.len()];
-        whole.stiffness().mul(base, &mut pull);
-        let load_before = norm(&pull);
-        for (force, pull) in force.iter_mut().zip(pull) {
-            *force -= pull;
-        }
-        for &(i, s) in &held_unknowns {
-            force[i as usize] += s * base[i as usize];
-        }
-        let mut moved = vec![0.0; m];
-        whole.normal().mul(base, &mut moved);
-        for (gap, moved) in gap.iter_mut().zip(moved) {
-            *gap -= moved;
-        }
-        scales = Scales {
-            u_max: norm_max(base),
-            u: norm(base),
-            load: norm(&load.force).max(load_before),
-        };
+    // T u in this step is counted from T ū, less what prescribed displacements slide meanwhile.
+    let mut origin = vec![0.0; m];
+    whole.tangential().mul(&start.u, &mut origin);
+    for i in 0..m {
+        origin[i] -= load.slide[i] - start.slide[i];
     }
+    let place = whole.free_bodies().resultants(&start.u);
 
+    let cones = Cones::new(model, load);
     let mut lambda = start.lambda.clone();
-    let mut bounds = coulomb_bounds(model, &lambda);
-    // Where the springs are anchored.
-    let mut anchor = vec![0.0; force.len()];
-    // The forces of springs are spread over a whole body, slip bounds over few nodes.
-    let weight = (held_unknowns.len() as f64 / m.max(1) as f64).sqrt();
+    let mut bounds = cones.bounds(&lambda);
     let mut anderson = Anderson::default();
-    let mut flights = 0;
-    // The round since which no body has flown.
-    let mut settled_from = 0;
     let mut rounds: Vec<Round> = Vec::new();
     let mut sigma = settings.ssnm.sigma_max;
-    let mut tolerance = if coulomb || springs {
-        tight.max(finer * FIRST_TOLERANCE)
+    let mut first_error = None;
+    let of_this_step = RefCell::default();
+    let memory = settings.ssnm.memory.unwrap_or(&of_this_step);
+    let mut tolerance = if coulomb {
+        tight.max(FIRST_TOLERANCE)
     } else {
         tight
     };
     loop {
-        let mut f = force.clone();
-        for &(i, s) in &held_unknowns {
-            f[i as usize] += s * anchor[i as usize];
-        }
-        let problem = whole.with_data(f, gap.clone(), bounds.clone(), scales);
-        let failed = |error: DualError| SolveError {
-            error,
-            lambda: lambda.clone(),
-            history: Vec::new(),
-        };
-        dual.set_data(problem.load(), problem.gap())
-            .map_err(failed)?;
+        let problem = whole
+            .with_data(
+                load.force.clone(),
+                load.gap.clone(),
+                origin.clone(),
+                bounds.clone(),
+            )
+            .with_acting_forces(load.acting);
         let mut stopped = false;
         let solution = ssnm::solve(
             &problem,
@@ -322,8 +299,10 @@ pub fn solve_step(
             &ssnm::Settings {
                 tolerance,
                 initial: Some(&lambda),
+                place: Some(&place),
                 sigma_max: sigma,
-                least_error: LEAST_ERROR * start.first_error,
+                first_error,
+                memory: Some(memory),
                 time_limit: (settings.ssnm.time_limit)
                     .map(|limit| limit.saturating_sub(begin.elapsed())),
                 ..settings.ssnm
@@ -335,66 +314,54 @@ pub fn solve_step(
             },
         )?;
         sigma = Some(solution.info.sigma_max);
+        first_error = Some(solution.info.first_error);
         lambda = solution.lambda;
 
-        let next = coulomb_bounds(model, &lambda);
-        let changes: Vec<f64> = next.iter().zip(&bounds).map(|(a, b)| a - b).collect();
+        // The law is μλν; where that could not balance the bodies, the next round tries other bounds.
+        let law = model.bounds(&lambda);
+        let next = cones.bounds(&lambda);
+        let changes = difference(&next, &bounds);
         let friction: f64 = (0..m)
-            .filter(|&i| model.coefficient.get(i).is_some_and(|&mu| mu > 0.0))
-            .map(|i| next[i] * next[i])
+            .filter(|&i| model.mu(i) > 0.0)
+            .map(|i| law[i] * law[i])
             .sum::<f64>()
             .sqrt();
-        let friction_change = match norm(&changes) {
+        let relative = |change: f64| match change {
             0.0 => 0.0,
             change if friction > 0.0 => change / friction,
             _ => 1.0,
         };
-        let mut info = solution.info;
-        let carried = spring_forces(model, [&lambda, &start.lambda], &solution.u, &anchor);
-        let flies = carried.iter().any(|c| c.free && c.relative > spring_limit);
-        flights = if flies { flights + 1 } else { 0 };
-        let spring_force = carried.iter().map(|c| c.relative).fold(0.0, f64::max);
-        let carried_in_all = norm(&carried.iter().map(|c| c.force).collect::<Vec<_>>());
-        if carried_in_all > 0.0 {
-            let size = norm(&load.force).max(norm(&force)).max(scales.load);
-            info.kkt.equilibrium += carried_in_all / size;
-        }
-        let mut v = solution.u;
+        let friction_change = relative(norm(&difference(&law, &bounds)));
+        let step = relative(norm(&changes));
+        let settled = step <= friction_tolerance && tolerance <= tight;
         rounds.push(Round {
             round: rounds.len() + 1,
             friction_change,
-            spring_force,
             tolerance,
-            info,
+            info: solution.info,
         });
-        if coulomb || springs {
+        if coulomb {
             stopped |= observer(Event::Round(rounds.last().expect("just pushed"))).is_break();
         }
-        let settled = friction_change <= settings.friction_tolerance
-            && spring_force <= spring_limit
-            && tolerance <= tight;
-        let falling = |back: usize, part: f64| {
-            let before = rounds.len().checked_sub(back + 1);
-            before.is_none_or(|i| spring_force <= part * rounds[i].spring_force)
+        let mut unbalanced = match solution.imbalance.is_empty() {
+            false => solution.imbalance,
+            true => cones.imbalance.clone(),
         };
-        let held = if flies {
-            flights < FLIGHTS
-        } else {
-            rounds.len() < settled_from + LET_GO.0 || falling(LET_GO.0, LET_GO.1)
-        };
-        let mut loose = Vec::new();
+        if unbalanced.is_empty() && settled && friction_change > friction_tolerance {
+            // Bounds that balance the bodies have settled, but the pressures do not give them.
+            unbalanced = cones.imbalance_within(&law, &lambda);
+        }
         let status = if solution.status != Status::Converged {
             Some(solution.status)
-        } else if settled {
+        } else if !unbalanced.is_empty() {
+            Some(Status::NotHeld)
+        } else if friction_change <= friction_tolerance && tolerance <= tight {
             Some(Status::Converged)
+        } else if settled && norm(&changes) == 0.0 {
+            // The next round would be the same.
+            Some(Status::Stagnated)
         } else if stopped {
             Some(Status::Interrupted)
-        } else if spring_force > spring_limit && !held {
-            loose = (model.springs.iter().zip(&carried))
-                .filter(|(_, carried)| carried.relative > spring_limit)
-                .map(|(springs, _)| springs.body.clone())
-                .collect();
-            Some(Status::Stagnated)
         } else if rounds.len() >= settings.max_rounds {
             Some(Status::IterationLimit)
         } else {
@@ -402,175 +369,127 @@ pub fn solve_step(
         };
         if let Some(status) = status {
             let mut slip = vec![0.0; m];
-            whole.tangential().mul(&v, &mut slip);
-            if let Some(base) = base {
-                v.iter_mut().zip(base).for_each(|(v, base)| *v += base);
-            }
+            whole.tangential().mul(&solution.u, &mut slip);
+            slip.iter_mut().zip(origin).for_each(|(s, o)| *s -= o);
             return Ok(StepSolution {
                 status,
-                u: v,
+                u: solution.u,
                 lambda,
                 slip_bound: bounds,
                 slip,
                 sets: solution.sets,
-                first_error: (start.first_error)
-                    .max(rounds.last().map_or(0.0, |round| round.info.first_error)),
                 rounds,
-                loose,
+                not_held: pushed(whole, &unbalanced),
             });
         }
-        let settling = friction_change.max(spring_force);
-        tolerance = (finer * FOLLOWS * settling).clamp(tight, tolerance);
-        if friction_change <= settings.friction_tolerance && spring_force <= spring_limit {
+        tolerance = (FOLLOWS * step).clamp(tight, tolerance);
+        if step <= friction_tolerance {
             tolerance = tight;
         }
-        if !settings.accelerate {
-            bounds = next;
-            anchor = v;
-            continue;
-        }
-        if flies {
-            fly(model, &carried, 2f64.powi(flights as i32), &v, &mut anchor);
-            bounds = next;
-            anderson = Anderson::default();
-            settled_from = rounds.len();
-            continue;
-        }
-        // The fixed point of both at once; all entries are forces.
-        let mut point = bounds.clone();
-        let mut change = changes;
-        for &(i, s) in &held_unknowns {
-            let i = i as usize;
-            point.push(weight * s * anchor[i]);
-            change.push(weight * s * (v[i] - anchor[i]));
-        }
-        let point = anderson.next(&point, &change);
-        bounds = point[..m].iter().map(|g| g.max(0.0)).collect();
-        for (&(i, s), force) in held_unknowns.iter().zip(&point[m..]) {
-            anchor[i as usize] = force / (weight * s);
-        }
+        bounds = if settings.accelerate {
+            cones.admissible(&anderson.next(&bounds, &changes), &lambda)
+        } else {
+            next
+        };
     }
 }
 
-/// ū: the displacement before the step, changed so that T ū leaves out what prescribed displacements slide in
-/// it. None where it is zero.
-fn base(t: &Csr, load: &Load, start: &State) -> Option<Vec<f64>> {
-    let mut base = start.u.clone();
-    let slide: Vec<f64> = (load.slide.iter().zip(&start.slide))
-        .map(|(a, b)| a - b)
-        .collect();
-    if norm_max(&slide) > 0.0 {
-        // The least w with T w = slide is Tᵀy with T Tᵀ y = slide; CG, as T Tᵀ is the identity and little more.
-        let mut y = vec![0.0; slide.len()];
-        let mut r = slide.clone();
-        let mut p = slide.clone();
-        let mut image = vec![0.0; slide.len()];
-        let mut w = vec![0.0; base.len()];
-        let mut rr = dot(&r, &r);
-        let first = rr;
-        for _ in 0..10 * slide.len() {
-            if !(rr > 1e-28 * first) {
-                break;
-            }
-            w.fill(0.0);
-            t.mul_transpose_add(1.0, &p, &mut w);
-            t.mul(&w, &mut image);
-            let alpha = rr / dot(&p, &image);
-            for i in 0..y.len() {
-                y[i] += alpha * p[i];
-                r[i] -= alpha * image[i];
-            }
-            let next = dot(&r, &r);
-            let beta = next / rr;
-            rr = next;
-            p.iter_mut().zip(&r).for_each(|(p, r)| *p = r + beta * *p);
-        }
-        t.mul_transpose_add(-1.0, &y, &mut base);
-    }
-    (norm_max(&base) > 0.0).then_some(base)
+/// a − b.
+fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
-/// What the springs under a body carry.
-struct Carried {
-    /// ‖S(u − u')‖.
-    force: f64,
-    /// The same over ‖Bᵀλ‖ on the same unknowns, now or before the step; 1 without contact forces.
-    relative: f64,
-    /// No contact forces.
-    free: bool,
-}
-
-/// Anchors the springs at `v`; those of bodies without contact go on by `far` times their mean motion, so that
-/// such a body comes across a gap without being stretched.
-fn fly(model: &Model, carried: &[Carried], far: f64, v: &[f64], anchor: &mut [f64]) {
-    for (body, carried) in model.springs.iter().zip(carried) {
-        let (mut moved, mut weight) = ([0.0; 2], [0.0; 2]);
-        for &(i, s) in &body.stiffness {
-            let (i, c) = (i as usize, i as usize % 2);
-            moved[c] += s * (v[i] - anchor[i]);
-            weight[c] += s;
-        }
-        for &(i, _) in &body.stiffness {
-            let (i, c) = (i as usize, i as usize % 2);
-            anchor[i] = v[i];
-            if carried.free && body.translates[c] && weight[c] > 0.0 {
-                anchor[i] += far * moved[c] / weight[c];
-            }
-        }
-    }
-}
-
-/// What the springs carry between the displacements `old`, where they are anchored, and `new`.
-fn spring_forces(
-    model: &Model,
-    [now, before]: [&[f64]; 2],
-    new: &[f64],
-    old: &[f64],
-) -> Vec<Carried> {
-    if model.springs.is_empty() {
+/// The bodies that an imbalance pushes, and which way.
+fn pushed(problem: &ContactProblem, imbalance: &[f64]) -> Vec<NotHeld> {
+    if imbalance.is_empty() {
         return Vec::new();
     }
-    let contact = |lambda: &[f64]| {
-        let mut forces = vec![0.0; new.len()];
-        let (normal, tangential) = lambda.split_at(model.problem.m());
-        (model.problem.normal()).mul_transpose_add(1.0, normal, &mut forces);
-        (model.problem.tangential()).mul_transpose_add(1.0, tangential, &mut forces);
-        forces
-    };
-    let (now, before) = (contact(now), contact(before));
-    model
-        .springs
-        .iter()
-        .map(|body| {
-            let over = |value: &dyn Fn(usize, f64) -> f64| {
-                let all = body.stiffness.iter();
-                norm(&all.map(|&(i, s)| value(i as usize, s)).collect::<Vec<_>>())
-            };
-            let force = over(&|i, s| s * (new[i] - old[i]));
-            let (now, before) = (over(&|i, _| now[i]), over(&|i, _| before[i]));
-            let contact = now.max(before);
-            Carried {
-                force,
-                free: now == 0.0,
-                relative: match (force > 0.0, contact > 0.0) {
-                    (false, _) => 0.0,
-                    (true, true) => force / contact,
-                    (true, false) => 1.0,
-                },
-            }
+    let all = norm(imbalance);
+    let bodies = problem.free_bodies().parts(imbalance).enumerate();
+    bodies
+        .filter(|(_, (_, part))| norm(part) > PUSHED * all)
+        .map(|(body, (free, part))| NotHeld {
+            body,
+            motion: free.describe(part),
         })
         .collect()
 }
 
-/// The given bounds, and μλν where there is a μ.
-fn coulomb_bounds(model: &Model, lambda: &[f64]) -> Vec<f64> {
-    let mut bounds = model.problem.slip_bound().to_vec();
-    for ((bound, &mu), &normal) in bounds.iter_mut().zip(model.coefficient).zip(lambda) {
-        if mu > 0.0 {
-            *bound = mu * normal.max(0.0);
+/// The slip bounds under which forces can balance the bodies that only contact holds.
+struct Cones<'a> {
+    model: &'a Model<'a>,
+    /// Where there are such bodies and Coulomb friction.
+    balance: Option<Balance>,
+    /// What no forces on the cones can balance; empty where all is well.
+    imbalance: Vec<f64>,
+}
+
+impl<'a> Cones<'a> {
+    fn new(model: &'a Model<'a>, load: &Load) -> Self {
+        let problem = model.problem;
+        let free = problem.free_bodies();
+        let mut cones = Self {
+            model,
+            balance: None,
+            imbalance: Vec::new(),
+        };
+        if free.is_empty() || !model.has_coulomb() {
+            return cones;
+        }
+        let b = problem.contact_matrix();
+        let mut balance = Balance::new(free, &b, &load.force, |_| 1.0);
+        let near = cones.nearest(&balance, &vec![0.0; 2 * problem.m()]);
+        if !near.balanced {
+            balance.give_up(&near.imbalance);
+            cones.imbalance = near.imbalance;
+        }
+        cones.balance = Some(balance);
+        cones
+    }
+
+    fn nearest(&self, balance: &Balance, lambda: &[f64]) -> Nearest {
+        let given = self.model.problem.slip_bound();
+        balance.nearest(lambda, |i, z| match self.model.mu(i) {
+            0.0 => interval(given[i], z),
+            mu => cone(mu, z),
+        })
+    }
+
+    /// What forces within the given bounds cannot balance; empty where they can.
+    fn imbalance_within(&self, bounds: &[f64], lambda: &[f64]) -> Vec<f64> {
+        let Some(balance) = &self.balance else {
+            return Vec::new();
+        };
+        let near = balance.nearest(lambda, |i, z| interval(bounds[i], z));
+        if near.balanced {
+            Vec::new()
+        } else {
+            near.imbalance
         }
     }
-    bounds
+
+    /// The bounds of the forces λ, or of the nearest ones that balance the bodies.
+    fn bounds(&self, lambda: &[f64]) -> Vec<f64> {
+        match &self.balance {
+            None => self.model.bounds(lambda),
+            Some(balance) => self.model.bounds(&self.nearest(balance, lambda).lambda),
+        }
+    }
+
+    /// Bounds close to `bounds`, under which forces like λ can balance the bodies.
+    fn admissible(&self, bounds: &[f64], lambda: &[f64]) -> Vec<f64> {
+        if self.balance.is_none() {
+            return bounds.iter().map(|g| g.max(0.0)).collect();
+        }
+        let mut wanted = lambda.to_vec();
+        for (i, &bound) in bounds.iter().enumerate() {
+            let mu = self.model.mu(i);
+            if mu > 0.0 {
+                wanted[i] = (bound / mu).max(0.0);
+            }
+        }
+        self.bounds(&wanted)
+    }
 }
 
 /// Earlier pairs that Anderson's acceleration looks at.
@@ -593,8 +512,6 @@ impl Anderson {
     fn next(&mut self, x: &[f64], r: &[f64]) -> Vec<f64> {
         let size = norm(r);
         let worse = self.best.is_some_and(|best| size > WORSE * best);
-        let difference =
-            |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a - b).collect() };
         match self.last.take() {
             Some((old_x, old_r)) if !worse => {
                 self.steps

@@ -4,6 +4,7 @@
 //! see [`Csr`]) and the coarse matrices and prolongations of multigrid (3 × 3 and 2 × 3). Column indices
 //! are `u32` and sorted within a row.
 
+use faer::Mat;
 use rayon::prelude::*;
 
 /// A sparse matrix of `R × C` blocks in compressed block rows; square blocks if C is left out.
@@ -74,6 +75,33 @@ impl<const B: usize> BlockCsr<B> {
             self.n_rows(),
             self.triplets().map(|(i, j, v)| (j, i, v)),
         )
+    }
+
+    /// The number of connected parts of the graph of the nonzero blocks, and the part of each block row.
+    pub(crate) fn components(&self) -> (usize, Vec<u32>) {
+        let n = self.n_block_rows;
+        let mut component = vec![u32::MAX; n];
+        let mut count = 0;
+        let mut stack = Vec::new();
+        for seed in 0..n {
+            if component[seed] != u32::MAX {
+                continue;
+            }
+            component[seed] = count;
+            stack.push(seed as u32);
+            while let Some(i) = stack.pop() {
+                let (cols, blocks) = self.row(i as usize);
+                for (&j, block) in cols.iter().zip(blocks) {
+                    let tied = block.iter().flatten().any(|&v| v != 0.0);
+                    if tied && component[j as usize] == u32::MAX {
+                        component[j as usize] = count;
+                        stack.push(j);
+                    }
+                }
+            }
+            count += 1;
+        }
+        (count as usize, component)
     }
 
     /// The scalar diagonal of the matrix; zero where nothing is stored.
@@ -293,6 +321,13 @@ pub fn norm_max(x: &[f64]) -> f64 {
 pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     debug_assert_eq!(x.len(), y.len());
     x.iter().zip(y).map(|(a, b)| a * b).sum()
+}
+
+/// Eigenvalues and eigenvectors (columns) of a small symmetric matrix; None if an entry is not finite.
+pub(crate) fn symmetric_eigen(matrix: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)> {
+    let eigen = matrix.self_adjoint_eigen(faer::Side::Lower).ok()?;
+    let values = eigen.S().column_vector().iter().copied().collect();
+    Some((values, eigen.U().to_owned()))
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //! with the inactive multipliers on their bounds by conjugate gradients (Step 3), and measures the
 //! reduced gradient (10) at the projection of the result (Step 3.4).
 //!
-//! Five things go beyond the text of the paper, none of which changes the limit:
+//! Six things go beyond the text of the paper, none of which changes the limit:
 //!
 //! - **Products are carried.** r = Aλ − b is updated along with λ, so a product with A is spent only on
 //!   a direction of CG, on the jump of the multipliers that change to a bound, and on P_Λ(λ) − λ. Where
@@ -15,6 +15,12 @@
 //! - **Multipliers are scaled** where the stiffness under the contact varies by more than a factor of four.
 //! - **Known products are used again.** All directions with a known product span a subspace; its part that
 //!   vanishes on the held multipliers is minimised over for nothing before CG starts on new sets.
+//! - **Bodies are kept in balance.** Where bodies can move as a whole, Λ is Λₑ = {λ ∈ Λ: Gλ = e}
+//!   (`dual::balance`). Its projection, which costs no product with A, takes the place of P_Λ everywhere, and
+//!   the minimisation (11) keeps Gλ = e. The multiplier of the balance that the projection of λ − ρ(Aλ − b)
+//!   brings with it is ρα, α the rigid motion: r is Aλ − b − Gᵀα with this α at every prediction. So bodies cross
+//!   gaps, tip and settle in the projection, the sets are always those of forces in balance, and where Λₑ is
+//!   empty that is known before the first product.
 //! - **The safeguard.** The iterates are feasible and the change of q between them is known for nothing.
 //!   Steps that lower neither the best q nor the best error are discarded: from the best point a
 //!   projected gradient step with ρ = 1/σ_max < 2/σ_max lowers q by at least a fixed part of ‖r̃‖²
@@ -22,6 +28,7 @@
 //!   and the set prediction uses no more than that ρ from then on. Each time it acts it stays for twice
 //!   as many steps, hence q decreases to its minimum whatever β was.
 
+mod goal;
 mod products;
 mod scaling;
 mod sets;
@@ -29,12 +36,16 @@ mod subspace;
 
 pub use sets::{SetSizes, Sets};
 
+use crate::dual::balance::{Balance, FaceBalance, interval};
 use crate::dual::{DualError, DualOperator, Stop, Stopped};
-use crate::problem::{ContactProblem, Kkt, slip_violation};
-use crate::sparse::{dot, norm};
+use crate::problem::{ContactProblem, Kkt};
+use crate::sparse::{dot, norm, norm_max};
+use goal::Goal;
 use products::Products;
 use scaling::Scaled;
+use std::cell::RefCell;
 use std::ops::ControlFlow;
+use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 use subspace::Subspace;
@@ -53,7 +64,9 @@ pub enum Method {
 /// Settings of the method; the defaults are those of the case file.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a> {
-    /// ε: the error err = ‖r̃_ρ(P_Λ(λ))‖ to reach, relative to err⁰ at λ = 0.
+    /// ε: what the answer may be off by. The error err = ‖r̃_ρ(P_Λ(λ))‖ is reached relative to err⁰, that at λ = 0
+    /// (or, where bodies can move as a whole, at the least forces that balance them); beside it the forces that
+    /// the rest of the gradient could still move, node by node, are brought below 100 ε of the largest pressure.
     pub tolerance: f64,
     /// β: ρ = β / σ_max.
     pub beta: f64,
@@ -71,11 +84,22 @@ pub struct Settings<'a> {
     pub initial: Option<&'a [f64]>,
     /// σ_max as an earlier solve with the same A has found it ([`Info::sigma_max`]); estimated if None.
     pub sigma_max: Option<f64>,
-    /// err⁰ counts as this at least; 0 where nothing is known of what errors are small.
-    pub least_error: f64,
+    /// Rᵀu before, for the motions of [`ContactProblem::free_bodies`]: what neither load nor contact moves stays
+    /// there; zero if None.
+    pub place: Option<&'a [f64]>,
+    /// err⁰ as an earlier solve of the same step has found it ([`Info::first_error`]): where bodies can move as a
+    /// whole it costs a product.
+    pub first_error: Option<f64>,
+    /// What earlier solves with the same K, N and T have found out; this one adds to it.
+    pub memory: Option<&'a RefCell<Memory>>,
     /// Set from outside to stop at the next product with A.
     pub interrupt: Option<&'a AtomicBool>,
 }
+
+/// Directions whose products with A are known: they hold for every load, gap and slip bound, as long as K, N and T
+/// stay what they are, and spare later solves their products where these are exact (by a factor).
+#[derive(Clone, Debug, Default)]
+pub struct Memory(Subspace);
 
 impl Default for Settings<'_> {
     fn default() -> Self {
@@ -89,7 +113,9 @@ impl Default for Settings<'_> {
             time_limit: None,
             initial: None,
             sigma_max: None,
-            least_error: 0.0,
+            place: None,
+            first_error: None,
+            memory: None,
             interrupt: None,
         }
     }
@@ -103,8 +129,11 @@ pub enum Status {
     Converged,
     /// `max_iterations` reached.
     IterationLimit,
-    /// Rounding keeps q from decreasing any further: the tolerance is below what f64 can give here.
+    /// No progress any more: the tolerance is below what f64, or PCG, can give here.
     Stagnated,
+    /// Contact and friction cannot balance the loads on a body that can move as a whole: no static solution
+    /// exists. λ balances them as far as it goes ([`Solution::imbalance`]).
+    NotHeld,
     /// `time_limit` reached.
     TimeLimit,
     /// Stopped from outside.
@@ -193,6 +222,9 @@ pub struct Solution {
     pub lambda: Vec<f64>,
     /// The sets at the end.
     pub sets: Sets,
+    /// Rᵀ(f − Bᵀλ) for the motions of [`ContactProblem::free_bodies`], where that cannot be made zero: which way
+    /// bodies are pushed that nothing holds. Empty otherwise.
+    pub imbalance: Vec<f64>,
     /// Figures.
     pub info: Info,
 }
@@ -217,6 +249,11 @@ const FINEST: f64 = 1e-13;
 const GROWN: f64 = 10.0;
 /// Relative residual for the displacement of a solve that has ended without convergence.
 const ROUGH: f64 = 1e-4;
+/// Passes that a rigid motion is settled in at most, and forces beside which those in balance are small.
+const SETTLED: usize = 3;
+const LARGER: f64 = 100.0;
+/// Directions handed on from one solve to the next: the fewer, the cheaper they are to fit to new sets.
+const REMEMBERED: usize = 40;
 /// CG may stop early, on sets that have changed, once its residual is below this part of err.
 const SETS_CHANGED: f64 = 0.3;
 
@@ -242,17 +279,48 @@ pub fn solve(
         interrupt: settings.interrupt,
     };
     let exact = settings.method == Method::Exact;
-    let dual = Scaled::new(problem, dual);
+    let mut dual = Scaled::new(problem, dual);
     let g = dual.slip_bound(problem.slip_bound());
-    let mut c = problem.gap().to_vec();
-    c.resize(len, 0.0);
+    let (balance, mut reference, imbalance) = balanced(problem, &dual, &g);
+    // Where err⁰ is known, the way may start from λ⁰ at once.
+    let known = settings.first_error.filter(|_| balance.is_some());
+    if let (Some(_), Some(balance), Some(initial)) = (known, &balance, settings.initial) {
+        assert_eq!(initial.len(), len, "λ⁰ needs 2m entries");
+        let mut start = initial.to_vec();
+        dual.divide(&mut start);
+        reference = balance.nearest(&start, |i, z| interval(g[i], z)).lambda;
+    }
+    // What no contact can balance is left out of the load, so that the rest can be solved.
+    let reduced = (!imbalance.is_empty()).then(|| {
+        let mut load = problem.load().to_vec();
+        let less: Vec<f64> = imbalance.iter().map(|v| -v).collect();
+        problem.free_bodies().add_motion(&less, &mut load);
+        let (gap, origin) = (problem.gap().to_vec(), problem.slip_origin().to_vec());
+        problem.with_data(load, gap, origin, problem.slip_bound().to_vec())
+    });
+    let whole = problem;
+    let problem = reduced.as_ref().unwrap_or(problem);
+    let mut c = problem.offsets();
+    let projects = |p: &mut [f64]| {
+        if let Some(balance) = &balance {
+            balance.on_face(|_| true).project(p);
+        }
+    };
+    let set_up = dual.set_data(problem.load(), &c);
     dual.times(&mut c);
+    let offsets = c.clone();
     let mut products = Products::new(dual, exact, stop);
-    let set_up = products.set_up(c, settings.sigma_max);
+    let set_up = set_up.and_then(|()| products.set_up(c, &reference, settings.sigma_max, projects));
+    if let Some(memory) = settings.memory
+        && products.are_exact()
+    {
+        products.known = memory.take().0;
+    }
     let setup_seconds = start.elapsed().as_secs_f64();
     let mut failure = None;
-    let (b, n_a_sigma) = set_up.unwrap_or_else(|error| {
+    let (r, n_a_sigma) = set_up.unwrap_or_else(|error| {
         failure = Some(error);
+        reference.fill(0.0);
         (vec![0.0; len], 0)
     });
     // Without contact, or with a B that K makes infinitely stiff, any ρ will do.
@@ -261,20 +329,30 @@ pub fn solve(
     } else {
         1.0
     };
+    let mut point = Point {
+        lambda: reference,
+        r,
+        motion: vec![0.0; problem.free_bodies().n_motions()],
+    };
     let mut newton = Newton {
         problem,
         g: &g,
-        b,
+        balance,
+        offsets,
         rho: settings.beta * alpha,
         alpha,
         products,
         checked: None,
         check_accuracy: settings.tolerance,
+        tolerance: settings.tolerance,
+        last_err: 0.0,
+        refreshed: f64::INFINITY,
+        place: settings.place,
     };
-    let mut point = newton.origin();
     // err⁰ at λ = 0 even for a warm start: a good start must not make the same tolerance harder.
-    let first_error = newton.error(&point);
-    let err0 = first_error.max(settings.least_error);
+    let error = newton.error(&mut point);
+    let first_error = known.unwrap_or(error);
+    let err0 = first_error.max(newton.rounding(&point));
     let level = settings.tolerance.min(if exact { EXACT } else { 1.0 });
     newton.products.aim_at(level * err0);
     newton.products.allow(err0);
@@ -283,7 +361,7 @@ pub fn solve(
     let outcome = match failure {
         Some(error) => Err(error),
         None => newton
-            .start(settings.initial)
+            .start(&point, settings.initial.filter(|_| known.is_none()))
             .map(|first| point = first)
             .and_then(|()| {
                 newton.run(
@@ -292,30 +370,52 @@ pub fn solve(
                     settings,
                     &mut history,
                     &mut observer,
-                    |newton, point, goal, iter| {
-                        first_met.get_or_insert((iter, newton.products.n_a));
-                        newton.verify(point, goal, err0, settings.tolerance)
-                    },
+                    &mut first_met,
                 )
             }),
     };
-    let (status, checked) = match outcome {
+    if let Some(memory) = settings.memory
+        && newton.products.are_exact()
+    {
+        let known = std::mem::take(&mut newton.products.known);
+        memory.replace(Memory(known.latest(REMEMBERED)));
+    }
+    let (mut status, checked) = match outcome {
         Ok(status) => (status, newton.checked.take()),
         Err(DualError::Stopped(stopped)) => (stopped.into(), None),
+        Err(error) if error.is_stalled() => (Status::Stagnated, None),
         Err(error) => return Err(newton.failed(error, point, history)),
     };
-    let (u, kkt) = match checked {
+    let (u, mut kkt) = match checked {
         Some(checked) => checked,
         // Whoever has asked to stop does not wait for more than a picture.
-        None => match newton.displacement(&point, ROUGH, Stop::default()) {
-            Ok(u) => {
-                let kkt = newton.optimality(&point, &u);
-                (u, kkt)
+        None => {
+            let u = match newton.displacement(&point, ROUGH, Stop::default()) {
+                Err(error) if error.is_stalled() => {
+                    newton.displacement(&point, f64::INFINITY, Stop::default())
+                }
+                made => made,
+            };
+            match u {
+                Ok(mut u) => {
+                    (problem.free_bodies()).add_motion(&point.motion, &mut u);
+                    let kkt = newton.optimality(&point, &u);
+                    (u, kkt)
+                }
+                Err(error) => return Err(newton.failed(error, point, history)),
             }
-            Err(error) => return Err(newton.failed(error, point, history)),
-        },
+        }
     };
     let sets = Sets::at_solution(&point.lambda, &point.r, newton.g);
+    let err_relative = newton.relative(&mut point, err0);
+    let mut lambda = point.lambda;
+    newton.products.dual.times(&mut lambda);
+    if !imbalance.is_empty() {
+        kkt = whole.kkt(&u, &lambda);
+        if status == Status::Converged {
+            status = Status::NotHeld;
+        }
+    }
     let info = Info {
         iter: history.len(),
         n_a: newton.products.n_a,
@@ -324,70 +424,57 @@ pub fn solve(
         rho: newton.rho,
         sigma_max: newton.products.sigma,
         first_error,
-        err_relative: if err0 > 0.0 {
-            newton.error(&point) / err0
-        } else {
-            0.0
-        },
+        err_relative,
         kkt,
         history,
         setup_seconds,
         solve_seconds: start.elapsed().as_secs_f64() - setup_seconds,
     };
-    let mut lambda = point.lambda;
-    newton.products.dual.times(&mut lambda);
     Ok(Solution {
         status,
         u,
         lambda,
         sets,
+        imbalance,
         info,
     })
 }
 
-/// What a point has to meet before the final check is worth its price.
-struct Goal {
-    /// err at most.
-    err: f64,
-    /// Penetration, and slip where there should be none, at most; known after the first check.
-    slack: f64,
-    /// |λνᵀ(Nu − d)| / ‖λ‖ at most; likewise.
-    work: f64,
-    /// Final checks that failed.
-    checks: usize,
-}
-
-impl Goal {
-    /// Whether a point with gradient r (not scaled) and error err meets it. Written so that NaN never passes.
-    fn met(&self, lambda: &[f64], r: &[f64], err: f64, g: &[f64]) -> bool {
-        if !(err <= self.err) {
-            return false;
-        }
-        if self.checks == 0 {
-            return true;
-        }
-        let m = g.len();
-        let (ln, lt) = lambda.split_at(m);
-        let (rn, rt) = r.split_at(m);
-        let penetration = rn.iter().fold(0.0, |acc: f64, r| acc.max(-r));
-        let slip = (0..m).fold(0.0, |acc: f64, i| {
-            acc.max(slip_violation(lt[i], -rt[i], g[i]))
-        });
-        let length = norm(lambda);
-        penetration.max(slip) <= self.slack
-            && (length == 0.0 || dot(ln, rn).abs() / length <= self.work)
+/// The balance of the free bodies in scaled multipliers, the least λ ∈ Λ that meets it, and what of it no λ ∈ Λ
+/// can meet (empty if there is nothing).
+fn balanced<D: DualOperator + ?Sized>(
+    problem: &ContactProblem,
+    dual: &Scaled<D>,
+    g: &[f64],
+) -> (Option<Rc<Balance>>, Vec<f64>, Vec<f64>) {
+    let zero = vec![0.0; 2 * problem.m()];
+    let free = problem.free_bodies();
+    if free.is_empty() {
+        return (None, zero, Vec::new());
+    }
+    let b = problem.contact_matrix();
+    let mut balance = Balance::new(free, &b, problem.load(), |i| dual.factor(i));
+    let near = balance.nearest(&zero, |i, z| interval(g[i], z));
+    if near.balanced {
+        (Some(Rc::new(balance)), near.lambda, Vec::new())
+    } else {
+        balance.give_up(&near.imbalance);
+        (Some(Rc::new(balance)), near.lambda, near.imbalance)
     }
 }
 
-/// λ with its gradient r = Aλ − b.
+/// λ with its gradient r = Aλ − b − Gᵀα.
 #[derive(Clone)]
 struct Point {
     lambda: Vec<f64>,
     r: Vec<f64>,
+    /// α; empty where all bodies are held.
+    motion: Vec<f64>,
 }
 
 impl Point {
-    /// q(to) − q(self) = ½ (λ' − λ)ᵀ(r + r'): free of the cancellation of a difference.
+    /// q(to) − q(self) = ½ (λ' − λ)ᵀ(r + r'): free of the cancellation of a difference. Between points in balance
+    /// α has no part in it.
     fn q_change(&self, to: &Self) -> f64 {
         let mut sum = 0.0;
         for i in 0..self.r.len() {
@@ -412,11 +499,13 @@ impl Point {
         if t == 1.0 {
             return end.clone();
         }
-        let between =
-            |y: &[f64], z: &[f64]| y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect();
+        let between = |y: &[f64], z: &[f64]| -> Vec<f64> {
+            y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect()
+        };
         Self {
             lambda: between(&self.lambda, &end.lambda),
             r: between(&self.r, &end.r),
+            motion: between(&self.motion, &end.motion),
         }
     }
 
@@ -451,6 +540,7 @@ impl Point {
         let mut cut = Self {
             lambda: between(&self.lambda, &end.lambda),
             r: between(&self.r, &end.r),
+            motion: between(&self.motion, &end.motion),
         };
         for (i, l) in cut.lambda.iter_mut().enumerate() {
             let (low, high) = bounds(i);
@@ -470,6 +560,8 @@ impl Point {
 /// The conjugate gradient iteration on a free set, kept from one outer step to the next.
 struct Cg {
     sets: Sets,
+    /// G on the free set, where bodies can move as a whole.
+    face: Option<FaceBalance>,
     /// Known directions on the free set: recycled ones, then those of this iteration.
     span: Subspace,
 }
@@ -478,7 +570,10 @@ struct Cg {
 struct Newton<'a, D: ?Sized> {
     problem: &'a ContactProblem,
     g: &'a [f64],
-    b: Vec<f64>,
+    /// Where bodies can move as a whole.
+    balance: Option<Rc<Balance>>,
+    /// c, scaled.
+    offsets: Vec<f64>,
     /// ρ = β/σ_max: of the error, and of the sets until the safeguard has acted.
     rho: f64,
     /// The length of safeguarding projected gradient steps, < 2/σ_max.
@@ -486,8 +581,15 @@ struct Newton<'a, D: ?Sized> {
     products: Products<'a, D>,
     /// u and the optimality conditions of the last final check.
     checked: Option<(Vec<f64>, Kkt)>,
-    /// ‖f − Bᵀλ − Ku‖ / ‖f‖ in the final check.
+    /// ‖f − Bᵀλ − Ku‖ relative to the acting forces in the final check.
     check_accuracy: f64,
+    /// ε, and the err that it asks for.
+    tolerance: f64,
+    last_err: f64,
+    /// err when r was last made afresh for want of progress.
+    refreshed: f64,
+    /// Where bodies that can move as a whole are, as far as nothing moves them: coefficients of their motions.
+    place: Option<&'a [f64]>,
 }
 
 impl<D: DualOperator + ?Sized> Newton<'_, D> {
@@ -496,38 +598,62 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         if self.products.are_exact() {
             return Ok(false);
         }
-        let Point { lambda, r } = point;
-        let (g, rho) = (self.g, self.rho);
-        let made =
-            (self.products).refresh(lambda, r, |r| norm(&reduced_gradient(lambda, r, rho, g)))?;
+        point.motion.fill(0.0);
+        let probe = point.clone();
+        let Point { lambda, r, .. } = point;
+        let (g, rho, balance) = (self.g, self.rho, self.balance.clone());
+        let made = (self.products).refresh(lambda, r, |r| {
+            let mut there = Point {
+                r: r.to_vec(),
+                ..probe.clone()
+            };
+            let end = settle(&mut there, rho, g, balance.as_deref());
+            distance(&there.lambda, &end) / rho
+        })?;
         if !made {
             // A GPU has failed in between and products are exact from now on, but nothing known so far is.
-            let u = self.displacement(point, EXACT, self.products.stop)?;
-            self.take_from(&u, point);
+            self.make_exact(point)?;
             self.products.n_a += 1;
         }
         Ok(true)
     }
 
-    /// λ = 0, where r = −b.
-    fn origin(&self) -> Point {
-        Point {
-            lambda: vec![0.0; self.b.len()],
-            r: self.b.iter().map(|b| -b).collect(),
-        }
+    /// r at a point from its displacement.
+    fn make_exact(&mut self, point: &mut Point) -> Result<(), DualError> {
+        let u = self.displacement(point, EXACT, self.products.stop)?;
+        self.take_from(&u, point);
+        Ok(())
     }
 
-    /// λ⁰ projected on Λ, and r there.
-    fn start(&mut self, initial: Option<&[f64]>) -> Result<Point, DualError> {
-        let mut point = self.origin();
+    /// λ⁰ projected on Λ, and r there; the reference point where there is none, or where it is better.
+    fn start(&mut self, reference: &Point, initial: Option<&[f64]>) -> Result<Point, DualError> {
+        let mut point = reference.clone();
         if let Some(initial) = initial {
-            assert_eq!(initial.len(), self.b.len(), "λ⁰ needs 2m entries");
+            assert_eq!(initial.len(), reference.r.len(), "λ⁰ needs 2m entries");
             let mut target = initial.to_vec();
             self.products.dual.divide(&mut target);
-            project(&mut target, self.g);
+            self.project(&mut target);
             self.move_to(&mut point, target)?;
         }
         Ok(point)
+    }
+
+    /// The projection on Λ, or on Λₑ where bodies can move as a whole.
+    fn project(&self, lambda: &mut Vec<f64>) {
+        match &self.balance {
+            None => project(lambda, self.g),
+            Some(balance) => {
+                *lambda = balance
+                    .nearest(lambda, |i, z| interval(self.g[i], z))
+                    .lambda;
+            }
+        }
+    }
+
+    /// Chooses α at a point such that a projected gradient step of length ρ from there keeps the bodies in
+    /// balance; returns where that step ends.
+    fn settle(&self, point: &mut Point, rho: f64) -> Vec<f64> {
+        settle(point, rho, self.g, self.balance.as_deref())
     }
 
     /// Moves to λ = `target`, and r with it: one product, or none if it is there already.
@@ -547,33 +673,84 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         Ok(true)
     }
 
-    /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ.
-    fn error(&self, point: &Point) -> f64 {
-        norm(&reduced_gradient(&point.lambda, &point.r, self.rho, self.g))
+    /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ, with the α that goes with it.
+    fn error(&self, point: &mut Point) -> f64 {
+        self.error_with(point, self.rho)
     }
 
-    /// Replaces r by what the displacement says: d − Nu and −Tu.
+    /// The same for another ρ.
+    fn error_with(&self, point: &mut Point, rho: f64) -> f64 {
+        let end = self.settle(point, rho);
+        distance(&point.lambda, &end) / rho
+    }
+
+    /// err relative to what it is measured by.
+    fn relative(&self, point: &mut Point, err0: f64) -> f64 {
+        let err = self.error(point);
+        if err <= self.rounding(point) {
+            return 0.0;
+        }
+        err / err0.max(self.own_motion(&point.lambda))
+    }
+
+    /// ‖(Σⱼ Bᵢⱼ²/Kⱼⱼ λᵢ)ᵢ‖: what the forces do to their own nodes at least. An err below this times ε is good
+    /// enough however small err⁰ is.
+    fn own_motion(&self, lambda: &[f64]) -> f64 {
+        let own: Vec<f64> = (self.problem.compliance().iter().zip(lambda))
+            .enumerate()
+            .map(|(i, (c, l))| c * l * self.products.dual.factor(i).powi(2))
+            .collect();
+        norm(&own)
+    }
+
+    /// What r may be off by for rounding alone: f64 tells no smaller error.
+    fn rounding(&self, point: &Point) -> f64 {
+        let terms: Vec<f64> = (self.offsets.iter().zip(&point.r))
+            .map(|(c, r)| c.abs().max((c - r).abs()))
+            .collect();
+        16.0 * f64::EPSILON * norm(&terms)
+    }
+
+    /// Replaces r by what the displacement says: c − Bu.
     fn take_from(&mut self, u: &[f64], point: &mut Point) {
         let problem = self.problem;
         let (rn, rt) = point.r.split_at_mut(problem.m());
         problem.normal().mul(u, rn);
         problem.tangential().mul(u, rt);
-        rn.iter_mut()
-            .zip(problem.gap())
-            .for_each(|(r, d)| *r = d - *r);
-        rt.iter_mut().for_each(|r| *r = -*r);
+        for (r, c) in point.r.iter_mut().zip(problem.offsets()) {
+            *r = c - *r;
+        }
         self.products.dual.times(&mut point.r);
         self.products.checked(&point.r);
+        point.motion.fill(0.0);
     }
 
-    /// u at a point.
+    /// u at a point but for the motions of free bodies, to a residual relative to the acting forces.
     fn displacement(
         &mut self,
         point: &Point,
         accuracy: f64,
         stop: Stop,
     ) -> Result<Vec<f64>, DualError> {
-        (self.products.dual).displacement(&point.lambda, accuracy, &stop)
+        let mut lambda = point.lambda.clone();
+        self.products.dual.times(&mut lambda);
+        let residual = accuracy * self.problem.acting_forces(&lambda);
+        let mut u = if residual == 0.0 {
+            // Neither load nor contact forces.
+            vec![0.0; self.problem.load().len()]
+        } else {
+            (self.products.dual).displacement(&point.lambda, residual, &stop)?
+        };
+        // Whichever K⁺ it was: bodies stay where they were as far as contact lets them.
+        let free = self.problem.free_bodies();
+        let back: Vec<f64> = free
+            .resultants(&u)
+            .iter()
+            .enumerate()
+            .map(|(j, a)| self.place.map_or(0.0, |place| place[j]) - a)
+            .collect();
+        free.add_motion(&back, &mut u);
+        Ok(u)
     }
 
     /// The optimality conditions at a point.
@@ -594,31 +771,38 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
 
     /// Whether a point meets the goal, in the units of the problem.
     fn meets(&self, goal: &Goal, point: &Point, err: f64) -> bool {
-        let (mut lambda, mut r, mut g) = (point.lambda.clone(), point.r.clone(), point.r.clone());
-        self.products.dual.times(&mut lambda);
-        self.products.dual.divide(&mut r);
-        let m = self.g.len();
-        g[m..].copy_from_slice(self.g);
-        self.products.dual.times(&mut g);
-        goal.met(&lambda, &r, err, &g[m..])
+        let (lambda, r) = self.unscaled(point);
+        goal.met(self.problem, &lambda, &r, err)
     }
 
-    /// The final check, with what the displacement says instead of the carried r: Converged, Stagnated, or
-    /// None if the goal has to be closer.
+    /// λ and r in the units of the problem.
+    fn unscaled(&self, point: &Point) -> (Vec<f64>, Vec<f64>) {
+        let (mut lambda, mut r) = (point.lambda.clone(), point.r.clone());
+        self.products.dual.times(&mut lambda);
+        self.products.dual.divide(&mut r);
+        (lambda, r)
+    }
+
+    /// The final check of a point that meets the goal: u from K⁻¹, and the optimality conditions against K.
+    ///
+    /// None, with a goal that is harder to meet and an r that is made afresh, if they are not yet met.
     fn verify(
         &mut self,
         point: &mut Point,
         goal: &mut Goal,
-        err0: f64,
         tolerance: f64,
     ) -> Result<Option<Status>, DualError> {
-        let u = self.displacement(point, self.check_accuracy, self.products.stop)?;
-        let kkt = self.optimality(point, &u);
+        let mut u = self.displacement(point, self.check_accuracy, self.products.stop)?;
         self.take_from(&u, point);
         let err = self.error(point);
+        self.problem.free_bodies().add_motion(&point.motion, &mut u);
+        let kkt = self.optimality(point, &u);
+        goal.err = goal.err.max(self.rounding(point));
+        let (lambda, r) = self.unscaled(point);
+        let forces = goal.forces_met(self.problem, &lambda, &r);
         // Equilibrium does not depend on λ: no further step can mend it. A goal that was met again and
         // again and still fails the check is at the limit of rounding.
-        let status = if err <= tolerance * err0 * (1.0 + 1e-6) && kkt.max() <= 10.0 * tolerance {
+        let status = if err <= goal.err * (1.0 + 1e-6) && forces && kkt.max() <= 10.0 * tolerance {
             Status::Converged
         } else if !(kkt.equilibrium <= 10.0 * tolerance) || goal.checks >= 5 {
             Status::Stagnated
@@ -627,16 +811,16 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             if err <= goal.err || self.check_accuracy < FINEST {
                 goal.checks += 1;
             }
-            let (largest, length) = self.problem.sizes(&u);
-            goal.slack = 9.0 * tolerance * largest;
-            goal.work = 9.0 * tolerance * length;
+            let yardsticks = self.problem.yardsticks(&u, &lambda);
+            goal.slack = 9.0 * tolerance * yardsticks.length + yardsticks.rounding;
+            goal.work = 9.0 * tolerance * yardsticks.deformation + yardsticks.rounding;
             return Ok(None);
         };
         self.checked = Some((u, kkt));
         Ok(Some(status))
     }
 
-    /// Outer steps until `verify` is content with a point that meets the goal, or a reason to stop.
+    /// Outer steps until the final check is content with a point that meets the goal, or a reason to stop.
     fn run(
         &mut self,
         point: &mut Point,
@@ -644,15 +828,11 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         settings: &Settings,
         history: &mut Vec<Step>,
         observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
-        mut verify: impl FnMut(
-            &mut Self,
-            &mut Point,
-            &mut Goal,
-            usize,
-        ) -> Result<Option<Status>, DualError>,
+        first_met: &mut Option<(usize, usize)>,
     ) -> Result<Status, DualError> {
         let mut goal = Goal {
             err: settings.tolerance * err0,
+            tolerance: settings.tolerance,
             slack: f64::INFINITY,
             work: f64::INFINITY,
             checks: 0,
@@ -665,15 +845,21 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         let mut set_rho = self.rho;
         // The point of lowest q, and what it took to find a better one.
         let (mut best, mut best_err) = (point.clone(), err);
-        let first = point.clone();
+        let mut first = point.clone();
         let mut fruitless = 0;
         // Safeguarded steps still to make, and how many the next discarded steps will cost.
         let (mut guarded, mut penalty, mut faces) = (0usize, 1usize, 0usize);
         loop {
             self.products.allow(err);
+            goal.err = (settings.tolerance * err0.max(self.own_motion(&point.lambda)))
+                .max(self.rounding(point));
+            self.last_err = goal.err;
             // Step 1.
+            if err <= goal.err {
+                first_met.get_or_insert((history.len(), self.products.n_a));
+            }
             if self.meets(&goal, point, err) {
-                if let Some(status) = verify(self, point, &mut goal, history.len())? {
+                if let Some(status) = self.verify(point, &mut goal, settings.tolerance)? {
                     return Ok(status);
                 }
                 // r is fresh now. Where it had drifted, so have the images of the known directions.
@@ -694,6 +880,24 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             if stop.is_some() || history.len() >= settings.max_iterations {
                 *point = best;
                 return Ok(stop.map_or(Status::IterationLimit, Status::from));
+            }
+            if err <= self.rounding(point) {
+                // Nothing is left to see of the error, and yet the forces are not known well enough.
+                self.make_exact(point)?;
+                err = self.error(point);
+                if err <= self.rounding(point) && !self.meets(&goal, point, err) {
+                    return Ok(Status::Stagnated);
+                }
+                best = point.clone();
+                cg = None;
+                continue;
+            }
+            if err <= goal.err {
+                // Small beside err⁰, but the forces are smaller still.
+                let (lambda, r) = self.unscaled(point);
+                let part = goal.part_for_forces(self.problem, &lambda, &r);
+                let level = (0.5 * part * err).min(self.products.level());
+                self.products.aim_at(level);
             }
             tol = (settings.r_tol * err / err0).min(settings.c_fact * tol);
             let target = match settings.method {
@@ -731,8 +935,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             // Progress is a real part of what a projected gradient step from the best point would gain,
             // or a clearly smaller error: rounding must not pass for it.
             let lost = best.q_change(point);
-            let least = self.alpha
-                * norm(&reduced_gradient(&best.lambda, &best.r, self.alpha, self.g)).powi(2);
+            let least = self.alpha * self.error_with(&mut best.clone(), self.alpha).powi(2);
             let progress = -lost >= GAIN * least && lost < 0.0 || err <= 0.9 * best_err;
             if progress {
                 fruitless = 0;
@@ -762,8 +965,17 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                     err = self.error(point);
                     best = point.clone();
                 } else if safeguarded {
-                    // Not even a projected gradient step lowers q or the error: rounding.
-                    return Ok(Status::Stagnated);
+                    // Not even a projected gradient step lowers q or the error: rounding, of an r that was
+                    // carried along or of what is left to do.
+                    let before = self.refreshed;
+                    self.make_exact(point)?;
+                    err = self.error(point);
+                    if !(err <= 0.5 * before) {
+                        return Ok(Status::Stagnated);
+                    }
+                    self.refreshed = err;
+                    best = point.clone();
+                    first = point.clone();
                 }
                 best_err = err;
                 fruitless = 0;
@@ -786,10 +998,16 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         err: f64,
         method: Method,
     ) -> Result<(Sets, usize), DualError> {
+        let end = self.settle(point, rho);
         let sets = Sets::predict(&point.lambda, &point.r, rho, self.g);
         // Step 3.2: inactive multipliers on their bounds.
         let mut start = point.lambda.clone();
         sets.set_bounds(&mut start, self.g);
+        if let Some(face) = self.face(&sets)
+            && !face.balance(&mut start)
+        {
+            start = end;
+        }
         let jumped = self.move_to(point, start)?;
         let mut cg = match kept.take() {
             Some(cg) if !jumped && cg.sets == sets => cg,
@@ -801,8 +1019,11 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             Method::Exact => None,
         };
         let inner = self.cg(point, &mut cg, target, |newton, point, residual| {
-            floor.is_some_and(|floor| residual <= floor)
-                && Sets::predict(&point.lambda, &point.r, rho, newton.g) != sets
+            floor.is_some_and(|floor| residual <= floor) && {
+                let mut there = point.clone();
+                newton.settle(&mut there, rho);
+                Sets::predict(&there.lambda, &there.r, rho, newton.g) != sets
+            }
         })?;
         // Step 3.4 takes the error at a point of Λ, and the next step goes on from there.
         if !self.move_into_bounds(point, rho)? {
@@ -818,9 +1039,16 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
 
     /// Starts CG on the free multipliers of `sets` from the minimum over the known directions there.
     fn cg_on(&self, sets: Sets, point: &mut Point) -> Cg {
-        let span = self.products.known.fitting(&sets);
+        let face = self.face(&sets);
+        let span = self.products.known.fitting(&sets, face.as_ref());
         span.minimise(&mut point.lambda, &mut point.r);
-        Cg { sets, span }
+        Cg { sets, face, span }
+    }
+
+    /// G on the free multipliers, where bodies can move as a whole.
+    fn face(&self, sets: &Sets) -> Option<FaceBalance> {
+        let balance = self.balance.as_ref()?;
+        Some(balance.on_face(|i| sets.is_free(i)))
     }
 
     /// CGM(A, b, 𝒜, λ, tol): minimises q over the free multipliers until ‖r‖ there is at most `target`
@@ -847,6 +1075,9 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             }
             let mut p: Vec<f64> = point.r.iter().map(|r| -r).collect();
             cg.sets.mask(&mut p);
+            if let Some(face) = &cg.face {
+                face.project(&mut p);
+            }
             let residual = norm(&p);
             // Below its drift the residual says nothing, and where it grows, directions that are only nearly
             // conjugate have come to work against each other.
@@ -857,7 +1088,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 self.products.sharpen();
                 break;
             }
-            if residual <= target
+            if (residual <= target && self.is_enough(point, &p, residual))
                 || (inner > 0 && (residual <= drift || enough(self, point, residual)))
             {
                 break;
@@ -881,14 +1112,27 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         Ok(inner)
     }
 
+    /// Whether an inner problem that has met its target may end: if it may be the last one, the forces have to be
+    /// accurate as well, where another step costs more than another product. `p` is the residual, with the other sign.
+    fn is_enough(&self, point: &Point, p: &[f64], residual: f64) -> bool {
+        if residual > self.last_err || self.products.are_exact() {
+            return true;
+        }
+        let mut rest = point.clone();
+        rest.r = p.iter().map(|v| -v).collect();
+        let (lambda, r) = self.unscaled(&rest);
+        goal::inner_forces_met(self.tolerance, self.problem, &lambda, &r)
+    }
+
     /// P_Λ(λ), with the multipliers that the next step will hold put on their bounds by the same product.
     ///
     /// Only those that a ρ ≤ 1/σ_max holds: what a larger one says of a point outside Λ is too wild.
     fn move_into_bounds(&mut self, point: &mut Point, rho: f64) -> Result<bool, DualError> {
+        let rho = rho.min(self.alpha);
+        self.settle(point, rho);
         let mut target = point.lambda.clone();
-        Sets::predict(&point.lambda, &point.r, rho.min(self.alpha), self.g)
-            .set_bounds(&mut target, self.g);
-        project(&mut target, self.g);
+        Sets::predict(&point.lambda, &point.r, rho, self.g).set_bounds(&mut target, self.g);
+        self.project(&mut target);
         self.move_to(point, target)
     }
 
@@ -904,11 +1148,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         let gradient = point.clone();
         for _ in 0..60 {
             *point = gradient.clone();
-            let mut lambda = point.lambda.clone();
-            for (l, r) in lambda.iter_mut().zip(&point.r) {
-                *l -= self.alpha * r;
-            }
-            project(&mut lambda, self.g);
+            let lambda = self.settle(point, self.alpha);
             self.move_to(point, lambda)?;
             if gradient.q_change(point) <= 0.0 {
                 break;
@@ -916,6 +1156,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             // σ_max was underestimated.
             self.alpha *= 0.5;
         }
+        self.settle(point, self.alpha);
         // From here on multipliers only join the held ones, so that the loop ends.
         let mut sets = Sets::binding(&point.lambda, &point.r, self.g);
         let mut inner = 0;
@@ -927,6 +1168,9 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             })?;
             let mut projected = end.lambda.clone();
             project(&mut projected, self.g);
+            if projected != end.lambda {
+                self.project(&mut projected);
+            }
             if projected == end.lambda {
                 *point = end;
                 break;
@@ -961,12 +1205,36 @@ pub fn project(lambda: &mut [f64], g: &[f64]) {
     }
 }
 
-/// The reduced gradient (10): r̃_α(λ) = (λ − P_Λ(λ − α r)) / α.
-fn reduced_gradient(lambda: &[f64], r: &[f64], alpha: f64, g: &[f64]) -> Vec<f64> {
-    let mut step: Vec<f64> = lambda.iter().zip(r).map(|(l, r)| l - alpha * r).collect();
-    project(&mut step, g);
-    step.iter_mut()
-        .zip(lambda)
-        .for_each(|(s, l)| *s = (l - *s) / alpha);
-    step
+/// Chooses α such that a projected gradient step of length ρ keeps the bodies in balance; returns its end.
+fn settle(point: &mut Point, rho: f64, g: &[f64], balance: Option<&Balance>) -> Vec<f64> {
+    let step = |point: &Point| -> Vec<f64> {
+        (point.lambda.iter().zip(&point.r))
+            .map(|(l, r)| l - rho * r)
+            .collect()
+    };
+    let Some(balance) = balance else {
+        let mut end = step(point);
+        project(&mut end, g);
+        return end;
+    };
+    for pass in 1.. {
+        let near = balance.nearest(&step(point), |i, z| interval(g[i], z));
+        let forces = balance.spread(&near.eta);
+        for (r, force) in point.r.iter_mut().zip(&forces) {
+            *r -= force / rho;
+        }
+        for (a, eta) in (point.motion.iter_mut()).zip(balance.coefficients(&near.eta)) {
+            *a += eta / rho;
+        }
+        // Forces that are found as differences of much larger ones are found once more from where they led.
+        if pass == SETTLED || norm_max(&forces) <= LARGER * norm_max(&near.lambda) {
+            return near.lambda;
+        }
+    }
+    unreachable!("the last pass returns")
+}
+
+/// ‖a − b‖.
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    norm(&a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>())
 }

@@ -348,7 +348,7 @@ fn broken_matrices_are_explained() {
         (
             "K.mtx",
             coordinate("1 1 1\n1 2 -1\n2 1 -1\n2 2 1", "2 2 4"),
-            "add supports",
+            "need coordinates, which tell their rigid motions, or supports",
         ),
         (
             "K.mtx",

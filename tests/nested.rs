@@ -7,7 +7,7 @@ use signorini::backend::cpu::Cpu;
 use signorini::dual::NestedDual;
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::reference::{self, CASE_A, CASE_B, Geometry, Loads, TABLE1};
-use signorini::sparse::BlockCsr;
+use signorini::sparse::{BlockCsr, Csr};
 use signorini::ssnm::{self, Method, Settings, Status};
 use signorini::stiffness::pcg::Preconditioner;
 use std::ops::ControlFlow;
@@ -29,7 +29,11 @@ fn case_b_costs_a_few_linear_solves(k: usize) {
     let what = format!("k = {k}: {costs:?} {linear} {:?}", found.info);
     assert_eq!(found.status, Status::Converged, "{what}");
     assert!(linear <= if k < 20 { 20 } else { 24 }, "{what}");
-    assert!(costs.solves.iterations <= 6 * linear, "{what}");
+    // Fine meshes take a little more until their nodal pressures are right.
+    assert!(
+        costs.solves.iterations <= if k < 20 { 6 } else { 7 } * linear,
+        "{what}"
+    );
     if k < 20 {
         let expected = solve(&problem, &settings);
         // Found: at most one more, and 15 % more; other machines round otherwise.
@@ -159,33 +163,35 @@ fn the_exact_method_on_inexact_products() {
     assert!(distance(&found.u, &expected.u) < 1e-8);
 }
 
-/// A body without supports: an error that says so, not a strange failure.
+/// A node on a hinge, which moves without being a rigid body: an error that says so, not a strange failure.
 #[test]
-fn a_body_without_supports_is_an_error() {
+fn a_kernel_beyond_rigid_motions_is_an_error() {
     let base = problem(Geometry::OneBody, 1, &CASE_B);
     let k = base.stiffness();
-    // Free of its clamp: the rows of the clamped nodes are left out of K, and a cell floats.
-    let free: Vec<(usize, usize, f64)> = k
-        .triplets()
-        .map(|(i, j, v)| {
-            let floats = |i: usize| i < 2;
-            if floats(i) == floats(j) {
-                (i, j, v)
-            } else {
-                (i, j, 0.0)
-            }
-        })
-        .filter(|&(i, j, _)| !(i < 2 && j < 2))
-        .chain([(0, 0, 1e10), (0, 1, -1e10), (1, 0, -1e10), (1, 1, 1e10)])
-        .collect();
+    let n = k.n_rows();
+    // Two nodes more, on a rod between them that is pinned at one end.
+    let rod = [
+        (n, n, 2e10),
+        (n, n + 2, -1e10),
+        (n + 2, n, -1e10),
+        (n + 2, n + 2, 1e10),
+    ];
+    let rest = [
+        (n + 1, n + 1, 1e10),
+        (n + 1, n + 3, -1e10),
+        (n + 3, n + 1, -1e10),
+        (n + 3, n + 3, 1e10),
+    ];
+    let hinged = k.triplets().chain(rod).chain(rest);
+    let wide = |m: &Csr| Csr::from_triplets(m.n_rows(), n + 4, m.triplets());
     let singular = ContactProblem::new(ContactData {
-        stiffness: BlockCsr::from_triplets(k.n_rows(), k.n_cols(), free),
-        load: base.load().to_vec(),
-        normal: base.normal().clone(),
-        tangential: base.tangential().clone(),
+        stiffness: BlockCsr::from_triplets(n + 4, n + 4, hinged),
+        load: [base.load(), &[1.0; 4]].concat(),
+        normal: wide(base.normal()),
+        tangential: wide(base.tangential()),
         gap: base.gap().to_vec(),
         slip_bound: base.slip_bound().to_vec(),
-        coordinates: base.coordinates().map(<[_]>::to_vec),
+        coordinates: None,
     })
     .unwrap_or_else(|error| panic!("{error}"));
     let made = NestedDual::new(&singular, Cpu::<f32>::default(), Preconditioner::Multigrid);

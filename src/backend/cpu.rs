@@ -5,7 +5,7 @@ mod levels;
 pub use levels::Diagonal;
 pub(crate) use levels::times;
 
-use super::{Backend, Block, Counters, GpuError, Progress, Run};
+use super::{Backend, Block, Counters, GpuError, Progress, Run, block_is_full};
 use crate::sparse::{BlockCsr, Csr, ROWS_PER_TASK, dot};
 use crate::stiffness::amg::{BlockMatrix, Dense, Real};
 use rayon::prelude::*;
@@ -34,9 +34,15 @@ pub struct State {
     goal: f64,
     rr_start: f64,
     energy: f64,
-    decrease: f64,
-    decrease_goal: f64,
-    decrease_part: f64,
+    /// α rᵀz over the last full block of iterations and over the one that is under way.
+    full_block: f64,
+    open_block: f64,
+    remaining_goal: f64,
+    remaining_part: f64,
+    to_come: f64,
+    /// Terms in the two blocks.
+    in_full: usize,
+    in_open: usize,
     curvature: f64,
     /// Of the step under way.
     next_rz: f64,
@@ -53,8 +59,9 @@ impl State {
             rr,
             goal,
             rr_start: rr,
-            decrease_goal: run.decrease,
-            decrease_part: run.decrease_part,
+            remaining_goal: run.remaining,
+            remaining_part: run.remaining_part,
+            to_come: run.to_come,
             done: !(rr > goal),
             ..Self::default()
         }
@@ -67,16 +74,32 @@ impl State {
             return None;
         }
         let alpha = self.rz / self.curvature;
-        self.decrease = alpha * self.rz;
-        self.energy += self.decrease;
+        let decrease = alpha * self.rz;
+        self.energy += decrease;
         self.iterations += 1;
+        self.open_block += decrease;
+        self.in_open += 1;
+        if block_is_full(self.in_open, self.iterations) {
+            (self.full_block, self.in_full) = (self.open_block, self.in_open);
+            (self.open_block, self.in_open) = (0.0, 0);
+        }
         Some(alpha)
+    }
+
+    /// The estimate of eᵀKe.
+    fn remaining(&self) -> f64 {
+        let recent = self.full_block + self.open_block;
+        if self.in_full + self.in_open > 1 {
+            recent
+        } else {
+            recent * self.to_come
+        }
     }
 
     /// Whether an iteration has ended the run. Written so that NaN does.
     fn is_over(&self) -> bool {
         !(self.rr > self.goal)
-            || !(self.decrease > self.decrease_goal + self.decrease_part * self.energy)
+            || !(self.remaining() > self.remaining_goal + self.remaining_part * self.energy)
             || self.broken
     }
 }
@@ -439,7 +462,8 @@ impl<S: Real> Backend for Cpu<S> {
             goal: state.goal,
             rr_start: state.rr_start,
             energy: state.energy,
-            decrease: state.decrease,
+            recent: state.full_block + state.open_block,
+            recent_terms: state.in_full + state.in_open,
             done: state.done,
             broken: state.broken,
         })

@@ -32,8 +32,10 @@ use wgpu::BufferUsages;
 const WIDTH: u32 = 128;
 /// Bytes that a pair of unknowns may take in any array: a 2×2 block of the preconditioner in f32, or two f64.
 const PAIR_BYTES: u64 = 16;
-/// Bytes of a CG state that are copied to the host.
-const STATE_BYTES: u64 = 80;
+/// Real numbers in a CG state, which come first.
+const STATE_REALS: usize = 10;
+/// Bytes of a CG state in f64, five words included: so many are allocated and copied to the host.
+const STATE_BYTES: u64 = 8 * STATE_REALS as u64 + 24;
 /// Bytes copied to the host in one piece.
 const PIECE_BYTES: u64 = 64 << 20;
 /// Submissions under way at most.
@@ -641,8 +643,9 @@ impl Gpu {
         let goals = [
             run.residual_part * run.residual_part,
             run.residual * run.residual,
-            run.decrease,
-            run.decrease_part,
+            run.remaining,
+            run.remaining_part,
+            run.to_come,
         ];
         let goals = self.real_array(&goals.map(within_range));
         self.context
@@ -1349,7 +1352,7 @@ impl Backend for Gpu {
         }
         let mut progress = None;
         self.read(&sources, |bytes| {
-            let mut reals = [0.0; 8];
+            let mut reals = [0.0; STATE_REALS];
             read_reals(precision, bytes, &mut reals);
             let words = &bytes[reals.len() * real as usize..];
             let word =
@@ -1359,7 +1362,8 @@ impl Backend for Gpu {
                 goal: reals[2],
                 rr_start: reals[3],
                 energy: reals[4],
-                decrease: reals[5],
+                recent: reals[5] + reals[6],
+                recent_terms: (word(3) + word(4)) as usize,
                 done: word(0) != 0,
                 broken: word(1) != 0,
                 iterations: word(2) as usize,

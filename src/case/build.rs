@@ -10,10 +10,10 @@ use crate::contact::{
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble, load_vector};
 use crate::matrix_market::{self, MatrixMarketError};
 use crate::mesh::gmsh::GmshError;
-use crate::mesh::{Mesh, bounds, gmsh, structured};
-use crate::problem::{ContactData, ContactProblem, ProblemError, Scales};
-use crate::quasistatic::{Load, Model, Springs};
-use crate::sparse::{BlockCsr, Csr};
+use crate::mesh::{Mesh, gmsh, structured};
+use crate::problem::{ContactData, ContactProblem, FreeBody, ProblemError};
+use crate::quasistatic::{Load, Model};
+use crate::sparse::{BlockCsr, Csr, norm};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -109,8 +109,6 @@ pub struct Build {
     pub problem: ContactProblem,
     /// μ of each contact node; 0 where the slip bound is given.
     pub coefficient: Vec<f64>,
-    /// Springs that hold what has no supports, in K already; empty where all bodies have supports.
-    pub springs: Vec<Springs>,
     /// None for an algebraic case.
     pub elastic: Option<Elastic>,
     /// Seconds for the mesh, or the matrices, to be read or made.
@@ -127,8 +125,37 @@ impl Build {
         Model {
             problem: &self.problem,
             coefficient: &self.coefficient,
-            springs: &self.springs,
         }
+    }
+
+    /// Which body one of [`ContactProblem::free_bodies`] is: its region and a point of it.
+    pub fn free_body_name(&self, body: usize) -> String {
+        let free = &self.problem.free_bodies().bodies[body];
+        let Some(elastic) = &self.elastic else {
+            let [x, y] = free.centre;
+            return format!("the body around ({x:.4e}, {y:.4e})");
+        };
+        let mesh = &elastic.mesh;
+        let node = elastic.unknowns.node(free.nodes[0] as usize);
+        let region = (mesh.elements.iter())
+            .find(|element| element.nodes().contains(&node))
+            .map_or(0, |element| element.region);
+        let [x, y] = mesh.nodes[node as usize];
+        format!(
+            "the body with region \"{}\" (at ({x:.4e}, {y:.4e}))",
+            mesh.regions[region as usize]
+        )
+    }
+
+    /// The bodies that only contact holds, and what they could do without.
+    pub fn free_bodies(&self) -> Vec<String> {
+        let bodies = self.problem.free_bodies().bodies.iter().enumerate();
+        bodies
+            .map(|(number, body)| {
+                let name = self.free_body_name(number);
+                format!("{name} can {} as a whole", body.freedom())
+            })
+            .collect()
     }
 }
 
@@ -196,17 +223,49 @@ impl Case {
         if !coefficient.is_empty() {
             let zero = vec![0.0; problem.m()];
             let (load, gap) = (problem.load().to_vec(), problem.gap().to_vec());
-            problem = problem.with_data(load, gap, zero, Scales::default());
+            problem = problem.with_data(load, gap, zero.clone(), zero);
         }
-        Ok(Build {
+        let build = Build {
             problem,
             coefficient,
-            springs: Vec::new(),
             elastic: None,
             mesh_seconds,
             assembly_seconds: start.elapsed().as_secs_f64() - mesh_seconds,
             pairing_seconds: 0.0,
-        })
+        };
+        self.check_touched(&build)?;
+        Ok(build)
+    }
+
+    /// A body that can move as a whole has to have a contact.
+    fn check_touched(&self, build: &Build) -> Result<(), BuildError> {
+        let problem = &build.problem;
+        let mut touched = vec![false; problem.stiffness().n_block_rows()];
+        for (_, j, v) in (problem.normal().triplets()).chain(problem.tangential().triplets()) {
+            touched[j / 2] |= v != 0.0;
+        }
+        let free = &problem.free_bodies().bodies;
+        let alone = |body: &FreeBody| !body.nodes.iter().any(|&node| touched[node as usize]);
+        let Some(number) = free.iter().position(alone) else {
+            return Ok(());
+        };
+        let text = format!(
+            "{} can {} as a whole, and it has no contact to hold it",
+            build.free_body_name(number),
+            free[number].freedom()
+        );
+        if build.elastic.is_some() {
+            let span = self.tables.support.first().map_or(0..0, |s| s.span());
+            Ok(self.invalid(
+                span,
+                format!("{text}: add a [[support]], symmetry, or hold a point"),
+            )?)
+        } else {
+            Err(BuildError::Unsupported {
+                case: self.path.display().to_string(),
+                message: format!("the stiffness matrix is singular: {text}"),
+            })
+        }
     }
 
     fn build_elastic(&self) -> Result<Build, BuildError> {
@@ -242,7 +301,6 @@ impl Case {
         let pairing = Instant::now();
         let (candidates, owner) = self.contact_nodes(&body, &mut pairs)?;
         let pairing_seconds = pairing.elapsed().as_secs_f64();
-        let floating = self.floating(&mesh, &unknowns, &candidates)?;
         let contact = contact_rows(&body, &unknowns, &candidates).or_else(|error| {
             let span = self.tables.contact.first().map_or(0..0, |c| c.span());
             self.invalid(span, error.to_string())
@@ -250,8 +308,7 @@ impl Case {
         let owner: HashMap<u32, u32> = candidates.iter().map(|c| c.node).zip(owner).collect();
         let pair_of: Vec<u32> = contact.nodes.iter().map(|c| owner[&c.node]).collect();
         self.count_nodes(&contact, &pair_of, &mut pairs)?;
-        let (mut stiffness, load) = assemble(&body, &unknowns, &forces);
-        let springs = springs(&body, &unknowns, floating, &mut stiffness);
+        let (stiffness, load) = assemble(&body, &unknowns, &forces);
         let n_free = unknowns.n_free();
         let gap = contact.gap(&unknowns);
         let failed = |source| BuildError::Problem {
@@ -268,13 +325,16 @@ impl Case {
             coordinates: Some(unknowns.coordinates(&mesh)),
         })
         .map_err(failed)?
-        .with_free_unknowns(n_free)
-        .with_data(load, gap, contact.slip_bound.clone(), Scales::default());
+        .with_free_unknowns(n_free);
+        let zero = vec![0.0; problem.m()];
+        let problem = problem
+            .with_areas(contact.nodes.iter().map(|node| node.area).collect())
+            .with_data(load, gap, zero, contact.slip_bound.clone())
+            .with_acting_forces(acting(&forces));
         let (plane, thickness) = (body.plane, body.thickness);
-        Ok(Build {
+        let build = Build {
             problem,
             coefficient: contact.coefficient.clone(),
-            springs,
             elastic: Some(Elastic {
                 mesh,
                 materials,
@@ -290,7 +350,9 @@ impl Case {
             mesh_seconds,
             assembly_seconds: start.elapsed().as_secs_f64() - mesh_seconds,
             pairing_seconds,
-        })
+        };
+        self.check_touched(&build)?;
+        Ok(build)
     }
 
     /// The load at the end of a step, counted from 0; None for an algebraic case, which has one.
@@ -312,6 +374,7 @@ impl Case {
             total_load,
             load: Load {
                 force: load_vector(&body, &unknowns, &forces),
+                acting: acting(&forces),
                 gap: elastic.contact.gap(&unknowns),
                 slide,
             },
@@ -584,85 +647,6 @@ impl Case {
         self.tables.support.iter().map(name).collect()
     }
 
-    /// The bodies that their supports leave a motion as a whole, which contact has to prevent.
-    fn floating(
-        &self,
-        mesh: &Mesh,
-        unknowns: &Unknowns,
-        candidates: &[ContactNode],
-    ) -> Result<Vec<Floating>, CaseError> {
-        let (count, body) = mesh.bodies();
-        let mut first = vec![usize::MAX; count];
-        let mut held: Vec<Vec<(usize, [f64; 2])>> = vec![Vec::new(); count];
-        for (node, &b) in body.iter().enumerate() {
-            let b = b as usize;
-            first[b] = first[b].min(node);
-            for (c, value) in unknowns.prescribed(node as u32).iter().enumerate() {
-                if value.is_some() {
-                    held[b].push((c, mesh.nodes[node]));
-                }
-            }
-        }
-        let mut touches = vec![false; count];
-        for candidate in candidates {
-            touches[body[candidate.node as usize] as usize] = true;
-            for &(partner, _) in &candidate.partners {
-                touches[body[partner as usize] as usize] = true;
-            }
-        }
-        let (low, high) = mesh.bounding_box();
-        let size = (high[0] - low[0]).hypot(high[1] - low[1]);
-        let mut floating = Vec::new();
-        for b in 0..count {
-            let holds = |c: usize| held[b].iter().any(|h| h.0 == c);
-            // With both directions held, only a rotation about a common point of all the
-            // constraint lines is left: x-constraints lie at its height, y-constraints at its abscissa.
-            let spread = |c: usize| {
-                let at = held[b].iter().filter(|h| h.0 == c).map(|h| h.1[1 - c]);
-                let (min, max) = at.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), v| {
-                    (min.min(v), max.max(v))
-                });
-                max - min > 1e-9 * size
-            };
-            let motion = match (holds(0), holds(1)) {
-                (true, true) if spread(0) || spread(1) => continue,
-                (true, true) => "rotate",
-                (true, false) if spread(0) => "move in y",
-                (true, false) => "move in y and rotate",
-                (false, true) if spread(1) => "move in x",
-                (false, true) => "move in x and rotate",
-                (false, false) => "move in x and y and rotate",
-            };
-            let [x, y] = mesh.nodes[first[b]];
-            let element = mesh
-                .elements
-                .iter()
-                .find(|e| e.nodes().contains(&(first[b] as u32)))
-                .expect("every node belongs to an element");
-            let text = format!(
-                "the body with region \"{}\" (at ({x:.4e}, {y:.4e})) can {motion} as a whole",
-                mesh.regions[element.region as usize]
-            );
-            if !touches[b] {
-                return self.invalid(
-                    self.tables.support.first().map_or(0..0, |s| s.span()),
-                    format!(
-                        "{text}, and it has no contact to hold it: add a [[support]], symmetry, or hold a point"
-                    ),
-                );
-            }
-            floating.push(Floating {
-                nodes: (0..mesh.nodes.len() as u32)
-                    .filter(|&node| body[node as usize] == b as u32)
-                    .collect(),
-                region: element.region,
-                translates: [!holds(0), !holds(1)],
-                text,
-            });
-        }
-        Ok(floating)
-    }
-
     fn forces(&self, body: &Body, step: usize) -> Result<Vec<[f64; 2]>, CaseError> {
         let mut forces = vec![[0.0; 2]; body.mesh.nodes.len()];
         let at = |quantity: &Option<Quantity>, x| quantity.as_ref().map_or(0.0, |q| q.at(x));
@@ -807,59 +791,9 @@ impl Case {
     }
 }
 
-/// A body with a motion that no support prevents.
-struct Floating {
-    nodes: Vec<u32>,
-    region: u32,
-    translates: [bool; 2],
-    /// What it is and which motion.
-    text: String,
-}
-
-/// Stiffness of the springs that hold a floating body, relative to E/L² per volume: weak enough to be let go
-/// in few rounds, stiff enough not to spoil the condition of A.
-const SPRING: f64 = 0.05;
-
-/// Adds springs under all nodes of the floating bodies to K, and returns them.
-fn springs(
-    body: &Body,
-    unknowns: &Unknowns,
-    floating: Vec<Floating>,
-    stiffness: &mut BlockCsr<2>,
-) -> Vec<Springs> {
-    if floating.is_empty() {
-        return Vec::new();
-    }
-    let mut volumes = vec![[0.0; 2]; body.mesh.nodes.len()];
-    body.add_body_force(None, |_, _| [1.0, 0.0], &mut volumes);
-    let hold = |one: Floating| {
-        let places = one.nodes.iter().map(|&node| body.mesh.nodes[node as usize]);
-        let (low, high) = bounds(places);
-        let size = (high[0] - low[0]).hypot(high[1] - low[1]);
-        let per_volume = SPRING * body.materials[one.region as usize].young / (size * size);
-        let mut springs = Vec::new();
-        for &node in &one.nodes {
-            let Some(block) = unknowns.block(node) else {
-                continue;
-            };
-            let diagonal = stiffness
-                .block_mut(block as usize, block as usize)
-                .expect("K has its diagonal");
-            for c in 0..2 {
-                if unknowns.prescribed(node)[c].is_none() {
-                    let spring = per_volume * volumes[node as usize][0];
-                    diagonal[c][c] += spring;
-                    springs.push((2 * block + c as u32, spring));
-                }
-            }
-        }
-        Springs {
-            body: one.text,
-            stiffness: springs,
-            translates: one.translates,
-        }
-    };
-    floating.into_iter().map(hold).collect()
+/// How large the forces are that act on the nodes.
+fn acting(forces: &[[f64; 2]]) -> f64 {
+    norm(forces.as_flattened())
 }
 
 /// ": did you mean …?", where a name is like a known one.

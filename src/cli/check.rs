@@ -95,11 +95,8 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
                 steps.get_ref().factors
             ));
         }
-        for springs in &build.springs {
-            say(format_args!(
-                "supports      {}: only contact holds it",
-                springs.body
-            ));
+        for body in build.free_bodies() {
+            say(format_args!("supports      {body}: only contact holds it"));
         }
         for pair in &elastic.pairs {
             say(format_args!(

@@ -10,6 +10,7 @@ use signorini::output::{
 };
 use signorini::quasistatic::{self, Event, Load, Round, State};
 use signorini::ssnm::{SetSizes, Status, Step};
+use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::io::{IsTerminal as _, Write as _};
 use std::ops::ControlFlow;
@@ -50,13 +51,10 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         build.mesh_seconds + build.assembly_seconds,
         build.pairing_seconds
     ));
-    for springs in &build.springs {
-        log.tell(&format!(
-            "{}: only contact holds it, so weak springs do at first and are then let go",
-            springs.body
-        ));
+    for body in build.free_bodies() {
+        log.tell(&format!("{body}: only contact holds it"));
     }
-    log.rounds = build.model().takes_rounds();
+    log.rounds = build.model().has_coulomb();
     let log = log;
     let mut report = Report::new(&case.tables.title, &build);
     let set_up_start = Instant::now();
@@ -91,6 +89,8 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         }
     }
     let mut settings = case.settings();
+    let memory = RefCell::default();
+    settings.ssnm.memory = Some(&memory);
     settings.ssnm.interrupt = Some(&INTERRUPTED);
     let limit = settings.ssnm.time_limit;
     let several = case.n_steps() > 1;
@@ -241,6 +241,9 @@ fn describe(status: Status) -> &'static str {
         Status::Stagnated => {
             "NOT converged: no progress any more; loosen solver.tolerance or, where PCG is used, try --stiffness cholesky"
         }
+        Status::NotHeld => {
+            "NOT converged: contact and friction do not hold every body under this load"
+        }
         Status::TimeLimit => "NOT converged: the time limit is reached (solver.time_limit)",
         Status::Interrupted => "NOT converged: interrupted",
     }
@@ -255,22 +258,14 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
     } = report.sets;
     let mut text = String::new();
     let contact = report.m - separated;
-    let loose = report.steps.last().map_or(&[][..], |step| &step.loose);
-    if report.status != Status::Converged && !loose.is_empty() {
+    writeln!(text, "{}", describe(report.status)).expect("writing to a string cannot fail");
+    for one in report.steps.last().iter().flat_map(|step| &step.not_held) {
         writeln!(
             text,
-            "NOT converged: contact and friction do not hold every body under this load"
+            "  {} {}: add a [[support]], friction, or change the load",
+            one.body, one.motion
         )
         .expect("writing to a string cannot fail");
-        for body in loose {
-            writeln!(
-                text,
-                "  {body}: add a [[support]], friction, or change the load"
-            )
-            .expect("writing to a string cannot fail");
-        }
-    } else {
-        writeln!(text, "{}", describe(report.status)).expect("writing to a string cannot fail");
     }
     writeln!(
         text,
@@ -286,21 +281,12 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
             1 => String::new(),
             n => format!(" in the last of {n} load steps"),
         };
-        let mut what = Vec::new();
-        if step.coulomb {
-            what.push(format!(
-                "slip bounds settled to {:.1e}",
-                step.friction_change
-            ));
-        }
-        if step.springs {
-            what.push(format!(
-                "springs let go to {:.1e} of the contact forces",
-                step.spring_force
-            ));
-        }
-        writeln!(text, "  {} rounds{steps}: {}", step.rounds, what.join(", "))
-            .expect("writing to a string cannot fail");
+        writeln!(
+            text,
+            "  {} rounds{steps}: slip bounds settled to {:.1e}",
+            step.rounds, step.friction_change
+        )
+        .expect("writing to a string cannot fail");
     }
     let (contact, separated, stick, slip) = match report.steps.last() {
         Some(step) if !step.contacts.is_empty() => {
@@ -441,13 +427,8 @@ impl Log {
         if self.terminal {
             eprint!("\r\x1b[2K");
         }
-        let springs = if round.spring_force > 0.0 {
-            format!(", springs carry {:.2e}", round.spring_force)
-        } else {
-            String::new()
-        };
         eprintln!(
-            "round {:3}: slip bounds change by {:.2e}{springs}; {} steps, {} products to {:.0e}",
+            "round {:3}: slip bounds change by {:.2e}; {} steps, {} products to {:.0e}",
             round.round, round.friction_change, round.info.iter, round.info.n_a, round.tolerance
         );
     }

@@ -48,6 +48,7 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
         Status::Converged => ("status", "converged"),
         Status::IterationLimit => ("status bad", "NOT converged: iteration limit"),
         Status::Stagnated => ("status bad", "NOT converged: stagnated"),
+        Status::NotHeld => ("status bad", "NOT converged: a body is not held"),
         Status::TimeLimit => ("status bad", "NOT converged: time limit"),
         Status::Interrupted => ("status bad", "NOT converged: interrupted"),
     };

@@ -18,7 +18,8 @@
 //!
 //! An error e of K⁻¹Bᵀp or of u falsifies A p or r by B e, at most √σ_max · √(eᵀKe) in length. That bound
 //! is 25 to 140 times too large for all but the smoothest e, so the ratio ‖Be‖ / √(eᵀKe) is taken from
-//! what the last change of u has brought. The final check, which trusts nothing, tells if that was too bold.
+//! what the last change of u has brought, or from all of them where PCG is slow. The final check, which trusts
+//! nothing, tells if that was too bold.
 
 use super::Subspace;
 use super::scaling::Scaled;
@@ -39,8 +40,10 @@ const ENOUGH: f64 = 2.0;
 const MOST_PASSES: usize = 5;
 /// r is made afresh once the drift is more than this multiple of what one product may add.
 const DRIFTED: f64 = 2.0;
-/// The relative accuracy of b, on which nothing but err⁰ rests.
+/// The relative accuracy of the first r, on which nothing but err⁰ rests.
 const ROUGH: f64 = 1e-2;
+/// The accuracy in energy of a product where PCG is slow, relative to that of the product.
+const SLOW: f64 = 0.1;
 /// A part of the error to reach that does not matter.
 const NEGLIGIBLE: f64 = 0.05;
 
@@ -74,6 +77,8 @@ struct Following {
     gain: f64,
     /// The largest of these ratios so far.
     largest_gain: f64,
+    /// PCG is slow ([`Followed::slow`]).
+    slow: bool,
     /// What r is off by.
     off: f64,
     /// What products may have falsified the carried r by since then.
@@ -97,38 +102,46 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
         }
     }
 
-    /// Makes b and, unless it is known, the estimate of σ_max; returns b and the products that the latter took.
-    /// `c` is (d, 0).
+    /// Makes r = Aλ − b at the λ to start from and, unless it is known, the estimate of σ_max; returns r and the
+    /// products that the latter took. `c` are the offsets; `project` takes a vector to directions that leave
+    /// all bodies in balance.
     pub fn set_up(
         &mut self,
         c: Vec<f64>,
+        lambda: &[f64],
         sigma: Option<f64>,
+        project: impl Fn(&mut [f64]),
     ) -> Result<(Vec<f64>, usize), DualError> {
         let accuracy = Accuracy::Energy {
             absolute: 0.0,
             relative: if self.exact { super::EXACT } else { ROUGH },
         };
-        let zero = vec![0.0; c.len()];
-        let mut b = zero.clone();
-        // At λ = 0 and u = 0, r is c.
+        let mut r = vec![0.0; c.len()];
+        // At u = 0, r is c.
         self.following = Some(Following {
             r: c,
             gain: 0.0,
             largest_gain: 0.0,
+            slow: false,
             off: 0.0,
             drift: 0.0,
         });
-        if self.follow(&zero, &mut b, accuracy)? {
-            b.iter_mut().for_each(|b| *b = -*b);
-        } else {
-            self.dual.right_hand_side(&mut b, accuracy, &self.stop)?;
+        if !self.follow(lambda, &mut r, accuracy)? {
+            self.dual.right_hand_side(&mut r, accuracy, &self.stop)?;
+            r.iter_mut().for_each(|b| *b = -*b);
+            if lambda.iter().any(|&l| l != 0.0) {
+                let mut image = vec![0.0; r.len()];
+                self.dual.apply(lambda, &mut image, accuracy, &self.stop)?;
+                self.n_a += 1;
+                r.iter_mut().zip(&image).for_each(|(r, a)| *r += a);
+            }
         }
         let (sigma, products) = match sigma {
             Some(sigma) => (sigma, 0),
-            None => sigma_max(&mut self.dual, b.len(), &self.stop)?,
+            None => sigma_max(&mut self.dual, r.len(), project, &self.stop)?,
         };
         self.sigma = sigma;
-        Ok((b, products))
+        Ok((r, products))
     }
 
     /// Sets the error to reach.
@@ -191,9 +204,14 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
             return Ok(());
         }
         let relative = (self.allowed / size).clamp(super::EXACT, LOOSEST);
+        let part = match &self.following {
+            // What is left of the error moves the contact more than its energy says.
+            Some(following) if following.slow => SLOW * relative,
+            _ => relative,
+        };
         let accuracy = Accuracy::Energy {
-            absolute: relative * known,
-            relative,
+            absolute: part * known,
+            relative: part,
         };
         let mut image = vec![0.0; rest.len()];
         self.dual.apply(&rest, &mut image, accuracy, &self.stop)?;
@@ -264,20 +282,26 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
         accuracy: Accuracy,
     ) -> Result<bool, DualError> {
         let made = self.dual.gradient(lambda, r, accuracy, &self.stop)?;
-        let (Some(following), Some(Followed { change, remaining })) = (&mut self.following, made)
-        else {
+        let (Some(following), Some(followed)) = (&mut self.following, made) else {
             self.following = None;
             self.known = Subspace::default();
             return Ok(false);
         };
+        let Followed {
+            change,
+            remaining,
+            slow,
+        } = followed;
         let moved: f64 = (following.r.iter().zip(&*r))
             .map(|(old, new)| (new - old).powi(2))
             .sum();
         if change > 0.0 && moved > 0.0 {
             following.gain = moved.sqrt() / change;
+            following.slow = slow;
             following.largest_gain = following.largest_gain.max(following.gain);
-            // Where a soft body touches a stiff one, the ratio depends on which of them has changed.
-            if self.part < RELAXED {
+            // Where a soft body touches a stiff one, the ratio depends on which of them has changed; and where
+            // PCG is slow, what it has mended at first hardly moves the contact, what it has left does.
+            if self.part < RELAXED || slow {
                 following.gain = following.largest_gain;
             }
         }

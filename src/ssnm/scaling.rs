@@ -2,7 +2,6 @@
 
 use crate::dual::{Accuracy, DualError, DualOperator, Followed, Stop};
 use crate::problem::ContactProblem;
-use crate::sparse::Csr;
 
 /// The dual operator in scaled multipliers λ̂ with λ = S λ̂: Â = S A S, b̂ = S b, ĝ = S⁻¹ g.
 ///
@@ -20,24 +19,8 @@ pub(super) struct Scaled<'a, D: ?Sized> {
 
 impl<'a, D: DualOperator + ?Sized> Scaled<'a, D> {
     pub fn new(problem: &ContactProblem, dual: &'a mut D) -> Self {
-        let diagonal = problem.stiffness().diagonal();
-        let estimate = |matrix: &Csr, i: usize| {
-            let (cols, values) = matrix.row(i);
-            cols.iter()
-                .zip(values)
-                .map(|(&j, v)| v[0][0] * v[0][0] / diagonal[j as usize])
-                .sum::<f64>()
-        };
         let m = problem.m();
-        let estimates: Vec<f64> = (0..2 * m)
-            .map(|i| {
-                if i < m {
-                    estimate(problem.normal(), i)
-                } else {
-                    estimate(problem.tangential(), i - m)
-                }
-            })
-            .collect();
+        let estimates = problem.compliance();
         // Rows of T may be empty.
         let mut sorted: Vec<f64> = estimates.iter().copied().filter(|&e| e > 0.0).collect();
         sorted.sort_by(f64::total_cmp);
@@ -70,6 +53,11 @@ impl<'a, D: DualOperator + ?Sized> Scaled<'a, D> {
         }
     }
 
+    /// Sᵢᵢ.
+    pub fn factor(&self, i: usize) -> f64 {
+        self.scale.as_ref().map_or(1.0, |scale| scale[i])
+    }
+
     /// x ← S⁻¹ x: from λ to λ̂, from r̂ to r.
     pub fn divide(&self, x: &mut [f64]) {
         if let Some(scale) = &self.scale {
@@ -87,8 +75,8 @@ impl<'a, D: DualOperator + ?Sized> Scaled<'a, D> {
 }
 
 impl<D: DualOperator + ?Sized> DualOperator for Scaled<'_, D> {
-    fn set_data(&mut self, load: &[f64], gap: &[f64]) -> Result<(), DualError> {
-        self.dual.set_data(load, gap)
+    fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
+        self.dual.set_data(load, offsets)
     }
 
     fn apply(
@@ -137,11 +125,11 @@ impl<D: DualOperator + ?Sized> DualOperator for Scaled<'_, D> {
     fn displacement(
         &mut self,
         lambda: &[f64],
-        accuracy: f64,
+        residual: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
         let mut lambda = lambda.to_vec();
         self.times(&mut lambda);
-        self.dual.displacement(&lambda, accuracy, stop)
+        self.dual.displacement(&lambda, residual, stop)
     }
 }

@@ -1,7 +1,8 @@
 //! The span of all directions whose product with A is known, and what of it fits the present sets.
 
 use super::Sets;
-use crate::sparse::dot;
+use crate::dual::balance::FaceBalance;
+use crate::sparse::{dot, norm};
 use faer::Mat;
 
 /// Directions kept at most: 2 · 2m numbers each.
@@ -46,6 +47,14 @@ impl Subspace {
         self.images.push(image);
     }
 
+    /// The directions that were added last.
+    pub fn latest(mut self, count: usize) -> Self {
+        let old = self.directions.len().saturating_sub(count);
+        self.directions.drain(..old);
+        self.images.drain(..old);
+        self
+    }
+
     /// Removes from x (and its image) what lies in the span.
     pub fn make_conjugate(&self, x: &mut [f64], mut image: Option<&mut [f64]>) {
         for (direction, known) in self.directions.iter().zip(&self.images) {
@@ -80,21 +89,31 @@ impl Subspace {
         }
     }
 
-    /// The combinations that vanish on every held multiplier, as a subspace of their own.
+    /// The combinations that vanish on every held multiplier and leave all bodies in balance, as a subspace of
+    /// their own.
     ///
-    /// With W_H the rows of the held multipliers, they are W Z for the null space Z of W_H; Z has
-    /// orthonormal columns, so W Z is A-orthonormal again.
-    pub fn fitting(&self, sets: &Sets) -> Self {
+    /// With W_H the rows of the held multipliers and G W below them, they are W Z for the null space Z of both; Z
+    /// has orthonormal columns, so W Z is A-orthonormal again.
+    pub fn fitting(&self, sets: &Sets, face: Option<&FaceBalance>) -> Self {
         let count = self.directions.len();
         let held: Vec<usize> = (0..self.directions.first().map_or(0, Vec::len))
             .filter(|&i| !sets.is_free(i) && self.directions.iter().any(|d| d[i] != 0.0))
             .collect();
-        if held.is_empty() {
+        let moved: Vec<Vec<f64>> = match face {
+            Some(face) => self.directions.iter().map(|d| face.moves(d)).collect(),
+            None => vec![Vec::new(); count],
+        };
+        let motions = moved.first().map_or(0, Vec::len);
+        if held.is_empty() && motions == 0 {
             return self.clone();
         }
-        let rows = Mat::from_fn(held.len(), count, |i, j| self.directions[j][held[i]]);
+        let n_rows = held.len() + motions;
+        let rows = Mat::from_fn(n_rows, count, |i, j| match held.get(i) {
+            Some(&i) => self.directions[j][i],
+            None => moved[j][i - held.len()],
+        });
         // A few rows leave a null space that only the full set of right singular vectors shows.
-        let (values, right) = if held.len() >= count {
+        let (values, right) = if n_rows >= count {
             match rows.thin_svd() {
                 Ok(svd) => (
                     svd.S().column_vector().iter().copied().collect(),
@@ -115,9 +134,14 @@ impl Subspace {
                 Err(_) => return Self::default(),
             }
         };
+        // Directions that all leave the bodies in balance make rows of nothing but rounding.
+        let largest = match face {
+            Some(_) => (self.directions.iter().map(|d| norm(d))).fold(values[0], f64::max),
+            None => values[0],
+        };
         let rank = values
             .iter()
-            .take_while(|&&s| s > VANISHES * values[0])
+            .take_while(|&&s| s > VANISHES * largest)
             .count();
         let combine = |vectors: &[Vec<f64>], z: usize| {
             let mut sum = vec![0.0; vectors[0].len()];
@@ -130,6 +154,9 @@ impl Subspace {
         for z in rank..count {
             let mut direction = combine(&self.directions, z);
             sets.mask(&mut direction);
+            if let Some(face) = face {
+                face.project(&mut direction);
+            }
             fitting.push(direction, combine(&self.images, z));
         }
         fitting

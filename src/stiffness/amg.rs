@@ -95,8 +95,9 @@ pub enum AmgError {
     )]
     NotPositiveDefinite { node: usize },
     #[error(
-        "the stiffness matrix is not positive definite: a body can move freely as a whole or a part of \
-         it has no stiffness; add supports, or check that its parts are connected"
+        "the stiffness matrix is singular, or not positive definite: a part of a body has no stiffness or hangs \
+         on a hinge: check that its parts are connected by more than a point. Bodies that can move as a whole \
+         need coordinates, which tell their rigid motions, or supports"
     )]
     Singular,
     #[error("the stiffness matrix has too many entries for 32-bit indices")]
@@ -228,6 +229,12 @@ impl<S: Real> Hierarchy<S> {
                 }
             }
         }
+    }
+
+    /// Whether all rigid motions are represented on the coarser levels; without rotations the cycle misses
+    /// the soft modes of bending.
+    pub(crate) fn has_rotations(&self) -> bool {
+        (self.levels.first()).is_none_or(|level| level.prolongation.block == [2, 3])
     }
 
     /// Sizes of all levels, finest first.

@@ -10,6 +10,9 @@
 //! so a product with A needs only the dense trailing blocks L₂₂ (one per body), the right-hand side
 //! needs one forward sweep over L₁₁ for the whole contact problem, and the displacement one backward
 //! sweep at the end.
+//!
+//! Where bodies can move as a whole, as many unknowns as they have motions are fixed: the inverse of the rest
+//! is a generalised inverse K⁺ of K. Loads in balance cause no reaction there.
 
 use super::ordering::{Ordering, contact_last};
 use super::panel;
@@ -25,15 +28,16 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Par, Side};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Why K could not be factorised.
 #[derive(Debug, thiserror::Error)]
 pub enum FactorError {
     #[error(
-        "the stiffness matrix is not positive definite (unknown {unknown}{place}): \
-         a body can move freely as a whole or a part of it has no stiffness; \
-         add supports, or check that its parts are connected"
+        "the stiffness matrix is singular, or not positive definite (unknown {unknown}{place}): a part of a body \
+         has no stiffness or hangs on a hinge: check that its parts are connected by more than a point. \
+         Bodies that can move as a whole need coordinates, which tell their rigid motions, or supports"
     )]
     NotPositiveDefinite { unknown: usize, place: String },
     #[error(
@@ -50,6 +54,8 @@ pub enum FactorError {
 
 /// Largest relative residual of the probe solve that is accepted.
 const PROBE_LIMIT: f64 = 1e-6;
+/// Steps of iterative refinement at most.
+const REFINEMENTS: usize = 3;
 /// A pivot below this part of its diagonal entry means a singular K.
 const PIVOT_LIMIT: f64 = 1e-14;
 
@@ -67,15 +73,24 @@ pub struct CholeskyDual {
     values: Vec<f64>,
     /// `order[position] = unknown`.
     order: Vec<u32>,
+    /// `position[unknown]` in that order.
+    position: Vec<u32>,
     /// Unknowns before the trailing block.
     n_leading: usize,
     blocks: Vec<TrailingBlock>,
     /// B₂: 2m rows (N, then T) over the trailing positions.
     b: Csr,
+    k: Arc<BlockCsr<2>>,
+    /// B over all unknowns.
+    contact: Csr,
+    /// f.
+    load: Vec<f64>,
+    /// Unknowns that are fixed at zero.
+    fixed: Vec<u32>,
     /// L₁₁⁻¹f₁ on the leading positions, f₂ − L₂₁L₁₁⁻¹f₁ on the trailing ones; in the order of L.
     reduced_load: Vec<f64>,
-    /// The gap d.
-    d: Vec<f64>,
+    /// c = (d, origin of slip).
+    offsets: Vec<f64>,
     workspace: Vec<f64>,
     /// Longest panel, for the workspace of the sweeps.
     max_rows: usize,
@@ -95,6 +110,7 @@ pub struct Plan {
     row_idx: Vec<u32>,
     values: Vec<f64>,
     symbolic: SymbolicCholesky<u32>,
+    fixed: Vec<u32>,
     seconds: f64,
 }
 
@@ -112,7 +128,9 @@ impl Plan {
         } = contact_last(k, problem.coordinates(), &contact);
         let position = inverse(&order);
 
-        let (col_ptr, row_idx, values) = lower_columns(k);
+        let touched = |unknown: usize| contact[unknown / 2];
+        let fixed = problem.free_bodies().unknowns_to_fix(touched);
+        let (col_ptr, row_idx, values) = lower_columns(k, &fixed);
         let pattern = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &col_ptr, None, &row_idx);
         let perm = faer::perm::PermRef::new_checked(&order, &position, n);
         let symbolic = factorize_symbolic_cholesky(
@@ -138,6 +156,7 @@ impl Plan {
             row_idx,
             values,
             symbolic,
+            fixed,
             seconds: start.elapsed().as_secs_f64(),
         })
     }
@@ -181,6 +200,7 @@ impl CholeskyDual {
             row_idx,
             values,
             symbolic,
+            fixed,
             seconds,
         } = plan;
         let k = problem.stiffness();
@@ -233,23 +253,29 @@ impl CholeskyDual {
         let blocks = trailing_blocks(&symbolic, &factor, n_leading, &sizes);
         let factor_seconds = seconds + start.elapsed().as_secs_f64();
 
+        let contact = problem.contact_matrix();
         let b = Csr::from_triplets(
             2 * problem.m(),
             n - n_leading,
-            problem
-                .contact_matrix()
+            contact
                 .triplets()
+                .filter(|&(_, j, _)| fixed.binary_search(&(j as u32)).is_err())
                 .map(|(i, j, v)| (i, position[j] as usize - n_leading, v)),
         );
         let mut dual = Self {
             symbolic,
             values: factor,
             order,
+            position,
             n_leading,
             blocks,
             b,
+            k: Arc::clone(k),
+            contact,
+            load: Vec::new(),
+            fixed,
             reduced_load: Vec::new(),
-            d: problem.gap().to_vec(),
+            offsets: problem.offsets(),
             workspace: vec![0.0; n - n_leading],
             max_rows,
             factor_seconds,
@@ -265,26 +291,38 @@ impl CholeskyDual {
         let f = problem.load();
         let zero_load = f.iter().all(|&v| v == 0.0);
         // Without a load anything will do that excites every unknown.
-        let test: Vec<f64> = if zero_load {
+        let mut test: Vec<f64> = if zero_load {
             (0..n).map(|i| 1.0 + (i % 7) as f64).collect()
         } else {
             f.to_vec()
         };
         let start = Instant::now();
-        let mut x = self.reduce(&test);
+        self.reduced_load = self.reduce(&test);
+        let mut x = self.reduced_load.clone();
         if zero_load {
             self.reduced_load.fill(0.0);
         }
-        self.trailing_solve(self.n_leading, &mut x);
-        self.backward(&mut x);
-        let u = self.unpermute(&x);
+        self.load = f.to_vec();
+        let u = self.finish(&mut x);
         self.solve_seconds = start.elapsed().as_secs_f64();
+        for &i in &self.fixed {
+            test[i as usize] = 0.0;
+        }
         let mut residual = vec![0.0; n];
-        problem.stiffness().mul(&u, &mut residual);
+        self.k.mul(&u, &mut residual);
         for (r, t) in residual.iter_mut().zip(&test) {
             *r -= t;
         }
-        let residual = norm(&residual) / norm(&test);
+        // Reactions, where the load is not in balance.
+        for &i in &self.fixed {
+            residual[i as usize] = 0.0;
+        }
+        let length = norm(&test);
+        let residual = if length > 0.0 {
+            norm(&residual) / length
+        } else {
+            0.0
+        };
         if !(residual <= PROBE_LIMIT) {
             return Err(FactorError::BadFactor {
                 residual,
@@ -294,17 +332,26 @@ impl CholeskyDual {
         Ok(())
     }
 
-    /// The forward half of a solve, kept as the load of all that follows.
-    fn reduce(&mut self, load: &[f64]) -> Vec<f64> {
+    /// The forward half of a solve: what [`CholeskyDual::finish`] takes.
+    fn reduce(&self, load: &[f64]) -> Vec<f64> {
         let mut x: Vec<f64> = self.order.iter().map(|&i| load[i as usize]).collect();
-        if self.touches_too_much() {
-            self.reduced_load.clone_from(&x);
+        for &i in &self.fixed {
+            x[self.position[i as usize] as usize] = 0.0;
+        }
+        if !self.touches_too_much() {
             self.forward(&mut x);
-        } else {
-            self.forward(&mut x);
-            self.reduced_load.clone_from(&x);
         }
         x
+    }
+
+    /// The rest of a solve.
+    fn finish(&self, x: &mut [f64]) -> Vec<f64> {
+        if self.touches_too_much() {
+            self.forward(x);
+        }
+        self.trailing_solve(self.n_leading, x);
+        self.backward(x);
+        self.unpermute(x)
     }
 
     /// Entries of the factor.
@@ -392,9 +439,12 @@ impl CholeskyDual {
 }
 
 impl DualOperator for CholeskyDual {
-    fn set_data(&mut self, load: &[f64], gap: &[f64]) -> Result<(), DualError> {
-        self.reduce(load);
-        self.d.copy_from_slice(gap);
+    fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
+        if self.load != load {
+            self.reduced_load = self.reduce(load);
+            self.load.copy_from_slice(load);
+        }
+        self.offsets.copy_from_slice(offsets);
         Ok(())
     }
 
@@ -423,8 +473,8 @@ impl DualOperator for CholeskyDual {
         let mut x = self.reduced_load[self.n_leading..].to_vec();
         self.solve_touched(&mut x);
         self.b.mul(&x, b);
-        for (b, d) in b.iter_mut().zip(&self.d) {
-            *b -= d;
+        for (b, c) in b.iter_mut().zip(&self.offsets) {
+            *b -= c;
         }
         Ok(())
     }
@@ -432,18 +482,36 @@ impl DualOperator for CholeskyDual {
     fn displacement(
         &mut self,
         lambda: &[f64],
-        _accuracy: f64,
+        residual: f64,
         _stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
         let mut x = self.reduced_load.clone();
         self.b
             .mul_transpose_add(-1.0, lambda, &mut x[self.n_leading..]);
-        if self.touches_too_much() {
-            self.forward(&mut x);
+        let mut u = self.finish(&mut x);
+        let mut forces = self.load.clone();
+        self.contact.mul_transpose_add(-1.0, lambda, &mut forces);
+        // Refined where rounding has left too much.
+        let mut before = f64::INFINITY;
+        for pass in 0.. {
+            let mut rest = vec![0.0; u.len()];
+            self.k.mul(&u, &mut rest);
+            for (rest, force) in rest.iter_mut().zip(&forces) {
+                *rest = force - *rest;
+            }
+            for &i in &self.fixed {
+                rest[i as usize] = 0.0;
+            }
+            let left = norm(&rest);
+            if left <= residual || pass == REFINEMENTS || !(left <= 0.5 * before) {
+                break;
+            }
+            before = left;
+            let mut x = self.reduce(&rest);
+            let correction = self.finish(&mut x);
+            u.iter_mut().zip(correction).for_each(|(u, c)| *u += c);
         }
-        self.trailing_solve(self.n_leading, &mut x);
-        self.backward(&mut x);
-        Ok(self.unpermute(&x))
+        Ok(u)
     }
 }
 
@@ -538,9 +606,10 @@ fn inverse(order: &[u32]) -> Vec<u32> {
     position
 }
 
-/// The lower triangle of K by columns; zeros off the diagonal are left out.
-fn lower_columns(k: &BlockCsr<2>) -> (Vec<u32>, Vec<u32>, Vec<f64>) {
+/// The lower triangle of K by columns; zeros off the diagonal are left out, and so is what ties a fixed unknown.
+fn lower_columns(k: &BlockCsr<2>, fixed: &[u32]) -> (Vec<u32>, Vec<u32>, Vec<f64>) {
     let n = k.n_rows();
+    let tied = |unknown: usize| fixed.binary_search(&(unknown as u32)).is_err();
     let room = 2 * k.n_blocks() + n;
     let mut col_ptr = Vec::with_capacity(n + 1);
     let mut row_idx = Vec::with_capacity(room);
@@ -554,7 +623,8 @@ fn lower_columns(k: &BlockCsr<2>) -> (Vec<u32>, Vec<u32>, Vec<f64>) {
             for (&j, block) in cols[below..].iter().zip(&blocks[below..]) {
                 for (b, &value) in block[a].iter().enumerate() {
                     let (row, column) = (2 * j as usize + b, 2 * i + a);
-                    if row == column || (row > column && value != 0.0) {
+                    if row == column || (row > column && value != 0.0 && tied(row) && tied(column))
+                    {
                         row_idx.push(row as u32);
                         values.push(value);
                     }

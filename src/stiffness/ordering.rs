@@ -30,7 +30,7 @@ pub(super) fn contact_last(
     coordinates: Option<&[[f64; 2]]>,
     touched: &[bool],
 ) -> Ordering {
-    let (n_components, component) = components(k);
+    let (n_components, component) = k.components();
     let mut contact: Vec<Vec<u32>> = vec![Vec::new(); n_components];
     let mut interior: Vec<Vec<u32>> = vec![Vec::new(); n_components];
     for i in 0..k.n_block_rows() {
@@ -89,31 +89,6 @@ pub(super) fn contact_last(
         n_leading,
         sizes,
     }
-}
-
-/// The number of connected parts of the graph of K, and the part of each block.
-fn components(k: &BlockCsr<2>) -> (usize, Vec<u32>) {
-    let n = k.n_block_rows();
-    let mut component = vec![u32::MAX; n];
-    let mut count = 0;
-    let mut stack = Vec::new();
-    for seed in 0..n {
-        if component[seed] != u32::MAX {
-            continue;
-        }
-        component[seed] = count;
-        stack.push(seed as u32);
-        while let Some(i) = stack.pop() {
-            for &j in k.row(i as usize).0 {
-                if component[j as usize] == u32::MAX {
-                    component[j as usize] = count;
-                    stack.push(j);
-                }
-            }
-        }
-        count += 1;
-    }
-    (count as usize, component)
 }
 
 /// Nested dissection by coordinates.

@@ -16,9 +16,10 @@ pub enum PcgError {
     #[error(transparent)]
     Gpu(#[from] GpuError),
     #[error(
-        "the stiffness matrix is not positive definite: conjugate gradients met a direction without \
-         stiffness; a body can move freely as a whole or a part of it has no stiffness; add supports, \
-         or check that its parts are connected"
+        "the stiffness matrix is singular, or not positive definite: conjugate gradients met a direction without \
+         stiffness; a part of a body has no stiffness or hangs on a hinge: check that its parts are connected by \
+         more than a point. Bodies that can move as a whole need coordinates, which tell their rigid motions, or \
+         supports"
     )]
     NotPositiveDefinite,
     #[error(transparent)]
@@ -44,9 +45,13 @@ pub enum Accuracy {
     Residual(f64),
     /// √(eᵀKe) ≤ `absolute`, or ≤ `relative` · √(xᵀKx), or a sum of squares of the two.
     ///
-    /// PCG lowers eᵀKe by α rᵀz in every iteration. What is still to come is estimated from the last
-    /// of these terms and from how fast they have fallen so far: Hestenes and Stiefel, J. Res. Nat. Bur.
-    /// Standards 49 (1952) 409–436, §6; Strakoš and Tichý, ETNA 13 (2002) 56–80.
+    /// PCG lowers eᵀKe by α rᵀz in every iteration: Hestenes and Stiefel, J. Res. Nat. Bur. Standards 49
+    /// (1952) 409–436, §6; Strakoš and Tichý, ETNA 13 (2002) 56–80. Over up to nine iterations, what is
+    /// still to come is estimated from the last of these terms and from how fast they have fallen in the
+    /// runs before. A longer run has met a slow part of the spectrum, where they fall and rise again: there
+    /// the sum over the last fifth to third of the iterations is taken for what is still to come.
+    /// No such estimate knows of a part of the spectrum that PCG has not met yet: a stiff inclusion that
+    /// only moves after a long standstill comes as a surprise.
     Energy { absolute: f64, relative: f64 },
 }
 
@@ -66,8 +71,8 @@ const AT_ROUNDING: f64 = 1e-8;
 /// Corrections that must not fail to halve the residual.
 const MAX_CORRECTIONS: usize = 60;
 
-/// By what factor α rᵀz falls in an iteration, before the first run has told, and the range in which it is
-/// believed.
+/// By what factor α rᵀz falls in an iteration of multigrid, before the first run has told, and the range in
+/// which it is believed.
 const FALL: f64 = 0.25;
 const FALLS: (f64, f64) = (0.02, 0.98);
 /// The relative error in energy that rounding leaves of a correction in f32, before the first has told.
@@ -75,8 +80,14 @@ const ROUNDING: f64 = 0.1;
 /// A relative residual that rounding keeps out of reach.
 const UNREACHABLE: f64 = 1e-15;
 
-/// ‖r‖² never grows by this factor unless K is singular.
+/// ‖r‖² never grows by this factor unless K is singular and the right-hand side has a part that no x can
+/// meet.
 const GROWTH: f64 = 1e14;
+/// The energy of all iterations never exceeds that of the first ones by this factor unless K is singular but
+/// for rounding: the ratio is at most its condition, scaled to a unit diagonal.
+const ENERGY_GROWTH: f64 = 1e12;
+/// No run is called stalled before it has made so many iterations.
+const LEAST_ITERATIONS: usize = 300;
 
 /// What the solves have cost so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -124,12 +135,22 @@ pub struct Pcg<B: Backend> {
     rate: f64,
     /// By what factor α rᵀz falls in an iteration.
     fall: f64,
+    /// The preconditioner knows all smooth errors.
+    fast: bool,
     /// Iterations of the last run to an energy.
     last: usize,
     /// The relative error in energy that rounding leaves of a correction in low precision.
     rounding: f64,
     /// What it has cost.
     pub counts: SolveCounts,
+}
+
+/// What tells whether a run makes progress: how far it had come when it was last found to.
+struct Milestone {
+    iterations: usize,
+    /// The smallest ‖r‖² at any look until then.
+    rr: f64,
+    energy: f64,
 }
 
 /// A short product y = M x to bring to the host.
@@ -157,7 +178,7 @@ impl<B: Backend> Pcg<B> {
                 let inverse =
                     inverse_diagonal(k).map_err(|node| AmgError::NotPositiveDefinite { node })?;
                 let there = PreconditionerThere::BlockJacobi(backend.block_diagonal(&inverse)?);
-                Self::assemble(backend, k, there, None)
+                Self::assemble(backend, k, there, None, false)
             }
         }
     }
@@ -169,15 +190,18 @@ impl<B: Backend> Pcg<B> {
         hierarchy: Hierarchy<B::Stored>,
     ) -> Result<Self, PcgError> {
         let table = hierarchy.to_string();
+        let fast = hierarchy.has_rotations();
         let there = PreconditionerThere::Multigrid(Multigrid::new(&mut backend, hierarchy)?);
-        Self::assemble(backend, k, there, Some(table))
+        Self::assemble(backend, k, there, Some(table), fast)
     }
 
+    /// `fast`: a single α rᵀz is to be trusted before a run has shown how fast they fall.
     fn assemble(
         mut backend: B,
         k: &Arc<BlockCsr<2>>,
         preconditioner: PreconditionerThere<B>,
         hierarchy: Option<String>,
+        fast: bool,
     ) -> Result<Self, PcgError> {
         let n = k.n_rows();
         let (matrix, scale) = backend.matrix(k)?;
@@ -197,7 +221,8 @@ impl<B: Backend> Pcg<B> {
             q,
             state,
             rate: 1.0,
-            fall: FALL,
+            fall: if fast { FALL } else { FALLS.1 },
+            fast,
             last: 0,
             rounding: ROUNDING,
             counts: SolveCounts::default(),
@@ -209,7 +234,8 @@ impl<B: Backend> Pcg<B> {
         self.backend.unit_roundoff() < 1e-12
     }
 
-    /// x ≈ K⁻¹b with ‖b − Kx‖ ≤ `tolerance` ‖b‖, or as close as rounding allows; both of length n.
+    /// x ≈ K⁻¹b with ‖b − Kx‖ ≤ `tolerance` ‖b‖, or as close as rounding allows; both of length n. Where it
+    /// stalls, x is what it has reached.
     pub fn solve(
         &mut self,
         b: &[f64],
@@ -228,10 +254,12 @@ impl<B: Backend> Pcg<B> {
             residual_part: tolerance,
             ..Run::default()
         };
-        self.run(run, stop, None)?;
-        self.backend.download(&self.x, x)?;
-        x.iter_mut().for_each(|v| *v *= factor);
-        Ok(())
+        let outcome = self.run(run, stop, None);
+        if let Ok(_) | Err(PcgError::Stalled { .. }) = outcome {
+            self.backend.download(&self.x, x)?;
+            x.iter_mut().for_each(|v| *v *= factor);
+        }
+        outcome.map(|_| ())
     }
 
     /// Hands the right-hand side b of norm `length` to CG; returns what the solution has to be multiplied by.
@@ -251,15 +279,13 @@ impl<B: Backend> Pcg<B> {
                 residual_part: tolerance,
                 ..Run::default()
             },
-            Accuracy::Energy { absolute, relative } => {
-                let to_come = self.to_come();
-                Run {
-                    decrease: absolute * absolute / (self.energy_unit(unit) * to_come),
-                    decrease_part: relative * relative / to_come,
-                    residual_part: UNREACHABLE,
-                    ..Run::default()
-                }
-            }
+            Accuracy::Energy { absolute, relative } => Run {
+                remaining: absolute * absolute / self.energy_unit(unit),
+                remaining_part: relative * relative,
+                to_come: self.to_come(),
+                residual_part: UNREACHABLE,
+                ..Run::default()
+            },
         }
     }
 
@@ -271,10 +297,21 @@ impl<B: Backend> Pcg<B> {
     /// What a run has changed of x and has left, for a right-hand side that was divided by `unit`.
     pub(crate) fn followed(&self, progress: &Progress, unit: f64) -> Followed {
         let unit = self.energy_unit(unit);
+        let to_come = if progress.recent_terms > 1 {
+            1.0
+        } else {
+            self.to_come()
+        };
         Followed {
             change: (unit * progress.energy).sqrt(),
-            remaining: (unit * progress.decrease * self.to_come()).sqrt(),
+            remaining: (unit * progress.recent * to_come).sqrt(),
+            slow: self.is_slow(),
         }
+    }
+
+    /// Whether an iteration leaves half of the energy error and more, or is known to leave smooth errors.
+    fn is_slow(&self) -> bool {
+        !self.fast || self.fall >= 0.5
     }
 
     /// The sum of all decreases of the energy to come, relative to the last one: a geometric series.
@@ -282,7 +319,8 @@ impl<B: Backend> Pcg<B> {
         self.fall / (1.0 - self.fall)
     }
 
-    /// Lowers the error of x in K x = b by CG in low precision inside f64.
+    /// Lowers the error of x in K x = b by CG in low precision inside f64. Where it stalls, x is what it has
+    /// reached.
     pub(crate) fn refine(
         &mut self,
         b: &[f64],
@@ -320,6 +358,7 @@ impl<B: Backend> Pcg<B> {
                 return Ok(Followed {
                     change: f64::sqrt(energy),
                     remaining: 0.0,
+                    slow: self.is_slow(),
                 });
             }
             let factor = self.load(&residual, length);
@@ -340,8 +379,11 @@ impl<B: Backend> Pcg<B> {
             let run = self.run_to(run, unit);
             let made = match self.run(run, stop, None) {
                 Ok(progress) => self.followed(&progress, unit),
-                // In f32 a breakdown may be one of rounding: the residual in f64 tells.
-                Err(PcgError::NotPositiveDefinite) => Followed::default(),
+                // In f32 a breakdown may be one of rounding, and so may a lack of progress: the residual in
+                // f64 tells.
+                Err(PcgError::NotPositiveDefinite | PcgError::Stalled { .. }) => {
+                    Followed::default()
+                }
                 Err(error) => return Err(error),
             };
             self.backend.download(&self.x, &mut correction)?;
@@ -368,6 +410,7 @@ impl<B: Backend> Pcg<B> {
                     return Ok(Followed {
                         change: energy.sqrt(),
                         remaining: (truncated + rounded).sqrt(),
+                        slow: self.is_slow(),
                     });
                 }
             }
@@ -390,6 +433,7 @@ impl<B: Backend> Pcg<B> {
             return Ok(Followed {
                 change: f64::sqrt(energy),
                 remaining: 0.0,
+                slow: self.is_slow(),
             });
         }
         let asked = match accuracy {
@@ -410,18 +454,23 @@ impl<B: Backend> Pcg<B> {
 
     /// Learns how fast the energy error falls from a run that has ended.
     fn learn(&mut self, progress: &Progress) {
+        // With block-Jacobi the first terms may fall as fast as they like: what comes later is slow.
+        if let PreconditionerThere::BlockJacobi(_) = self.preconditioner {
+            return;
+        }
         if progress.iterations < 2 || !(progress.energy > 0.0) {
             return;
         }
-        // The first decrease is nearly all of the energy.
-        let fall = (progress.decrease / progress.energy)
-            .powf(1.0 / (progress.iterations - 1) as f64)
+        // The first decreases, as many as the last ones, are nearly all of the energy.
+        let between = progress.iterations - progress.recent_terms;
+        let fall = (progress.recent / progress.energy)
+            .powf(1.0 / between as f64)
             .clamp(FALLS.0, FALLS.1);
         // It may slow down at once, but one good run is not believed.
         self.fall = fall.max(0.5 * (self.fall + fall));
     }
 
-    /// CG for the right-hand side in `r`; the result is in `x`.
+    /// CG for the right-hand side in `r`; the result is in `x`, also where the run has stalled.
     ///
     /// With `gather`, y = M x comes along with each look at the progress.
     pub(crate) fn run(
@@ -441,12 +490,14 @@ impl<B: Backend> Pcg<B> {
             state,
             ..
         } = self;
-        // Block-Jacobi takes iterations in proportion to the width of the mesh; far more means trouble.
-        let width = (self.k.n_rows() as f64).sqrt() as usize;
-        let limit = match preconditioner {
-            PreconditionerThere::Multigrid(_) => 1000,
-            PreconditionerThere::BlockJacobi(_) => 2000 + 100 * width,
-        };
+        // In exact arithmetic n iterations are enough, rounding makes it more. A run without progress ends
+        // before.
+        let limit = 1000 + 30 * self.k.n_rows();
+        // More than the rounding of the sum that the energy is.
+        let noticeable = 1.0 + 64.0 * backend.unit_roundoff();
+        let mut milestone = None;
+        let mut least_rr = f64::INFINITY;
+        let mut first_energy = None;
         match preconditioner {
             PreconditionerThere::Multigrid(m) => {
                 backend.mg_load(r, x, m.r(), state, goals);
@@ -456,7 +507,7 @@ impl<B: Backend> Pcg<B> {
             PreconditionerThere::BlockJacobi(d) => backend.cg_start(d, r, x, p, state, goals),
         }
         // More than it should take: a look too early costs more than an iteration without effect.
-        let to_energy = goals.decrease > 0.0 || goals.decrease_part > 0.0;
+        let to_energy = goals.remaining > 0.0 || goals.remaining_part > 0.0;
         let predicted = if to_energy {
             self.last as f64
         } else {
@@ -487,7 +538,10 @@ impl<B: Backend> Pcg<B> {
                 }
                 None => backend.progress(state, None)?,
             };
-            if progress.done {
+            let first_energy = *first_energy.get_or_insert(progress.energy);
+            // Rounding may have given a free motion some stiffness: x has gone far away along it.
+            let free = progress.energy > ENERGY_GROWTH * first_energy;
+            if progress.done || free {
                 self.counts.iterations += progress.iterations;
                 if to_energy {
                     self.last = progress.iterations;
@@ -496,7 +550,7 @@ impl<B: Backend> Pcg<B> {
                     let reached = 0.5 * (progress.rr / progress.rr_start).ln();
                     self.rate = (-reached / progress.iterations as f64).clamp(1e-4, 10.0);
                 }
-                if progress.broken || !progress.rr.is_finite() {
+                if progress.broken || free || !progress.rr.is_finite() {
                     return Err(PcgError::NotPositiveDefinite);
                 }
                 return Ok(progress);
@@ -505,9 +559,29 @@ impl<B: Backend> Pcg<B> {
                 self.counts.iterations += progress.iterations;
                 return Err(PcgError::Stopped(stopped));
             }
+            least_rr = least_rr.min(progress.rr);
+            // Twice the iterations have to bring something: half of the residual or some energy. The energy
+            // alone grows for long where the residual goes up and down, the residual alone falls where the
+            // energy is as good as complete.
+            let mut stalled = issued >= limit;
+            match &milestone {
+                None if 2 * issued < LEAST_ITERATIONS => {}
+                Some(Milestone { iterations, .. }) if issued < 2 * iterations => {}
+                before => {
+                    stalled |= before.as_ref().is_some_and(|before: &Milestone| {
+                        !(least_rr <= 0.25 * before.rr)
+                            && !(progress.energy > noticeable * before.energy)
+                    });
+                    milestone = Some(Milestone {
+                        iterations: issued,
+                        rr: least_rr,
+                        energy: progress.energy,
+                    });
+                }
+            }
             // A residual that grows without end belongs to a singular matrix.
             let grown = progress.rr > GROWTH * progress.rr_start;
-            if issued >= limit || grown {
+            if stalled || grown {
                 self.counts.iterations += progress.iterations;
                 return Err(PcgError::Stalled {
                     reached: (progress.rr / progress.rr_start).sqrt(),
@@ -520,3 +594,6 @@ impl<B: Backend> Pcg<B> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,521 @@
+//! Contact forces that balance every free body: the nearest λ ∈ Λ with Gλ = e, and what is orthogonal to G.
+//!
+//! With the equality in it, Λₑ = {λ ∈ Λ: Gλ = e} is convex as Λ is. All that the method asks of Λ is its
+//! projection, and that of Λₑ costs no product with A: λ = P_Λ(x + Gᵀη), where the few numbers η make a
+//! convex, piecewise quadratic function least, φ(η) = ½‖z‖² − ½‖z − P_Λ(z)‖² − ηᵀe with z = x + Gᵀη. Its
+//! gradient is Gλ − e. Newton's method with a line search finds them in finitely many steps; where φ has no
+//! minimum no λ ∈ Λ balances the bodies, and the gradient that is left tells which body is pushed where.
+
+use crate::problem::FreeBodies;
+use crate::sparse::{Csr, norm_max, symmetric_eigen};
+use faer::Mat;
+use std::rc::Rc;
+
+/// φ counts as curved by this much in every direction (G has columns of length one), around the η of the pass
+/// before: motions that no force resists at the moment stay what they were. Less of it where x is far away and
+/// the forces are small.
+const CURVATURE: f64 = 1e-8;
+const FAR_AWAY: f64 = 1e-14;
+/// Passes at most; each lowers what the added curvature leaves of the imbalance.
+const PASSES: usize = 12;
+/// Newton steps of a pass at most.
+const STEPS: usize = 200;
+/// An imbalance below this part of the forces that act is rounding.
+const ROUNDING: f64 = 1e-14;
+/// Forces that balance up to this part of those that act do balance: loads and normals of meshes are no better.
+pub(crate) const BALANCED: f64 = 1e-10;
+/// Motions are dependent on the free multipliers below this part of the largest eigenvalue.
+const DEPENDENT: f64 = 1e-12;
+/// The slope at the end of a line search, relative to that at its start.
+const SEARCHED: f64 = 1e-2;
+
+/// A pair (λν, λτ) of a contact node with what it depends on: the derivative of the projection.
+pub(crate) type Projected = ([f64; 2], [[f64; 2]; 2]);
+
+/// G and e of all free bodies.
+#[derive(Clone, Debug)]
+pub(crate) struct Balance {
+    /// Gᵀ with columns of length one, a row for each multiplier.
+    motions: Csr,
+    /// The lengths of the columns before; 0 for a motion that no multiplier resists.
+    lengths: Vec<f64>,
+    /// e, divided by them.
+    e: Vec<f64>,
+    /// The sum of |R||f|: what an imbalance is compared with.
+    acting: Vec<f64>,
+    /// The body of each motion.
+    body: Vec<usize>,
+    /// e where no multiplier resists, as it is.
+    without_contact: Vec<f64>,
+}
+
+/// The nearest point of Λₑ.
+pub(crate) struct Nearest {
+    /// λ.
+    pub lambda: Vec<f64>,
+    /// η: λ = P_Λ(x + Gᵀη).
+    pub eta: Vec<f64>,
+    /// e − Gλ; zero but for rounding where the bodies are balanced.
+    pub imbalance: Vec<f64>,
+    /// Whether they are.
+    pub balanced: bool,
+}
+
+impl Balance {
+    /// Of the free bodies of a problem under the load f, with Gᵀ times `factor` (that of its row).
+    pub fn new(free: &FreeBodies, b: &Csr, load: &[f64], factor: impl Fn(usize) -> f64) -> Self {
+        let motions = free.contact_motions(b);
+        let scaled = motions.triplets().map(|(i, j, v)| (i, j, factor(i) * v));
+        let transposed = Csr::from_triplets(motions.n_rows(), free.n_motions(), scaled);
+        let (e, acting) = (free.resultants(load), free.sizes(load));
+        Self::from_parts(&transposed, &e, acting, free.body_of_motion())
+    }
+
+    fn from_parts(transposed: &Csr, e: &[f64], acting: Vec<f64>, body: Vec<usize>) -> Self {
+        let mut lengths = vec![0.0; e.len()];
+        for (_, j, v) in transposed.triplets() {
+            lengths[j] += v * v;
+        }
+        lengths.iter_mut().for_each(|l: &mut f64| *l = l.sqrt());
+        let over = |v: f64, j: usize| {
+            if lengths[j] > 0.0 {
+                v / lengths[j]
+            } else {
+                0.0
+            }
+        };
+        let scaled = transposed.triplets().map(|(i, j, v)| (i, j, over(v, j)));
+        Self {
+            motions: Csr::from_triplets(transposed.n_rows(), e.len(), scaled),
+            e: e.iter().enumerate().map(|(j, &v)| over(v, j)).collect(),
+            without_contact: (0..e.len())
+                .map(|j| {
+                    let unresisted = lengths[j] == 0.0 && e[j].abs() > BALANCED * acting[j];
+                    if unresisted { e[j] } else { 0.0 }
+                })
+                .collect(),
+            acting,
+            body,
+            lengths,
+        }
+    }
+
+    /// Motions.
+    fn count(&self) -> usize {
+        self.e.len()
+    }
+
+    /// Gᵀη as it is added to forces; η as [`Nearest::eta`] has it.
+    pub fn spread(&self, eta: &[f64]) -> Vec<f64> {
+        let mut forces = vec![0.0; self.motions.n_rows()];
+        self.motions.mul(eta, &mut forces);
+        forces
+    }
+
+    /// The coefficients of the motions for an η, so that B R times them is [`Balance::spread`].
+    pub fn coefficients(&self, eta: &[f64]) -> Vec<f64> {
+        let lengths = eta.iter().zip(&self.lengths);
+        lengths
+            .map(|(v, &l)| if l > 0.0 { v / l } else { 0.0 })
+            .collect()
+    }
+
+    /// The forces that act on each motion, where the contact forces are λ: those of its body, as a motion that
+    /// none of them has a part in is balanced all the same.
+    fn rounding(&self, lambda: &[f64]) -> Vec<f64> {
+        let bodies = self.body.iter().max().map_or(0, |&last| last + 1);
+        let mut sums = vec![0.0_f64; bodies];
+        for (j, &acting) in self.acting.iter().enumerate() {
+            let sum = &mut sums[self.body[j]];
+            *sum = sum.max(acting);
+        }
+        for (i, &l) in lambda.iter().enumerate() {
+            let (cols, values) = self.motions.row(i);
+            for (&j, v) in cols.iter().zip(values) {
+                let j = j as usize;
+                sums[self.body[j]] += (v[0][0] * self.lengths[j] * l).abs();
+            }
+        }
+        (self.body.iter().zip(&self.lengths))
+            .map(|(&body, &l)| if l > 0.0 { sums[body] / l } else { 0.0 })
+            .collect()
+    }
+
+    /// Gᵀ is `motions`, so this is Gλ − e.
+    fn excess(&self, lambda: &[f64]) -> Vec<f64> {
+        let mut sums: Vec<f64> = self.e.iter().map(|e| -e).collect();
+        self.motions.mul_transpose_add(1.0, lambda, &mut sums);
+        sums
+    }
+
+    /// The point of Λₑ next to x, or the one of Λ whose imbalance is least; `project` is P_Λ on a contact node.
+    pub fn nearest(&self, x: &[f64], project: impl Fn(usize, [f64; 2]) -> Projected) -> Nearest {
+        let (k, m) = (self.count(), x.len() / 2);
+        let all = |z: &[f64]| -> Vec<f64> {
+            let mut lambda = vec![0.0; z.len()];
+            for i in 0..m {
+                let ([n, t], _) = project(i, [z[i], z[m + i]]);
+                (lambda[i], lambda[m + i]) = (n, t);
+            }
+            lambda
+        };
+        let mut eta = vec![0.0; k];
+        let mut z = x.to_vec();
+        let mut lambda = all(&z);
+        let acting = norm_max(&self.rounding(&vec![0.0; x.len()]));
+        let curvature = CURVATURE * (acting / norm_max(x).max(acting)).max(FAR_AWAY);
+        let mut before = f64::INFINITY;
+        for _ in 0..PASSES {
+            let anchor = eta.clone();
+            for _ in 0..STEPS {
+                let mut slope = self.excess(&lambda);
+                for j in 0..k {
+                    slope[j] += curvature * (eta[j] - anchor[j]);
+                }
+                let rounding = self.rounding(&lambda);
+                if (0..k).all(|j| slope[j].abs() <= ROUNDING * rounding[j]) {
+                    break;
+                }
+                let direction = self.newton_direction(&z, &slope, curvature, &project);
+                let along = self.spread(&direction);
+                let at =
+                    |t: f64| -> Vec<f64> { z.iter().zip(&along).map(|(z, a)| z + t * a).collect() };
+                let rise = |t: f64| {
+                    let lambda = all(&at(t));
+                    let mut sum: f64 = along.iter().zip(&lambda).map(|(a, l)| a * l).sum();
+                    for j in 0..k {
+                        let far = eta[j] + t * direction[j] - anchor[j];
+                        sum += direction[j] * (curvature * far - self.e[j]);
+                    }
+                    sum
+                };
+                let t = where_it_turns(rise);
+                if !(t > 0.0) {
+                    break;
+                }
+                z = at(t);
+                lambda = all(&z);
+                eta.iter_mut()
+                    .zip(&direction)
+                    .for_each(|(e, d)| *e += t * d);
+            }
+            let left = self.excess(&lambda);
+            let rounding = self.rounding(&lambda);
+            if (0..k).all(|j| left[j].abs() <= ROUNDING * rounding[j]) {
+                break;
+            }
+            // The imbalance of a body that nothing holds stays, pass by pass.
+            let size = norm_max(&left);
+            if !(size < 0.9 * before) {
+                break;
+            }
+            before = size;
+        }
+        let left = self.excess(&lambda);
+        let rounding = self.rounding(&lambda);
+        let balanced = (0..k).all(|j| left[j].abs() <= BALANCED * rounding[j])
+            && self.without_contact.iter().all(|&e| e == 0.0);
+        let imbalance = (left.iter().zip(&self.lengths))
+            .zip(&self.without_contact)
+            .map(|((v, l), alone)| -v * l + alone)
+            .collect();
+        Nearest {
+            lambda,
+            eta,
+            imbalance,
+            balanced,
+        }
+    }
+
+    /// −H⁻¹ slope, with H = G P' Gᵀ and the added curvature.
+    fn newton_direction(
+        &self,
+        z: &[f64],
+        slope: &[f64],
+        curvature: f64,
+        project: &impl Fn(usize, [f64; 2]) -> Projected,
+    ) -> Vec<f64> {
+        let (k, m) = (self.count(), z.len() / 2);
+        let mut hessian = Mat::<f64>::zeros(k, k);
+        for i in 0..m {
+            let (_, derivative) = project(i, [z[i], z[m + i]]);
+            for (a, row) in derivative.iter().enumerate() {
+                for (b, &d) in row.iter().enumerate() {
+                    if d == 0.0 {
+                        continue;
+                    }
+                    let (left, right) = (self.motions.row(a * m + i), self.motions.row(b * m + i));
+                    for (&p, v) in left.0.iter().zip(left.1) {
+                        for (&q, w) in right.0.iter().zip(right.1) {
+                            hessian[(p as usize, q as usize)] += d * v[0][0] * w[0][0];
+                        }
+                    }
+                }
+            }
+        }
+        // By eigenvectors: along motions that nothing resists the added curvature is all there is, and rounding of
+        // the other ones must not pass for resistance.
+        let Some((values, vectors)) = symmetric_eigen(&hessian) else {
+            return slope.iter().map(|s| -s).collect();
+        };
+        let largest = values.iter().copied().fold(0.0, f64::max);
+        let mut direction = vec![0.0; k];
+        for (c, &value) in values.iter().enumerate() {
+            let resists = if value > DEPENDENT * largest {
+                value
+            } else {
+                0.0
+            };
+            let along: f64 = (0..k).map(|j| vectors[(j, c)] * slope[j]).sum();
+            for (j, d) in direction.iter_mut().enumerate() {
+                *d -= vectors[(j, c)] * along / (resists + curvature);
+            }
+        }
+        direction
+    }
+
+    /// Gives up an imbalance that cannot be removed: from here on the rest is to be balanced.
+    pub fn give_up(&mut self, imbalance: &[f64]) {
+        for ((e, l), v) in self.e.iter_mut().zip(&self.lengths).zip(imbalance) {
+            if *l > 0.0 {
+                *e -= v / l;
+            }
+        }
+        self.without_contact.fill(0.0);
+    }
+
+    /// G on the multipliers that `is_free` says are.
+    pub fn on_face(self: &Rc<Self>, is_free: impl Fn(usize) -> bool) -> FaceBalance {
+        let k = self.count();
+        let free: Vec<bool> = (0..self.motions.n_rows()).map(is_free).collect();
+        let mut gram = Mat::<f64>::zeros(k, k);
+        for (i, _) in free.iter().enumerate().filter(|(_, free)| **free) {
+            let (cols, values) = self.motions.row(i);
+            for (&p, v) in cols.iter().zip(values) {
+                for (&q, w) in cols.iter().zip(values) {
+                    gram[(p as usize, q as usize)] += v[0][0] * w[0][0];
+                }
+            }
+        }
+        let mut inverse = Mat::<f64>::zeros(k, k);
+        if let Some((values, vectors)) = symmetric_eigen(&gram) {
+            let largest = values.iter().copied().fold(0.0, f64::max);
+            for (c, &value) in values.iter().enumerate() {
+                if value > DEPENDENT * largest && value > 0.0 {
+                    for p in 0..k {
+                        for q in 0..k {
+                            inverse[(p, q)] += vectors[(p, c)] * vectors[(q, c)] / value;
+                        }
+                    }
+                }
+            }
+        }
+        FaceBalance {
+            balance: Rc::clone(self),
+            free,
+            inverse,
+        }
+    }
+}
+
+/// G on the free multipliers of a face of Λ.
+#[derive(Clone)]
+pub(crate) struct FaceBalance {
+    balance: Rc<Balance>,
+    free: Vec<bool>,
+    /// (G Z Zᵀ Gᵀ)⁺.
+    inverse: Mat<f64>,
+}
+
+impl FaceBalance {
+    /// Adds the shortest vector of free multipliers that changes Gλ by `change`.
+    fn shift(&self, change: &[f64], lambda: &mut [f64]) {
+        let k = change.len();
+        let weights: Vec<f64> = (0..k)
+            .map(|p| (0..k).map(|q| self.inverse[(p, q)] * change[q]).sum())
+            .collect();
+        let forces = self.balance.spread(&weights);
+        for ((l, f), &free) in lambda.iter_mut().zip(forces).zip(&self.free) {
+            if free {
+                *l += f;
+            }
+        }
+    }
+
+    /// Removes from p, zero on the held multipliers, what changes Gλ.
+    pub fn project(&self, p: &mut [f64]) {
+        for _ in 0..2 {
+            let mut moved = vec![0.0; self.balance.count()];
+            (self.balance.motions).mul_transpose_add(-1.0, p, &mut moved);
+            self.shift(&moved, p);
+        }
+    }
+
+    /// Balances λ by its free multipliers; false where they cannot. Leaves it as it is where it is balanced.
+    pub fn balance(&self, lambda: &mut [f64]) -> bool {
+        let small = |lambda: &[f64], part: f64| {
+            let rounding = self.balance.rounding(lambda);
+            let excess = self.balance.excess(lambda);
+            excess
+                .iter()
+                .zip(rounding)
+                .all(|(v, r)| v.abs() <= part * r)
+        };
+        for _ in 0..3 {
+            if small(lambda, 100.0 * ROUNDING) {
+                return true;
+            }
+            let missing: Vec<f64> = self.balance.excess(lambda).iter().map(|v| -v).collect();
+            self.shift(&missing, lambda);
+        }
+        small(lambda, BALANCED)
+    }
+
+    /// Gλ for a direction, in the units in which the columns of Gᵀ have length one.
+    pub fn moves(&self, direction: &[f64]) -> Vec<f64> {
+        let mut sums = vec![0.0; self.balance.count()];
+        (self.balance.motions).mul_transpose_add(1.0, direction, &mut sums);
+        sums
+    }
+}
+
+/// Where a function that rises from a negative value at 0 comes near zero.
+fn where_it_turns(rise: impl Fn(f64) -> f64) -> f64 {
+    let first = rise(0.0);
+    if !(first < 0.0) {
+        return 0.0;
+    }
+    let small = SEARCHED * -first;
+    let (mut low, mut at_low) = (0.0, first);
+    let (mut high, mut at_high) = (1.0, rise(1.0));
+    for _ in 0..200 {
+        if !(at_high < -small) {
+            break;
+        }
+        (low, at_low) = (high, at_high);
+        high *= 2.0;
+        at_high = rise(high);
+    }
+    // False position with the Illinois rule.
+    let mut t = high;
+    let mut at = at_high;
+    let mut last = 0;
+    for _ in 0..100 {
+        if at.abs() <= small || !(low < high) {
+            break;
+        }
+        t = (low * at_high - high * at_low) / (at_high - at_low);
+        if !(t > low && t < high) {
+            t = 0.5 * (low + high);
+        }
+        at = rise(t);
+        if at < 0.0 {
+            (low, at_low) = (t, at);
+            if last == -1 {
+                at_high *= 0.5;
+            }
+            last = -1;
+        } else {
+            (high, at_high) = (t, at);
+            if last == 1 {
+                at_low *= 0.5;
+            }
+            last = 1;
+        }
+    }
+    t
+}
+
+/// P_Λ on a node with the slip bound g: the interval (4), (5).
+pub(crate) fn interval(g: f64, [n, t]: [f64; 2]) -> Projected {
+    let sticks = t.abs() < g;
+    (
+        [n.max(0.0), t.clamp(-g, g)],
+        [
+            [f64::from(u8::from(n > 0.0)), 0.0],
+            [0.0, f64::from(u8::from(sticks))],
+        ],
+    )
+}
+
+/// The nearest point with |λτ| ≤ μλν: the projection on Coulomb's cone.
+pub(crate) fn cone(mu: f64, [n, t]: [f64; 2]) -> Projected {
+    if n > 0.0 && t.abs() <= mu * n {
+        return ([n, t], [[1.0, 0.0], [0.0, 1.0]]);
+    }
+    if n <= -mu * t.abs() {
+        return ([0.0; 2], [[0.0; 2]; 2]);
+    }
+    let edge = [1.0, mu * t.signum()];
+    let square = 1.0 + mu * mu;
+    let length = (n + edge[1] * t) / square;
+    (
+        edge.map(|e| e * length),
+        edge.map(|a| edge.map(|b| a * b / square)),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A block on a floor: m nodes along it, λν up and λτ along, motions x, y and a rotation.
+    fn block(m: usize) -> Csr {
+        let mut entries = Vec::new();
+        for i in 0..m {
+            let x = i as f64 / (m - 1) as f64 - 0.5;
+            entries.extend([(i, 1, 1.0), (i, 2, x), (m + i, 0, 1.0), (m + i, 2, 0.3)]);
+        }
+        Csr::from_triplets(2 * m, 3, entries)
+    }
+
+    #[test]
+    fn the_nearest_point_is_balanced_and_nearest() {
+        let m = 7;
+        let g = block(m);
+        let e = [0.9, 5.0, 0.4];
+        let balance = Balance::from_parts(&g, &e, vec![1.0, 5.0, 1.0], vec![0; 3]);
+        let bounds = vec![0.2; m];
+        let x: Vec<f64> = (0..2 * m).map(|i| ((i * 37) % 11) as f64 - 5.0).collect();
+        for coulomb in [false, true] {
+            let project = |i: usize, z| {
+                if coulomb {
+                    cone(0.3, z)
+                } else {
+                    interval(bounds[i], z)
+                }
+            };
+            let near = balance.nearest(&x, project);
+            assert!(near.balanced && norm_max(&near.imbalance) < 1e-12);
+            // λ − x − Gᵀη is orthogonal to all that is feasible: no nearer point on the way to another one.
+            for seed in 1..20 {
+                let y: Vec<f64> = (0..2 * m).map(|i| ((i * seed) % 7) as f64 - 3.0).collect();
+                let other = balance.nearest(&y, project).lambda;
+                let slope: f64 = (0..2 * m)
+                    .map(|i| (near.lambda[i] - x[i]) * (other[i] - near.lambda[i]))
+                    .sum();
+                assert!(slope > -1e-10, "{slope}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_balanced_is_told() {
+        let m = 7;
+        let g = block(m);
+        // Friction carries 0.3 · 5 at most; the block is pushed along x.
+        for (push, held) in [(1.499, true), (1.501, false), (-1.6, false)] {
+            let e = [push, 5.0, 0.3 * push];
+            let balance = Balance::from_parts(&g, &e, vec![1.0, 5.0, 1.0], vec![0; 3]);
+            let near = balance.nearest(&vec![0.0; 2 * m], |_, z| cone(0.3, z));
+            assert_eq!(near.balanced, held, "{push}: {:?}", near.imbalance);
+            if !held {
+                assert!(near.imbalance[0] * push > 0.0);
+            }
+        }
+        // Pulled up.
+        let balance = Balance::from_parts(&g, &[0.0, -1.0, 0.0], vec![0.0, 1.0, 0.0], vec![0; 3]);
+        let near = balance.nearest(&vec![1.0; 2 * m], |_, z| interval(0.1, z));
+        assert!(!near.balanced && (near.imbalance[1] + 1.0).abs() < 1e-6);
+    }
+}
