@@ -65,8 +65,8 @@ pub enum Method {
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a> {
     /// ε: what the answer may be off by. The error err = ‖r̃_ρ(P_Λ(λ))‖ is reached relative to err⁰, that at λ = 0
-    /// (or, where bodies can move as a whole, at the least forces that balance them); beside it the forces that
-    /// the rest of the gradient could still move, node by node, are brought below 100 ε of the largest pressure.
+    /// (or, where bodies can move as a whole, at the least forces that balance them); beside it what the rest of
+    /// the gradient could still move is made so small that nodal pressures are right to 1000 ε of the largest.
     pub tolerance: f64,
     /// β: ρ = β / σ_max.
     pub beta: f64,
