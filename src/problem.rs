@@ -6,7 +6,7 @@ mod kkt;
 
 pub use free::{FreeBodies, FreeBody};
 pub use kkt::Kkt;
-pub(crate) use kkt::slip_violation;
+pub(crate) use kkt::{ROUNDING, slip_violation};
 
 use crate::sparse::{BlockCsr, Csr, norm};
 use rayon::prelude::*;
@@ -361,6 +361,15 @@ impl ContactProblem {
                 .chain(tangential)
                 .filter(|&(_, _, v)| v != 0.0),
         )
+    }
+
+    /// Whether B touches each block row of K.
+    pub(crate) fn touched(&self) -> Vec<bool> {
+        let mut touched = vec![false; self.stiffness.n_block_rows()];
+        for (_, j, v) in self.normal.triplets().chain(self.tangential.triplets()) {
+            touched[j / 2] |= v != 0.0;
+        }
+        touched
     }
 
     /// f, as long as K has rows.

@@ -343,10 +343,10 @@ pub fn solve_step(
         if coulomb {
             stopped |= observer(Event::Round(rounds.last().expect("just pushed"))).is_break();
         }
-        let mut unbalanced = match solution.imbalance.is_empty() {
-            false => solution.imbalance,
-            true => cones.imbalance.clone(),
-        };
+        let mut unbalanced = solution.imbalance;
+        if unbalanced.is_empty() {
+            unbalanced.clone_from(&cones.imbalance);
+        }
         if unbalanced.is_empty() && settled && friction_change > friction_tolerance {
             // Bounds that balance the bodies have settled, but the pressures do not give them.
             unbalanced = cones.imbalance_within(&law, &lambda);

@@ -330,6 +330,27 @@ pub(crate) fn symmetric_eigen(matrix: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)>
     Some((values, eigen.U().to_owned()))
 }
 
+/// The pseudo-inverse of a small symmetric positive semidefinite matrix: eigenvalues up to `dependent` times the
+/// largest count as zero. Zero if an entry is not finite.
+pub(crate) fn pseudo_inverse(matrix: &Mat<f64>, dependent: f64) -> Mat<f64> {
+    let n = matrix.nrows();
+    let mut inverse = Mat::<f64>::zeros(n, n);
+    let Some((values, vectors)) = symmetric_eigen(matrix) else {
+        return inverse;
+    };
+    let largest = values.iter().copied().fold(0.0, f64::max);
+    for (c, &value) in values.iter().enumerate() {
+        if value > dependent * largest && value > 0.0 {
+            for p in 0..n {
+                for q in 0..n {
+                    inverse[(p, q)] += vectors[(p, c)] * vectors[(q, c)] / value;
+                }
+            }
+        }
+    }
+    inverse
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

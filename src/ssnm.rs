@@ -301,9 +301,10 @@ pub fn solve(
     let whole = problem;
     let problem = reduced.as_ref().unwrap_or(problem);
     let mut c = problem.offsets();
+    let everything = balance.as_ref().map(|balance| balance.on_face(|_| true));
     let projects = |p: &mut [f64]| {
-        if let Some(balance) = &balance {
-            balance.on_face(|_| true).project(p);
+        if let Some(face) = &everything {
+            face.project(p);
         }
     };
     let set_up = dual.set_data(problem.load(), &c);
@@ -1003,7 +1004,8 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         // Step 3.2: inactive multipliers on their bounds.
         let mut start = point.lambda.clone();
         sets.set_bounds(&mut start, self.g);
-        if let Some(face) = self.face(&sets)
+        let face = self.face(&sets);
+        if let Some(face) = &face
             && !face.balance(&mut start)
         {
             start = end;
@@ -1011,7 +1013,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         let jumped = self.move_to(point, start)?;
         let mut cg = match kept.take() {
             Some(cg) if !jumped && cg.sets == sets => cg,
-            _ => self.cg_on(sets.clone(), point),
+            _ => self.cg_on(sets.clone(), face, point),
         };
         // Step 3.3.
         let floor = match method {
@@ -1038,8 +1040,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     }
 
     /// Starts CG on the free multipliers of `sets` from the minimum over the known directions there.
-    fn cg_on(&self, sets: Sets, point: &mut Point) -> Cg {
-        let face = self.face(&sets);
+    fn cg_on(&self, sets: Sets, face: Option<FaceBalance>, point: &mut Point) -> Cg {
         let span = self.products.known.fitting(&sets, face.as_ref());
         span.minimise(&mut point.lambda, &mut point.r);
         Cg { sets, face, span }
@@ -1162,7 +1163,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         let mut inner = 0;
         for face in 1..=faces {
             let mut end = point.clone();
-            let mut cg = self.cg_on(sets.clone(), &mut end);
+            let mut cg = self.cg_on(sets.clone(), self.face(&sets), &mut end);
             inner += self.cg(&mut end, &mut cg, target, |_, _, residual| {
                 residual <= SETS_CHANGED * err
             })?;

@@ -240,10 +240,7 @@ impl Case {
     /// A body that can move as a whole has to have a contact.
     fn check_touched(&self, build: &Build) -> Result<(), BuildError> {
         let problem = &build.problem;
-        let mut touched = vec![false; problem.stiffness().n_block_rows()];
-        for (_, j, v) in (problem.normal().triplets()).chain(problem.tangential().triplets()) {
-            touched[j / 2] |= v != 0.0;
-        }
+        let touched = problem.touched();
         let free = &problem.free_bodies().bodies;
         let alone = |body: &FreeBody| !body.nodes.iter().any(|&node| touched[node as usize]);
         let Some(number) = free.iter().position(alone) else {

@@ -7,7 +7,7 @@
 //! minimum no λ ∈ Λ balances the bodies, and the gradient that is left tells which body is pushed where.
 
 use crate::problem::FreeBodies;
-use crate::sparse::{Csr, norm_max, symmetric_eigen};
+use crate::sparse::{Csr, norm_max, pseudo_inverse, symmetric_eigen};
 use faer::Mat;
 use std::rc::Rc;
 
@@ -23,7 +23,7 @@ const STEPS: usize = 200;
 /// An imbalance below this part of the forces that act is rounding.
 const ROUNDING: f64 = 1e-14;
 /// Forces that balance up to this part of those that act do balance: loads and normals of meshes are no better.
-pub(crate) const BALANCED: f64 = 1e-10;
+const BALANCED: f64 = 1e-10;
 /// Motions are dependent on the free multipliers below this part of the largest eigenvalue.
 const DEPENDENT: f64 = 1e-12;
 /// The slope at the end of a line search, relative to that at its start.
@@ -297,29 +297,15 @@ impl Balance {
                 }
             }
         }
-        let mut inverse = Mat::<f64>::zeros(k, k);
-        if let Some((values, vectors)) = symmetric_eigen(&gram) {
-            let largest = values.iter().copied().fold(0.0, f64::max);
-            for (c, &value) in values.iter().enumerate() {
-                if value > DEPENDENT * largest && value > 0.0 {
-                    for p in 0..k {
-                        for q in 0..k {
-                            inverse[(p, q)] += vectors[(p, c)] * vectors[(q, c)] / value;
-                        }
-                    }
-                }
-            }
-        }
         FaceBalance {
             balance: Rc::clone(self),
             free,
-            inverse,
+            inverse: pseudo_inverse(&gram, DEPENDENT),
         }
     }
 }
 
 /// G on the free multipliers of a face of Λ.
-#[derive(Clone)]
 pub(crate) struct FaceBalance {
     balance: Rc<Balance>,
     free: Vec<bool>,

@@ -49,10 +49,9 @@ impl<B: Backend> NestedDual<B> {
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
         let b = problem.contact_matrix();
-        let mut touched = vec![false; b.n_cols()];
-        b.triplets().for_each(|(_, j, v)| touched[j] |= v != 0.0);
+        let touched = problem.touched();
         let (k, ties) =
-            (problem.free_bodies()).grounded(problem.stiffness(), |unknown| touched[unknown]);
+            (problem.free_bodies()).grounded(problem.stiffness(), |unknown| touched[unknown / 2]);
         let mut pcg = Pcg::new(backend, &k, problem.coordinates(), preconditioner)?;
         let unit = power_of_two_below(norm(problem.load()));
         let mut u = Vec::new();

@@ -135,37 +135,26 @@ impl FreeBodies {
 
     /// Rᵀx.
     pub fn resultants(&self, x: &[f64]) -> Vec<f64> {
-        let mut sums = Vec::with_capacity(self.n_motions());
-        for body in &self.bodies {
-            for mode in &body.modes {
-                let terms = body.nodes.iter().zip(mode);
-                sums.push(
-                    terms
-                        .map(|(&i, m)| m[0] * x[2 * i as usize] + m[1] * x[2 * i as usize + 1])
-                        .sum(),
-                );
-            }
-        }
-        sums
+        self.sums(x, |m, x| m[0] * x[0] + m[1] * x[1])
     }
 
     /// What an entry of Rᵀx is small beside: Σ |R||x| over the nodes of the body, with the lengths of the vectors
     /// at each node.
     pub fn sizes(&self, x: &[f64]) -> Vec<f64> {
-        let mut sums = Vec::with_capacity(self.n_motions());
-        for body in &self.bodies {
-            for mode in &body.modes {
-                let terms = body.nodes.iter().zip(mode);
-                sums.push(
-                    terms
-                        .map(|(&i, m)| {
-                            m[0].hypot(m[1]) * x[2 * i as usize].hypot(x[2 * i as usize + 1])
-                        })
-                        .sum(),
-                );
-            }
-        }
-        sums
+        self.sums(x, |m, x| m[0].hypot(m[1]) * x[0].hypot(x[1]))
+    }
+
+    /// For each motion, the sum of `term` of its column and of x over the nodes of its body.
+    fn sums(&self, x: &[f64], term: impl Fn([f64; 2], [f64; 2]) -> f64) -> Vec<f64> {
+        let of_mode = |nodes: &[u32], mode: &[[f64; 2]]| {
+            let terms = nodes.iter().zip(mode);
+            terms
+                .map(|(&i, &m)| term(m, [x[2 * i as usize], x[2 * i as usize + 1]]))
+                .sum()
+        };
+        (self.bodies.iter())
+            .flat_map(|body| body.modes.iter().map(|mode| of_mode(&body.nodes, mode)))
+            .collect()
     }
 
     /// The body of each column of R.

@@ -11,12 +11,14 @@
 //! holds nothing smaller.
 
 use super::ContactProblem;
-use crate::sparse::{Csr, ROWS_PER_TASK, dot, norm, norm_max, symmetric_eigen};
+use crate::sparse::{Csr, ROWS_PER_TASK, dot, norm, norm_max, pseudo_inverse};
 use faer::Mat;
 use rayon::prelude::*;
 
+/// Rigid motions of a part are dependent below this part of the largest eigenvalue.
+const DEPENDENT: f64 = 1e-10;
 /// Rounding of a sum relative to its terms.
-const ROUNDING: f64 = 32.0 * f64::EPSILON;
+pub(crate) const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// Violations of the optimality conditions, each relative to the size of what it is measured in: see
 /// [`ContactProblem::kkt`].
@@ -33,7 +35,7 @@ pub struct Kkt {
     /// max (|λτ| − g)₊ / ‖g‖∞.
     pub friction_bound: f64,
     /// max over sticking nodes of the slip, over slipping ones of slip against the sign of λτ; / the deformation.
-    /// (The natural residual of (3): see the source.)
+    /// What a tangential force lacks to its bound counts as a length, with the compliance of its node.
     pub slip: f64,
 }
 
@@ -225,7 +227,10 @@ impl ContactProblem {
             }
         }
         let motion: Vec<[f64; 3]> = (gram.iter().zip(&right))
-            .map(|(gram, right)| least_squares(gram, right))
+            .map(|(gram, right)| {
+                let inverse = pseudo_inverse(&Mat::from_fn(3, 3, |a, b| gram[a][b]), DEPENDENT);
+                std::array::from_fn(|a| (0..3).map(|b| inverse[(a, b)] * right[b]).sum())
+            })
             .collect();
         let mut rest = u.to_vec();
         for (node, (&part, x)) in self.parts.iter().zip(points).enumerate() {
@@ -237,25 +242,6 @@ impl ContactProblem {
         }
         rest
     }
-}
-
-/// The least solution of a symmetric positive semidefinite system of three equations.
-fn least_squares(gram: &[[f64; 3]; 3], right: &[f64; 3]) -> [f64; 3] {
-    let matrix = Mat::from_fn(3, 3, |a, b| gram[a][b]);
-    let mut solution = [0.0; 3];
-    let Some((values, vectors)) = symmetric_eigen(&matrix) else {
-        return solution;
-    };
-    let largest = values.iter().copied().fold(0.0, f64::max);
-    for (k, &value) in values.iter().enumerate() {
-        if value > 1e-10 * largest && value > 0.0 {
-            let along: f64 = (0..3).map(|a| vectors[(a, k)] * right[a]).sum();
-            for (a, s) in solution.iter_mut().enumerate() {
-                *s += vectors[(a, k)] * along / value;
-            }
-        }
-    }
-    solution
 }
 
 /// How far λτ,i and the slip are from (3), as a length: the slip of a node that sticks, the slip against λτ,i of

@@ -1,6 +1,6 @@
 //! What a point has to meet before the final check is worth its price.
 
-use crate::problem::{ContactProblem, slip_violation};
+use crate::problem::{ContactProblem, ROUNDING, slip_violation};
 use crate::sparse::{dot, norm};
 
 /// What the rest of the gradient could still move a pressure by at the end, in ε times the largest pressure, if each
@@ -82,7 +82,7 @@ fn force_error(problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
         .iter()
         .zip(r)
         .map(|(c, r)| c.abs().max((c - r).abs()));
-    let rounding = 32.0 * f64::EPSILON * terms.fold(0.0, f64::max);
+    let rounding = ROUNDING * terms.fold(0.0, f64::max);
     let (mut pressure, mut traction, mut closed) = (0.0_f64, 0.0_f64, 0.0_f64);
     let mut off = 0.0_f64;
     for i in 0..2 * m {

@@ -120,7 +120,7 @@ impl Plan {
         let start = Instant::now();
         let k = problem.stiffness();
         let n = k.n_rows();
-        let contact = contact_blocks(problem);
+        let contact = problem.touched();
         let Ordering {
             order,
             n_leading,
@@ -581,21 +581,6 @@ impl DoubleEndedIterator for Panels<'_> {
             self.get(self.end)
         })
     }
-}
-
-/// Whether B touches each block of K.
-fn contact_blocks(problem: &ContactProblem) -> Vec<bool> {
-    let mut touched = vec![false; problem.stiffness().n_block_rows()];
-    for (_, j, v) in problem
-        .normal()
-        .triplets()
-        .chain(problem.tangential().triplets())
-    {
-        if v != 0.0 {
-            touched[j / 2] = true;
-        }
-    }
-    touched
 }
 
 fn inverse(order: &[u32]) -> Vec<u32> {
