@@ -81,7 +81,7 @@
 //! use signorini::elasticity::{Body, Material, Plane, Unknowns, assemble};
 //! use signorini::mesh::structured::{CellShape, join, rectangle};
 //! use signorini::problem::{ContactData, ContactProblem};
-//! use signorini::quasistatic::{self, Load, Model, Settings, State};
+//! use signorini::quasistatic::{self, Load, Settings, State};
 //! use signorini::ssnm::Status;
 //! use signorini::stiffness::cholesky::CholeskyDual;
 //! use std::ops::ControlFlow;
@@ -115,12 +115,12 @@
 //!     normal: rows.normal.clone(),
 //!     tangential: rows.tangential.clone(),
 //!     coordinates: Some(unknowns.coordinates(&mesh)),
-//! })?;
+//! })?
+//! .with_friction_coefficient(rows.coefficient.clone());
 //!
-//! let model = Model { problem: &problem, coefficient: &rows.coefficient };
 //! let mut dual = CholeskyDual::new(&problem)?;
 //! let solution = quasistatic::solve_step(
-//!     &model,
+//!     &problem,
 //!     &Load::of(&problem),
 //!     &State::at_rest(&problem),
 //!     &mut dual,
@@ -154,7 +154,7 @@
 //! for step in 0..case.n_steps() {
 //!     let data = case.step(&build, step)?.expect("an elastic case");
 //!     let solution = quasistatic::solve_step(
-//!         &build.model(),
+//!         &build.problem,
 //!         &data.load,
 //!         &state,
 //!         &mut engine,

@@ -122,9 +122,9 @@ pub struct NotHeldReport {
 pub struct StepReport {
     pub factor: f64,
     pub status: Status,
-    /// Problems (1)–(3) solved in it.
+    /// Solves in it: more than one where Coulomb's law took rounds with frozen slip bounds.
     pub rounds: usize,
-    /// ‖μλν − g‖ / ‖μλν‖ at the end; 0 without Coulomb friction.
+    /// ‖μλν − g‖ / ‖μλν‖ of the last solve; 0 where no slip bounds were frozen.
     pub friction_change: f64,
     /// The bodies that contact and friction do not hold, and which way the loads push them.
     pub not_held: Vec<NotHeldReport>,
@@ -145,9 +145,12 @@ pub struct StepReport {
 /// An outer step in the report.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct HistoryRow {
-    /// The load step and the round in it, from 1.
+    /// The load step and the solve in it, from 1.
     pub load_step: usize,
     pub round: usize,
+    /// Whether slip bounds were frozen in it.
+    #[serde(skip)]
+    pub frozen: bool,
     #[serde(flatten)]
     pub step: ssnm::Step,
 }
@@ -223,13 +226,13 @@ impl Report {
         let last = solution.last();
         self.status = solution.status;
         let mut products = self.n_a;
-        if build.model().has_coulomb() {
+        if solution.rounds.iter().any(|round| round.frozen) {
             // A gap between load steps.
             self.friction_history.push((f64::NAN, f64::NAN));
         }
         for round in &solution.rounds {
             products += round.info.n_a;
-            if build.model().has_coulomb() {
+            if round.frozen {
                 self.friction_history
                     .push((products as f64, round.friction_change));
             }
@@ -240,7 +243,7 @@ impl Report {
         self.rho = last.info.rho;
         self.sigma_max = last.info.sigma_max;
         self.sets = solution.sets.sizes();
-        self.kkt = last.info.kkt;
+        self.kkt = solution.kkt;
         for round in &solution.rounds {
             self.n_a_sigma += round.info.n_a_sigma;
             self.timings.setup += round.info.setup_seconds;
@@ -249,6 +252,7 @@ impl Report {
                 .extend(round.info.history.iter().map(|&step| HistoryRow {
                     load_step: number,
                     round: round.round,
+                    frozen: round.frozen,
                     step,
                 }));
         }
@@ -267,11 +271,11 @@ impl Report {
                     motion: one.motion.clone(),
                 })
                 .collect(),
-            coulomb: build.model().has_coulomb(),
+            coulomb: build.problem.has_coulomb(),
             iter: solution.iter(),
             n_a: solution.n_a(),
             sets: solution.sets.sizes(),
-            kkt: last.info.kkt,
+            kkt: solution.kkt,
             total_load: data.map(|data| data.total_load),
             contacts,
             supports,

@@ -10,6 +10,7 @@ pub(crate) use kkt::{ROUNDING, slip_violation};
 
 use crate::sparse::{BlockCsr, Csr, norm};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -53,6 +54,8 @@ pub struct ContactProblem {
     tangential: Csr,
     gap: Vec<f64>,
     slip_bound: Vec<f64>,
+    /// μ, length m, 0 where the slip bound is given; empty without Coulomb friction.
+    friction: Vec<f64>,
     coordinates: Option<Vec<[f64; 2]>>,
     /// Where slip is counted from: T u less this is the slip, length m.
     slip_origin: Vec<f64>,
@@ -274,8 +277,24 @@ impl ContactProblem {
             tangential: data.tangential,
             gap: data.gap,
             slip_bound: data.slip_bound,
+            friction: Vec::new(),
             coordinates: data.coordinates,
         })
+    }
+
+    /// Gives contact nodes Coulomb's law: where μᵢ > 0 the slip bound is μᵢλν,i and `slip_bound` says nothing.
+    ///
+    /// # Panics
+    /// If the length is not m (or 0: no Coulomb friction), or an entry is negative or NaN.
+    pub fn with_friction_coefficient(mut self, mu: Vec<f64>) -> Self {
+        assert!(mu.is_empty() || mu.len() == self.m());
+        assert!(mu.iter().all(|&mu| mu >= 0.0));
+        self.friction = if mu.iter().all(|&mu| mu == 0.0) {
+            Vec::new()
+        } else {
+            mu
+        };
+        self
     }
 
     /// The problem with the same K, N and T and another load, gap, origin of slip and slip bound: a load step, or
@@ -326,6 +345,17 @@ impl ContactProblem {
     /// Says how many of the unknowns are free, where some rows of K only hold a prescribed component.
     pub fn with_free_unknowns(mut self, n_free: usize) -> Self {
         self.n_free = n_free.min(self.n);
+        self
+    }
+
+    /// The problem without Coulomb's law, with the slip bounds given.
+    ///
+    /// # Panics
+    /// If the length differs.
+    pub(crate) fn with_frozen_bounds(mut self, slip_bound: Vec<f64>) -> Self {
+        assert_eq!(slip_bound.len(), self.m());
+        self.slip_bound = slip_bound;
+        self.friction = Vec::new();
         self
     }
 
@@ -418,9 +448,24 @@ impl ContactProblem {
         &self.gap
     }
 
-    /// g.
+    /// g, as far as it is given: [`ContactProblem::bounds`] has all of it.
     pub fn slip_bound(&self) -> &[f64] {
         &self.slip_bound
+    }
+
+    /// μ of each contact node, 0 where the slip bound is given; empty without Coulomb friction.
+    pub fn friction_coefficient(&self) -> &[f64] {
+        &self.friction
+    }
+
+    /// Whether there is Coulomb friction.
+    pub fn has_coulomb(&self) -> bool {
+        !self.friction.is_empty()
+    }
+
+    /// g under Coulomb's law: μλν of the multipliers given, and the given bounds elsewhere.
+    pub fn bounds(&self, lambda: &[f64]) -> Cow<'_, [f64]> {
+        coulomb_bounds(&self.slip_bound, &self.friction, lambda)
     }
 
     /// The points that the pairs of unknowns belong to, if known.
@@ -443,6 +488,18 @@ impl ContactProblem {
             _ => String::new(),
         }
     }
+}
+
+/// The slip bounds at λ: μλν where μ > 0, the given ones elsewhere (everywhere if μ is empty).
+pub(crate) fn coulomb_bounds<'a>(given: &'a [f64], mu: &[f64], lambda: &[f64]) -> Cow<'a, [f64]> {
+    if mu.is_empty() {
+        return Cow::Borrowed(given);
+    }
+    let all = given.iter().zip(mu).zip(lambda);
+    Cow::Owned(
+        all.map(|((&g, &mu), l)| if mu > 0.0 { mu * l.max(0.0) } else { g })
+            .collect(),
+    )
 }
 
 /// Whether K ties an unknown to another one.

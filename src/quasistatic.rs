@@ -5,64 +5,20 @@
 //! before: the history is in the origin of slip alone, so that nothing of an earlier, larger load is left in
 //! the load or the gap of a small one.
 //!
-//! **Coulomb friction** bounds λτ by μλν, which is not known beforehand. The bounds are a fixed point of
-//! g ↦ μλν(g), where λν(g) solves the problem with the given bounds g (Tresca): successive approximation as in
-//! Nečas, Jarušek and Haslinger (1980), warm-started, with Anderson's acceleration (Walker and Ni 2011).
-//!
-//! **Bodies that only contact holds** have to be balanced by the forces of each round. The bounds of a round are
-//! those of forces on or inside Coulomb's cones that balance the bodies, so that the round can; the forces
-//! found so far are projected there. If there are no such forces, no contact can hold the bodies, and the
-//! projection tells which way they are pushed.
+//! **Coulomb friction** is part of the Newton steps (`ssnm`). As no function falls along them, they may fail;
+//! then rounds with frozen slip bounds (`rounds`) go on from the best point, and now and then the coupled step is
+//! tried again.
+
+mod rounds;
 
 use crate::dual::DualOperator;
-use crate::dual::balance::{Balance, Nearest, cone, interval};
-use crate::problem::ContactProblem;
+use crate::problem::{ContactProblem, Kkt};
 use crate::sparse::norm;
-use crate::ssnm::{self, Info, Sets, SolveError, Status};
-use faer::linalg::solvers::SolveLstsqCore as _;
+use crate::ssnm::{self, Info, Memory, Sets, Solution, SolveError, Status};
+use rounds::Rounds;
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::time::Instant;
-
-/// What stays the same in all steps.
-#[derive(Clone, Copy, Debug)]
-pub struct Model<'a> {
-    /// K, N, T and the given slip bounds; load and gap are those of the steps.
-    pub problem: &'a ContactProblem,
-    /// μ of each contact node, length m: where it is not 0, the slip bound is μλν. Empty without Coulomb friction.
-    pub coefficient: &'a [f64],
-}
-
-impl<'a> Model<'a> {
-    /// A problem with given slip bounds.
-    pub fn new(problem: &'a ContactProblem) -> Self {
-        Self {
-            problem,
-            coefficient: &[],
-        }
-    }
-
-    /// Whether some slip bound is μλν: a step takes more than one problem then.
-    pub fn has_coulomb(&self) -> bool {
-        self.coefficient.iter().any(|&mu| mu > 0.0)
-    }
-
-    /// μ of a contact node, 0 where its bound is given.
-    fn mu(&self, i: usize) -> f64 {
-        self.coefficient.get(i).copied().unwrap_or(0.0)
-    }
-
-    /// The given bounds, and μλν where there is a μ.
-    fn bounds(&self, lambda: &[f64]) -> Vec<f64> {
-        let given = self.problem.slip_bound().iter().enumerate();
-        given
-            .map(|(i, &given)| match self.mu(i) {
-                0.0 => given,
-                mu => mu * lambda[i].max(0.0),
-            })
-            .collect()
-    }
-}
 
 /// The load at the end of a step: totals, not increments.
 #[derive(Clone, Debug)]
@@ -111,21 +67,23 @@ impl State {
     }
 }
 
-/// Settings of the rounds.
+/// Settings of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a> {
-    /// Those of each problem; `initial`, `place` and `first_error` are ignored.
+    /// Those of the method; `initial`, `place` and `first_error` are ignored.
     pub ssnm: ssnm::Settings<'a>,
-    /// ‖μλν − g‖ / ‖μλν‖ to reach; ten times the tolerance of the problems if None.
+    /// Under Coulomb's law: whether the bounds are part of the Newton steps. If not, there are only rounds.
+    pub coupled: bool,
+    /// ‖μλν − g‖ / ‖μλν‖ that rounds have to reach; ten times the tolerance of the problems if None.
     pub friction_tolerance: Option<f64>,
     /// Rounds at most.
     pub max_rounds: usize,
-    /// Whether the fixed point is accelerated.
+    /// Whether the fixed point of the rounds is accelerated.
     pub accelerate: bool,
 }
 
 impl Settings<'_> {
-    /// ‖μλν − g‖ / ‖μλν‖ to reach.
+    /// ‖μλν − g‖ / ‖μλν‖ that rounds have to reach.
     pub fn friction_tolerance(&self) -> f64 {
         self.friction_tolerance
             .unwrap_or(FRICTION * self.ssnm.tolerance)
@@ -136,6 +94,7 @@ impl Default for Settings<'_> {
     fn default() -> Self {
         Self {
             ssnm: ssnm::Settings::default(),
+            coupled: true,
             friction_tolerance: None,
             max_rounds: 100,
             accelerate: true,
@@ -143,14 +102,16 @@ impl Default for Settings<'_> {
     }
 }
 
-/// One problem (1)–(3) of a step.
+/// One solve of a step: all of it, or a round or an attempt where that did not do.
 #[derive(Clone, Debug)]
 pub struct Round {
     /// From 1.
     pub round: usize,
-    /// ‖μλν − g‖ / ‖μλν‖; 0 without Coulomb friction.
+    /// Whether slip bounds were frozen under Coulomb's law, and for each solve anew.
+    pub frozen: bool,
+    /// ‖μλν − g‖ / ‖μλν‖; 0 where no bounds were frozen.
     pub friction_change: f64,
-    /// The tolerance of the problem.
+    /// The tolerance of the solve.
     pub tolerance: f64,
     /// How it went.
     pub info: Info,
@@ -160,7 +121,7 @@ pub struct Round {
 pub enum Event<'a> {
     /// An outer step of the Newton method.
     Newton(&'a ssnm::Step),
-    /// A round has ended; heard only where there may be more than one.
+    /// A solve with frozen slip bounds has ended.
     Round(&'a Round),
 }
 
@@ -188,8 +149,10 @@ pub struct StepSolution {
     pub slip: Vec<f64>,
     /// The sets at the end.
     pub sets: Sets,
-    /// The rounds; their last one has the optimality conditions at the end.
+    /// One solve, or several where Coulomb's law took rounds.
     pub rounds: Vec<Round>,
+    /// The optimality conditions at the end.
+    pub kkt: Kkt,
     /// The bodies that nothing holds, where the status says so.
     pub not_held: Vec<NotHeld>,
 }
@@ -204,17 +167,17 @@ impl StepSolution {
         }
     }
 
-    /// The last round.
+    /// The last solve.
     pub fn last(&self) -> &Round {
         self.rounds.last().expect("there is at least one")
     }
 
-    /// Outer steps of all rounds.
+    /// Outer steps of all solves.
     pub fn iter(&self) -> usize {
         self.rounds.iter().map(|r| r.info.iter).sum()
     }
 
-    /// Products with A of all rounds.
+    /// Products with A of all solves.
     pub fn n_a(&self) -> usize {
         self.rounds.iter().map(|r| r.info.n_a).sum()
     }
@@ -222,175 +185,213 @@ impl StepSolution {
 
 /// The tolerance of the slip bounds, relative to that of the problems.
 const FRICTION: f64 = 10.0;
-/// The tolerance of the problem of a round beside the change of the slip bounds in the round before.
-const FOLLOWS: f64 = 1e-3;
-/// The same of the first rounds.
-const FIRST_TOLERANCE: f64 = 1e-3;
-/// The part of the friction tolerance that the last problem may be off by.
-const RESOLVED: f64 = 0.1;
 /// A body counts as pushed if this part of the largest imbalance is its own.
 const PUSHED: f64 = 1e-3;
+/// Rounds until the coupled step is tried again; twice as many each time.
+const BURST: usize = 3;
+/// The violation of the optimality conditions that `converged` allows, relative to the tolerance.
+const MET: f64 = 10.0;
 
-/// Solves one load step from `start`; the operator belongs to `model.problem`.
-///
-/// A model without Coulomb friction takes one problem, otherwise rounds follow until the slip bounds have
-/// settled. A step that does not get there ends with the [`Status`] of the round that failed, or
-/// [`Status::IterationLimit`] after too many of them.
+/// Solves one load step from `start`; the operator belongs to `problem`.
 ///
 /// # Errors
-/// If the operator fails; λ is that of the last round.
+/// If the operator fails; λ is that of the last solve.
 ///
 /// # Panics
 /// If a length does not fit.
 pub fn solve_step(
-    model: &Model,
+    problem: &ContactProblem,
     load: &Load,
     start: &State,
     dual: &mut (impl DualOperator + ?Sized),
     settings: &Settings,
     mut observer: impl FnMut(Event) -> ControlFlow<()>,
 ) -> Result<StepSolution, SolveError> {
-    let begin = Instant::now();
-    let whole = model.problem;
-    let m = whole.m();
-    let coulomb = model.has_coulomb();
-    let friction_tolerance = settings.friction_tolerance();
-    let tight = if coulomb {
-        (settings.ssnm.tolerance).min(RESOLVED * friction_tolerance)
-    } else {
-        settings.ssnm.tolerance
-    };
-
-    // T u in this step is counted from T ū, less what prescribed displacements slide meanwhile.
-    let mut origin = vec![0.0; m];
-    whole.tangential().mul(&start.u, &mut origin);
-    for i in 0..m {
-        origin[i] -= load.slide[i] - start.slide[i];
+    let memory = RefCell::default();
+    let memory = settings.ssnm.memory.unwrap_or(&memory);
+    let mut step = Process::new(problem, load, start, dual, settings, memory, &mut observer);
+    let tolerance = settings.ssnm.tolerance;
+    let mut from = start.lambda.clone();
+    if settings.coupled || !problem.has_coulomb() {
+        let solution = step.solve(None, &from, tolerance)?;
+        if !problem.has_coulomb() || solution.status != Status::Stagnated {
+            return Ok(step.end(solution, None));
+        }
+        from.clone_from(&solution.lambda);
     }
-    let place = whole.free_bodies().resultants(&start.u);
-
-    let cones = Cones::new(model, load);
-    let mut lambda = start.lambda.clone();
-    let mut bounds = cones.bounds(&lambda);
-    let mut anderson = Anderson::default();
-    let mut rounds: Vec<Round> = Vec::new();
-    let mut sigma = settings.ssnm.sigma_max;
-    let mut first_error = None;
-    let of_this_step = RefCell::default();
-    let memory = settings.ssnm.memory.unwrap_or(&of_this_step);
-    let mut tolerance = if coulomb {
-        tight.max(FIRST_TOLERANCE)
-    } else {
-        tight
-    };
+    let mut rounds = Rounds::new(&step, &from);
+    let mut burst = if settings.coupled { BURST } else { usize::MAX };
     loop {
-        let problem = whole
-            .with_data(
-                load.force.clone(),
-                load.gap.clone(),
-                origin.clone(),
-                bounds.clone(),
-            )
-            .with_acting_forces(load.acting);
-        let mut stopped = false;
-        let solution = ssnm::solve(
-            &problem,
-            dual,
-            &ssnm::Settings {
-                tolerance,
-                initial: Some(&lambda),
-                place: Some(&place),
-                sigma_max: sigma,
-                first_error,
-                memory: Some(memory),
-                time_limit: (settings.ssnm.time_limit)
-                    .map(|limit| limit.saturating_sub(begin.elapsed())),
-                ..settings.ssnm
-            },
-            |step| {
-                let flow = observer(Event::Newton(step));
-                stopped |= flow.is_break();
-                flow
-            },
-        )?;
-        sigma = Some(solution.info.sigma_max);
-        first_error = Some(solution.info.first_error);
-        lambda = solution.lambda;
+        let solution = rounds.make(&mut step, burst)?;
+        let settled = solution.status == Status::Converged;
+        let more = solution.status == Status::IterationLimit && rounds.left(settings) > 0;
+        if !settings.coupled || !(settled || more) {
+            return Ok(step.end(solution, Some(rounds.bounds)));
+        }
+        let coupled = step.solve(None, &rounds.lambda, tolerance)?;
+        if coupled.status != Status::Stagnated {
+            return Ok(step.end(coupled, None));
+        }
+        if settled {
+            // What has settled is as good as the law itself says.
+            let kkt = step.lawful().kkt(&solution.u, &solution.lambda);
+            return Ok(if kkt.max() <= MET * tolerance {
+                step.end(solution, Some(rounds.bounds))
+            } else {
+                step.end(coupled, None)
+            });
+        }
+        burst *= 2;
+    }
+}
 
-        // The law is μλν; where that could not balance the bodies, the next round tries other bounds.
-        let law = model.bounds(&lambda);
-        let next = cones.bounds(&lambda);
-        let changes = difference(&next, &bounds);
-        let friction: f64 = (0..m)
-            .filter(|&i| model.mu(i) > 0.0)
-            .map(|i| law[i] * law[i])
+/// A step on its way.
+struct Process<'a, D: ?Sized, O> {
+    whole: &'a ContactProblem,
+    load: &'a Load,
+    dual: &'a mut D,
+    settings: &'a Settings<'a>,
+    memory: &'a RefCell<Memory>,
+    observer: O,
+    begin: Instant,
+    /// Where T u is counted from: T ū, less what prescribed displacements slide meanwhile.
+    origin: Vec<f64>,
+    /// Rᵀū.
+    place: Vec<f64>,
+    sigma: Option<f64>,
+    /// err⁰ with and without frozen bounds.
+    first_errors: [Option<f64>; 2],
+    made: Vec<Round>,
+    /// The observer has asked for an end.
+    stopped: bool,
+}
+
+impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'a, D, O> {
+    fn new(
+        whole: &'a ContactProblem,
+        load: &'a Load,
+        start: &State,
+        dual: &'a mut D,
+        settings: &'a Settings<'a>,
+        memory: &'a RefCell<Memory>,
+        observer: O,
+    ) -> Self {
+        let mut origin = vec![0.0; whole.m()];
+        whole.tangential().mul(&start.u, &mut origin);
+        for (i, origin) in origin.iter_mut().enumerate() {
+            *origin -= load.slide[i] - start.slide[i];
+        }
+        Self {
+            whole,
+            load,
+            dual,
+            settings,
+            memory,
+            observer,
+            begin: Instant::now(),
+            origin,
+            place: whole.free_bodies().resultants(&start.u),
+            sigma: settings.ssnm.sigma_max,
+            first_errors: [None; 2],
+            made: Vec::new(),
+            stopped: false,
+        }
+    }
+
+    /// The problem of this step.
+    fn lawful(&self) -> ContactProblem {
+        let Load { force, gap, .. } = self.load.clone();
+        let given = self.whole.slip_bound().to_vec();
+        (self.whole)
+            .with_data(force, gap, self.origin.clone(), given)
+            .with_acting_forces(self.load.acting)
+    }
+
+    /// ‖μλν − g‖ / ‖μλν‖ for what differs of the bounds.
+    fn relative(&self, lambda: &[f64], difference: &[f64]) -> f64 {
+        let coefficients = self.whole.friction_coefficient().iter().zip(lambda);
+        let friction: f64 = coefficients
+            .map(|(mu, l)| (mu * l.max(0.0)).powi(2))
             .sum::<f64>()
             .sqrt();
-        let relative = |change: f64| match change {
+        match norm(difference) {
             0.0 => 0.0,
             change if friction > 0.0 => change / friction,
             _ => 1.0,
-        };
-        let friction_change = relative(norm(&difference(&law, &bounds)));
-        let step = relative(norm(&changes));
-        let settled = step <= friction_tolerance && tolerance <= tight;
-        rounds.push(Round {
-            round: rounds.len() + 1,
+        }
+    }
+
+    /// Solves the problem of this step, with its bounds frozen if there are any given.
+    fn solve(
+        &mut self,
+        frozen: Option<&[f64]>,
+        initial: &[f64],
+        tolerance: f64,
+    ) -> Result<Solution, SolveError> {
+        let mut problem = self.lawful();
+        if let Some(bounds) = frozen {
+            problem = problem.with_frozen_bounds(bounds.to_vec());
+        }
+        let ssnm = &self.settings.ssnm;
+        let first_error = &mut self.first_errors[usize::from(frozen.is_some())];
+        let (observer, stopped) = (&mut self.observer, &mut self.stopped);
+        let solution = ssnm::solve(
+            &problem,
+            self.dual,
+            &ssnm::Settings {
+                tolerance,
+                initial: Some(initial),
+                place: Some(&self.place),
+                sigma_max: self.sigma,
+                first_error: *first_error,
+                memory: Some(self.memory),
+                time_limit: ssnm
+                    .time_limit
+                    .map(|limit| limit.saturating_sub(self.begin.elapsed())),
+                ..*ssnm
+            },
+            |step| {
+                let flow = observer(Event::Newton(step));
+                *stopped |= flow.is_break();
+                flow
+            },
+        )?;
+        self.sigma = Some(solution.info.sigma_max);
+        *first_error = Some(solution.info.first_error);
+        let friction_change = frozen.map_or(0.0, |bounds| {
+            let law = self.whole.bounds(&solution.lambda);
+            self.relative(&solution.lambda, &difference(&law, bounds))
+        });
+        self.made.push(Round {
+            round: self.made.len() + 1,
+            frozen: frozen.is_some(),
             friction_change,
             tolerance,
-            info: solution.info,
+            info: solution.info.clone(),
         });
-        if coulomb {
-            stopped |= observer(Event::Round(rounds.last().expect("just pushed"))).is_break();
+        if frozen.is_some() {
+            let made = self.made.last().expect("just pushed");
+            self.stopped |= (self.observer)(Event::Round(made)).is_break();
         }
-        let mut unbalanced = solution.imbalance;
-        if unbalanced.is_empty() {
-            unbalanced.clone_from(&cones.imbalance);
+        Ok(solution)
+    }
+
+    /// The end of the step with a solution, and the bounds that were frozen for it.
+    fn end(self, solution: Solution, frozen: Option<Vec<f64>>) -> StepSolution {
+        let mut slip = vec![0.0; self.whole.m()];
+        self.whole.tangential().mul(&solution.u, &mut slip);
+        (slip.iter_mut().zip(&self.origin)).for_each(|(s, o)| *s -= o);
+        StepSolution {
+            status: solution.status,
+            slip_bound: frozen.unwrap_or_else(|| self.whole.bounds(&solution.lambda).into_owned()),
+            slip,
+            sets: solution.sets,
+            kkt: solution.info.kkt,
+            not_held: pushed(self.whole, &solution.imbalance),
+            u: solution.u,
+            lambda: solution.lambda,
+            rounds: self.made,
         }
-        if unbalanced.is_empty() && settled && friction_change > friction_tolerance {
-            // Bounds that balance the bodies have settled, but the pressures do not give them.
-            unbalanced = cones.imbalance_within(&law, &lambda);
-        }
-        let status = if solution.status != Status::Converged {
-            Some(solution.status)
-        } else if !unbalanced.is_empty() {
-            Some(Status::NotHeld)
-        } else if friction_change <= friction_tolerance && tolerance <= tight {
-            Some(Status::Converged)
-        } else if settled && norm(&changes) == 0.0 {
-            // The next round would be the same.
-            Some(Status::Stagnated)
-        } else if stopped {
-            Some(Status::Interrupted)
-        } else if rounds.len() >= settings.max_rounds {
-            Some(Status::IterationLimit)
-        } else {
-            None
-        };
-        if let Some(status) = status {
-            let mut slip = vec![0.0; m];
-            whole.tangential().mul(&solution.u, &mut slip);
-            slip.iter_mut().zip(origin).for_each(|(s, o)| *s -= o);
-            return Ok(StepSolution {
-                status,
-                u: solution.u,
-                lambda,
-                slip_bound: bounds,
-                slip,
-                sets: solution.sets,
-                rounds,
-                not_held: pushed(whole, &unbalanced),
-            });
-        }
-        tolerance = (FOLLOWS * step).clamp(tight, tolerance);
-        if step <= friction_tolerance {
-            tolerance = tight;
-        }
-        bounds = if settings.accelerate {
-            cones.admissible(&anderson.next(&bounds, &changes), &lambda)
-        } else {
-            next
-        };
     }
 }
 
@@ -413,135 +414,4 @@ fn pushed(problem: &ContactProblem, imbalance: &[f64]) -> Vec<NotHeld> {
             motion: free.describe(part),
         })
         .collect()
-}
-
-/// The slip bounds under which forces can balance the bodies that only contact holds.
-struct Cones<'a> {
-    model: &'a Model<'a>,
-    /// Where there are such bodies and Coulomb friction.
-    balance: Option<Balance>,
-    /// What no forces on the cones can balance; empty where all is well.
-    imbalance: Vec<f64>,
-}
-
-impl<'a> Cones<'a> {
-    fn new(model: &'a Model<'a>, load: &Load) -> Self {
-        let problem = model.problem;
-        let free = problem.free_bodies();
-        let mut cones = Self {
-            model,
-            balance: None,
-            imbalance: Vec::new(),
-        };
-        if free.is_empty() || !model.has_coulomb() {
-            return cones;
-        }
-        let b = problem.contact_matrix();
-        let mut balance = Balance::new(free, &b, &load.force, |_| 1.0);
-        let near = cones.nearest(&balance, &vec![0.0; 2 * problem.m()]);
-        if !near.balanced {
-            balance.give_up(&near.imbalance);
-            cones.imbalance = near.imbalance;
-        }
-        cones.balance = Some(balance);
-        cones
-    }
-
-    fn nearest(&self, balance: &Balance, lambda: &[f64]) -> Nearest {
-        let given = self.model.problem.slip_bound();
-        balance.nearest(lambda, |i, z| match self.model.mu(i) {
-            0.0 => interval(given[i], z),
-            mu => cone(mu, z),
-        })
-    }
-
-    /// What forces within the given bounds cannot balance; empty where they can.
-    fn imbalance_within(&self, bounds: &[f64], lambda: &[f64]) -> Vec<f64> {
-        let Some(balance) = &self.balance else {
-            return Vec::new();
-        };
-        let near = balance.nearest(lambda, |i, z| interval(bounds[i], z));
-        if near.balanced {
-            Vec::new()
-        } else {
-            near.imbalance
-        }
-    }
-
-    /// The bounds of the forces λ, or of the nearest ones that balance the bodies.
-    fn bounds(&self, lambda: &[f64]) -> Vec<f64> {
-        match &self.balance {
-            None => self.model.bounds(lambda),
-            Some(balance) => self.model.bounds(&self.nearest(balance, lambda).lambda),
-        }
-    }
-
-    /// Bounds close to `bounds`, under which forces like λ can balance the bodies.
-    fn admissible(&self, bounds: &[f64], lambda: &[f64]) -> Vec<f64> {
-        if self.balance.is_none() {
-            return bounds.iter().map(|g| g.max(0.0)).collect();
-        }
-        let mut wanted = lambda.to_vec();
-        for (i, &bound) in bounds.iter().enumerate() {
-            let mu = self.model.mu(i);
-            if mu > 0.0 {
-                wanted[i] = (bound / mu).max(0.0);
-            }
-        }
-        self.bounds(&wanted)
-    }
-}
-
-/// Earlier pairs that Anderson's acceleration looks at.
-const DEPTH: usize = 5;
-/// A residual that grows by more than this starts it anew.
-const WORSE: f64 = 2.0;
-
-/// Anderson's acceleration of a fixed point iteration x ↦ x + r(x).
-#[derive(Default)]
-struct Anderson {
-    /// Differences of successive x and r.
-    steps: Vec<(Vec<f64>, Vec<f64>)>,
-    last: Option<(Vec<f64>, Vec<f64>)>,
-    /// The least ‖r‖ so far.
-    best: Option<f64>,
-}
-
-impl Anderson {
-    /// The next point from the present one and its residual.
-    fn next(&mut self, x: &[f64], r: &[f64]) -> Vec<f64> {
-        let size = norm(r);
-        let worse = self.best.is_some_and(|best| size > WORSE * best);
-        match self.last.take() {
-            Some((old_x, old_r)) if !worse => {
-                self.steps
-                    .push((difference(x, &old_x), difference(r, &old_r)));
-                if self.steps.len() > DEPTH {
-                    self.steps.remove(0);
-                }
-            }
-            _ => self.steps.clear(),
-        }
-        self.best = Some(self.best.map_or(size, |best| best.min(size)));
-        self.last = Some((x.to_vec(), r.to_vec()));
-        let mut next: Vec<f64> = x.iter().zip(r).map(|(x, r)| x + r).collect();
-        let columns = self.steps.len();
-        if columns > 0 && columns < x.len() {
-            // The combination of the differences that comes closest to r.
-            let matrix = faer::Mat::from_fn(x.len(), columns, |i, j| self.steps[j].1[i]);
-            let mut gamma = faer::Mat::from_fn(x.len(), 1, |i, _| r[i]);
-            matrix
-                .col_piv_qr()
-                .solve_lstsq_in_place_with_conj(faer::Conj::No, gamma.as_mut());
-            let gamma: Vec<f64> = (0..columns).map(|j| gamma[(j, 0)]).collect();
-            if gamma.iter().all(|g| g.is_finite() && g.abs() < 1e3) {
-                for (g, (dx, dr)) in gamma.iter().zip(&self.steps) {
-                    for i in 0..next.len() {
-                        next[i] -= g * (dx[i] + dr[i]);
-                    }
-                }
-            }
-        }
-        next
-    }
 }

@@ -28,7 +28,10 @@
 //!   and the set prediction uses no more than that ρ from then on. Each time it acts it stays for twice
 //!   as many steps, hence q decreases to its minimum whatever β was.
 
+mod face;
+mod gcr;
 mod goal;
+mod law;
 mod products;
 mod scaling;
 mod sets;
@@ -36,13 +39,18 @@ mod subspace;
 
 pub use sets::{SetSizes, Sets};
 
-use crate::dual::balance::{Balance, FaceBalance, interval};
+use crate::dual::balance::Balance;
+use crate::dual::balance::interval;
 use crate::dual::{DualError, DualOperator, Stop, Stopped};
-use crate::problem::{ContactProblem, Kkt};
+use crate::problem::{ContactProblem, Kkt, ROUNDING};
 use crate::sparse::{dot, norm, norm_max};
+use face::Face;
+use gcr::Gcr;
 use goal::Goal;
+use law::Law;
 use products::Products;
 use scaling::Scaled;
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::rc::Rc;
@@ -231,6 +239,10 @@ pub struct Solution {
 
 /// Newton steps in a row without progress in q or err before the safeguard acts.
 const FRUITLESS: usize = 3;
+/// Under Coulomb's law: what the error has to fall to in one of so many steps, of which those after FRUITLESS are
+/// halved, before the coupled step is given up.
+const PROGRESS: f64 = 0.9;
+const PATIENCE: usize = 8;
 /// The part of α‖r̃_α‖² by which a step has to lower q to count as progress; a projected gradient step
 /// gains at least half of it.
 const GAIN: f64 = 0.05;
@@ -280,15 +292,15 @@ pub fn solve(
     };
     let exact = settings.method == Method::Exact;
     let mut dual = Scaled::new(problem, dual);
-    let g = dual.slip_bound(problem.slip_bound());
-    let (balance, mut reference, imbalance) = balanced(problem, &dual, &g);
+    let law = Law::new(problem, &dual);
+    let (balance, mut reference, imbalance) = balanced(problem, &dual, &law);
     // Where err⁰ is known, the way may start from λ⁰ at once.
     let known = settings.first_error.filter(|_| balance.is_some());
     if let (Some(_), Some(balance), Some(initial)) = (known, &balance, settings.initial) {
         assert_eq!(initial.len(), len, "λ⁰ needs 2m entries");
         let mut start = initial.to_vec();
         dual.divide(&mut start);
-        reference = balance.nearest(&start, |i, z| interval(g[i], z)).lambda;
+        reference = balance.nearest(&start, |i, z| law.nearest(i, z)).lambda;
     }
     // What no contact can balance is left out of the load, so that the rest can be solved.
     let reduced = (!imbalance.is_empty()).then(|| {
@@ -301,7 +313,9 @@ pub fn solve(
     let whole = problem;
     let problem = reduced.as_ref().unwrap_or(problem);
     let mut c = problem.offsets();
-    let everything = balance.as_ref().map(|balance| balance.on_face(|_| true));
+    let everything = balance
+        .as_ref()
+        .map(|balance| balance.on_face(|_| true, &[]));
     let projects = |p: &mut [f64]| {
         if let Some(face) = &everything {
             face.project(p);
@@ -337,7 +351,7 @@ pub fn solve(
     };
     let mut newton = Newton {
         problem,
-        g: &g,
+        law,
         balance,
         offsets,
         rho: settings.beta * alpha,
@@ -407,7 +421,7 @@ pub fn solve(
             }
         }
     };
-    let sets = Sets::at_solution(&point.lambda, &point.r, newton.g);
+    let sets = Sets::at_solution(&point.lambda, &point.r, &newton.law.bounds(&point.lambda));
     let err_relative = newton.relative(&mut point, err0);
     let mut lambda = point.lambda;
     newton.products.dual.times(&mut lambda);
@@ -446,7 +460,7 @@ pub fn solve(
 fn balanced<D: DualOperator + ?Sized>(
     problem: &ContactProblem,
     dual: &Scaled<D>,
-    g: &[f64],
+    law: &Law,
 ) -> (Option<Rc<Balance>>, Vec<f64>, Vec<f64>) {
     let zero = vec![0.0; 2 * problem.m()];
     let free = problem.free_bodies();
@@ -455,7 +469,7 @@ fn balanced<D: DualOperator + ?Sized>(
     }
     let b = problem.contact_matrix();
     let mut balance = Balance::new(free, &b, problem.load(), |i| dual.factor(i));
-    let near = balance.nearest(&zero, |i, z| interval(g[i], z));
+    let near = balance.nearest(&zero, |i, z| law.nearest(i, z));
     if near.balanced {
         (Some(Rc::new(balance)), near.lambda, Vec::new())
     } else {
@@ -484,6 +498,22 @@ impl Point {
         0.5 * sum
     }
 
+    /// The point halfway to another one.
+    fn middle(&self, end: &Self) -> Self {
+        self.towards(end, 0.5)
+    }
+
+    fn towards(&self, end: &Self, t: f64) -> Self {
+        let between = |y: &[f64], z: &[f64]| -> Vec<f64> {
+            y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect()
+        };
+        Self {
+            lambda: between(&self.lambda, &end.lambda),
+            r: between(&self.r, &end.r),
+            motion: between(&self.motion, &end.motion),
+        }
+    }
+
     /// The point of lowest q between this one and `end`.
     fn lowest_towards(&self, end: &Self) -> Self {
         let (mut slope, mut curvature) = (0.0, 0.0);
@@ -500,14 +530,7 @@ impl Point {
         if t == 1.0 {
             return end.clone();
         }
-        let between = |y: &[f64], z: &[f64]| -> Vec<f64> {
-            y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect()
-        };
-        Self {
-            lambda: between(&self.lambda, &end.lambda),
-            r: between(&self.r, &end.r),
-            motion: between(&self.motion, &end.motion),
-        }
+        self.towards(end, t)
     }
 
     /// From this point of Λ towards `end` as far as Λ goes; what stops there lies exactly on its bound.
@@ -535,14 +558,7 @@ impl Point {
             }
         };
         let t = (0..self.r.len()).map(reach).fold(1.0, f64::min);
-        let between = |y: &[f64], z: &[f64]| -> Vec<f64> {
-            y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect()
-        };
-        let mut cut = Self {
-            lambda: between(&self.lambda, &end.lambda),
-            r: between(&self.r, &end.r),
-            motion: between(&self.motion, &end.motion),
-        };
+        let mut cut = self.towards(end, t);
         for (i, l) in cut.lambda.iter_mut().enumerate() {
             let (low, high) = bounds(i);
             if reach(i) <= t {
@@ -558,19 +574,32 @@ impl Point {
     }
 }
 
-/// The conjugate gradient iteration on a free set, kept from one outer step to the next.
+/// The conjugate gradient iteration on a face, kept from one outer step to the next.
 struct Cg {
-    sets: Sets,
-    /// G on the free set, where bodies can move as a whole.
-    face: Option<FaceBalance>,
-    /// Known directions on the free set: recycled ones, then those of this iteration.
+    face: Face,
+    /// Known directions that the face allows: recycled ones, then those of this iteration.
     span: Subspace,
+}
+
+/// The iteration that solves the inner problem.
+enum Inner {
+    Cg(Cg),
+    Gcr(Gcr),
+}
+
+impl Inner {
+    fn sets(&self) -> &Sets {
+        match self {
+            Self::Cg(cg) => &cg.face.sets,
+            Self::Gcr(gcr) => &gcr.face.sets,
+        }
+    }
 }
 
 /// The state that all steps share.
 struct Newton<'a, D: ?Sized> {
     problem: &'a ContactProblem,
-    g: &'a [f64],
+    law: Law,
     /// Where bodies can move as a whole.
     balance: Option<Rc<Balance>>,
     /// c, scaled.
@@ -602,13 +631,14 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         point.motion.fill(0.0);
         let probe = point.clone();
         let Point { lambda, r, .. } = point;
-        let (g, rho, balance) = (self.g, self.rho, self.balance.clone());
+        let g = self.bounds(&probe.lambda).into_owned();
+        let (rho, balance) = (self.rho, self.balance.clone());
         let made = (self.products).refresh(lambda, r, |r| {
             let mut there = Point {
                 r: r.to_vec(),
                 ..probe.clone()
             };
-            let end = settle(&mut there, rho, g, balance.as_deref());
+            let end = settle(&mut there, rho, &g, balance.as_deref());
             distance(&there.lambda, &end) / rho
         })?;
         if !made {
@@ -641,33 +671,38 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
 
     /// The projection on Λ, or on Λₑ where bodies can move as a whole.
     fn project(&self, lambda: &mut Vec<f64>) {
-        match &self.balance {
-            None => project(lambda, self.g),
-            Some(balance) => {
-                *lambda = balance
-                    .nearest(lambda, |i, z| interval(self.g[i], z))
-                    .lambda;
-            }
+        self.law.project(lambda, self.balance.as_deref());
+    }
+
+    /// The slip bounds at λ: under Coulomb's law those of the nearest point that obeys it.
+    fn bounds(&self, lambda: &[f64]) -> Cow<'_, [f64]> {
+        if self.balance.is_none() || !self.law.is_coulomb() {
+            return self.law.bounds(lambda);
         }
+        let mut near = lambda.to_vec();
+        self.project(&mut near);
+        Cow::Owned(self.law.bounds(&near).into_owned())
     }
 
     /// Chooses α at a point such that a projected gradient step of length ρ from there keeps the bodies in
     /// balance; returns where that step ends.
     fn settle(&self, point: &mut Point, rho: f64) -> Vec<f64> {
-        settle(point, rho, self.g, self.balance.as_deref())
+        let g = self.bounds(&point.lambda).into_owned();
+        settle(point, rho, &g, self.balance.as_deref())
     }
 
-    /// Moves to λ = `target`, and r with it: one product, or none if it is there already.
+    /// Moves to λ = `target`, and r with it: one product, or none if it is there already but for rounding.
     fn move_to(&mut self, point: &mut Point, target: Vec<f64>) -> Result<bool, DualError> {
         let jump: Vec<f64> = target
             .iter()
             .zip(&point.lambda)
             .map(|(t, l)| t - l)
             .collect();
-        if jump.iter().all(|&v| v == 0.0) {
+        let rounding = ROUNDING * norm_max(&target);
+        point.lambda = target;
+        if jump.iter().all(|v| v.abs() <= rounding) {
             return Ok(false);
         }
-        point.lambda = target;
         if !self.products.carry(&jump, &mut point.r)? {
             self.refresh(point)?;
         }
@@ -841,7 +876,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         let mut err = self.error(point);
         // Step 3.1 starts from tol⁰ = r_tol / c_fact.
         let mut tol = settings.r_tol / settings.c_fact;
-        let mut cg: Option<Cg> = None;
+        let mut cg: Option<Inner> = None;
         let mut previous: Option<Sets> = None;
         let mut set_rho = self.rho;
         // The point of lowest q, and what it took to find a better one.
@@ -850,6 +885,8 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         let mut fruitless = 0;
         // Safeguarded steps still to make, and how many the next discarded steps will cost.
         let (mut guarded, mut penalty, mut faces) = (0usize, 1usize, 0usize);
+        // Whether steps are halved.
+        let mut halved = false;
         loop {
             self.products.allow(err);
             goal.err = (settings.tolerance * err0.max(self.own_motion(&point.lambda)))
@@ -874,6 +911,9 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 }
                 self.check_accuracy *= (goal.err / err).clamp(LEAP, TIGHTER);
                 best = point.clone();
+                if self.law.is_coulomb() {
+                    best_err = err;
+                }
                 cg = None;
                 continue;
             }
@@ -906,6 +946,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 Method::Exact => EXACT * err0,
             };
             let safeguarded = guarded > 0;
+            let before = halved.then(|| point.clone());
             let made = if safeguarded {
                 guarded -= 1;
                 self.safeguarded_step(point, target, err, faces)
@@ -920,6 +961,10 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                     return Err(error);
                 }
             };
+            if let Some(before) = before {
+                *point = before.middle(point);
+                cg = None;
+            }
             err = self.error(point);
             history.push(Step {
                 iter: history.len() + 1,
@@ -932,6 +977,35 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             });
             previous = Some(sets);
             let stopped = observer(history.last().expect("just pushed")).is_break();
+
+            if self.law.is_coulomb() {
+                // No function falls along the way: the error itself has to say.
+                fruitless = if err <= PROGRESS * best_err {
+                    0
+                } else {
+                    fruitless + 1
+                };
+                if err < best_err {
+                    (best, best_err) = (point.clone(), err);
+                }
+                halved = fruitless >= FRUITLESS;
+                if stopped || fruitless >= PATIENCE {
+                    *point = best.clone();
+                    err = best_err;
+                    if stopped {
+                        return Ok(Status::Interrupted);
+                    }
+                    if !self.products.sharpen() {
+                        return Ok(Status::Stagnated);
+                    }
+                    self.products.allow(err);
+                    self.refresh(point)?;
+                    err = self.error(point);
+                    (best, best_err) = (point.clone(), err);
+                    (fruitless, halved, cg) = (0, false, None);
+                }
+                continue;
+            }
 
             // Progress is a real part of what a projected gradient step from the best point would gain,
             // or a clearly smaller error: rounding must not pass for it.
@@ -993,63 +1067,62 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     fn newton_step(
         &mut self,
         point: &mut Point,
-        kept: &mut Option<Cg>,
+        kept: &mut Option<Inner>,
         rho: f64,
         target: f64,
         err: f64,
         method: Method,
     ) -> Result<(Sets, usize), DualError> {
         let end = self.settle(point, rho);
-        let sets = Sets::predict(&point.lambda, &point.r, rho, self.g);
+        let sets = Sets::predict(&point.lambda, &point.r, rho, &self.bounds(&point.lambda));
         // Step 3.2: inactive multipliers on their bounds.
         let mut start = point.lambda.clone();
-        sets.set_bounds(&mut start, self.g);
-        let face = self.face(&sets);
-        if let Some(face) = &face
-            && !face.balance(&mut start)
-        {
+        sets.set_bounds(&mut start, &self.law);
+        let face = Face::new(sets.clone(), &self.law, self.balance.as_ref());
+        if !face.balance(&mut start) {
             start = end;
         }
         let jumped = self.move_to(point, start)?;
-        let mut cg = match kept.take() {
-            Some(cg) if !jumped && cg.sets == sets => cg,
-            _ => self.cg_on(sets.clone(), face, point),
+        let mut inner = match kept.take() {
+            Some(inner) if !jumped && *inner.sets() == sets => inner,
+            _ if self.law.is_coulomb() => Inner::Gcr(Gcr::on(face, &self.products.known)),
+            _ => Inner::Cg(self.cg_on(face, point)),
         };
         // Step 3.3.
         let floor = match method {
             Method::Inexact => Some(SETS_CHANGED * err),
             Method::Exact => None,
         };
-        let inner = self.cg(point, &mut cg, target, |newton, point, residual| {
+        let enough = |newton: &Self, point: &Point, residual: f64| {
             floor.is_some_and(|floor| residual <= floor) && {
                 let mut there = point.clone();
                 newton.settle(&mut there, rho);
-                Sets::predict(&there.lambda, &there.r, rho, newton.g) != sets
+                let g = newton.bounds(&there.lambda);
+                Sets::predict(&there.lambda, &there.r, rho, &g) != sets
             }
-        })?;
+        };
+        let iterations = match &mut inner {
+            Inner::Cg(cg) => self.cg(point, cg, target, enough)?,
+            Inner::Gcr(gcr) => self.gcr(point, gcr, target, enough)?,
+        };
         // Step 3.4 takes the error at a point of Λ, and the next step goes on from there.
-        if !self.move_into_bounds(point, rho)? {
-            let err = self.error(point);
-            self.products.allow(err);
-            if self.products.has_drifted() {
-                self.refresh(point)?;
-            }
-            *kept = Some(cg);
+        let moved = self.move_into_bounds(point, rho)?;
+        let err = self.error(point);
+        self.products.allow(err);
+        if self.products.has_drifted() {
+            self.refresh(point)?;
         }
-        Ok((sets, inner))
+        if !moved {
+            *kept = Some(inner);
+        }
+        Ok((sets, iterations))
     }
 
-    /// Starts CG on the free multipliers of `sets` from the minimum over the known directions there.
-    fn cg_on(&self, sets: Sets, face: Option<FaceBalance>, point: &mut Point) -> Cg {
-        let span = self.products.known.fitting(&sets, face.as_ref());
+    /// Starts CG on a face from the minimum over the known directions there.
+    fn cg_on(&self, face: Face, point: &mut Point) -> Cg {
+        let span = self.products.known.fitting(&face);
         span.minimise(&mut point.lambda, &mut point.r);
-        Cg { sets, face, span }
-    }
-
-    /// G on the free multipliers, where bodies can move as a whole.
-    fn face(&self, sets: &Sets) -> Option<FaceBalance> {
-        let balance = self.balance.as_ref()?;
-        Some(balance.on_face(|i| sets.is_free(i)))
+        Cg { face, span }
     }
 
     /// CGM(A, b, 𝒜, λ, tol): minimises q over the free multipliers until ‖r‖ there is at most `target`
@@ -1065,7 +1138,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         enough: impl Fn(&Self, &Point, f64) -> bool,
     ) -> Result<usize, DualError> {
         let mut image = vec![0.0; point.lambda.len()];
-        let limit = 2 * cg.sets.n_free() + 50;
+        let limit = 2 * cg.face.sets.n_free() + 50;
         let (mut inner, mut first) = (0, 0.0);
         // Of the last iteration; before the first, what a well-conditioned A would give.
         let mut step = 2.0 / self.products.sigma;
@@ -1075,10 +1148,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 cg.span.minimise(&mut point.lambda, &mut point.r);
             }
             let mut p: Vec<f64> = point.r.iter().map(|r| -r).collect();
-            cg.sets.mask(&mut p);
-            if let Some(face) = &cg.face {
-                face.project(&mut p);
-            }
+            cg.face.direction(&mut p);
             let residual = norm(&p);
             // Below its drift the residual says nothing, and where it grows, directions that are only nearly
             // conjugate have come to work against each other.
@@ -1089,7 +1159,8 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 self.products.sharpen();
                 break;
             }
-            if (residual <= target && self.is_enough(point, &p, residual))
+            if (residual <= target
+                && self.is_enough(point, p.iter().map(|v| -v).collect(), residual))
                 || (inner > 0 && (residual <= drift || enough(self, point, residual)))
             {
                 break;
@@ -1114,13 +1185,15 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     }
 
     /// Whether an inner problem that has met its target may end: if it may be the last one, the forces have to be
-    /// accurate as well, where another step costs more than another product. `p` is the residual, with the other sign.
-    fn is_enough(&self, point: &Point, p: &[f64], residual: f64) -> bool {
+    /// accurate as well, where another step costs more than another product.
+    fn is_enough(&self, point: &Point, rest: Vec<f64>, residual: f64) -> bool {
         if residual > self.last_err || self.products.are_exact() {
             return true;
         }
-        let mut rest = point.clone();
-        rest.r = p.iter().map(|v| -v).collect();
+        let rest = Point {
+            r: rest,
+            ..point.clone()
+        };
         let (lambda, r) = self.unscaled(&rest);
         goal::inner_forces_met(self.tolerance, self.problem, &lambda, &r)
     }
@@ -1132,7 +1205,8 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         let rho = rho.min(self.alpha);
         self.settle(point, rho);
         let mut target = point.lambda.clone();
-        Sets::predict(&point.lambda, &point.r, rho, self.g).set_bounds(&mut target, self.g);
+        Sets::predict(&point.lambda, &point.r, rho, &self.bounds(&target))
+            .set_bounds(&mut target, &self.law);
         self.project(&mut target);
         self.move_to(point, target)
     }
@@ -1146,6 +1220,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         err: f64,
         faces: usize,
     ) -> Result<(Sets, usize), DualError> {
+        let g = self.law.bounds(&point.lambda).into_owned();
         let gradient = point.clone();
         for _ in 0..60 {
             *point = gradient.clone();
@@ -1159,16 +1234,19 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         }
         self.settle(point, self.alpha);
         // From here on multipliers only join the held ones, so that the loop ends.
-        let mut sets = Sets::binding(&point.lambda, &point.r, self.g);
+        let mut sets = Sets::binding(&point.lambda, &point.r, &g);
         let mut inner = 0;
         for face in 1..=faces {
             let mut end = point.clone();
-            let mut cg = self.cg_on(sets.clone(), self.face(&sets), &mut end);
+            let mut cg = self.cg_on(
+                Face::new(sets.clone(), &self.law, self.balance.as_ref()),
+                &mut end,
+            );
             inner += self.cg(&mut end, &mut cg, target, |_, _, residual| {
                 residual <= SETS_CHANGED * err
             })?;
             let mut projected = end.lambda.clone();
-            project(&mut projected, self.g);
+            project(&mut projected, &g);
             if projected != end.lambda {
                 self.project(&mut projected);
             }
@@ -1177,14 +1255,14 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 break;
             }
             // Up to the first bound q falls and its gradient is known; beyond, the projection is tried.
-            let cut = point.until_bound(&end, self.g);
+            let cut = point.until_bound(&end, &g);
             self.move_to(&mut end, projected)?;
             // What is left inside Λ by the last face need not lie on a bound: the best of the chord.
             if face == faces {
                 end = point.lowest_towards(&end);
             }
             *point = if cut.q_change(&end) < 0.0 { end } else { cut };
-            if !sets.hold_at_bounds(&point.lambda, self.g) || self.products.stop.now().is_some() {
+            if !sets.hold_at_bounds(&point.lambda, &g) || self.products.stop.now().is_some() {
                 break;
             }
         }

@@ -266,7 +266,7 @@ fn bodies_that_only_contact_holds() {
         .unwrap_or_else(|error| panic!("{error}"))
         .expect("an elastic case");
     let solution = quasistatic::solve_step(
-        &build.model(),
+        &build.problem,
         &data.load,
         &State::at_rest(&build.problem),
         &mut dual,
@@ -311,9 +311,9 @@ fn the_weight_of_a_soft_body_beside_a_stiff_one() {
     }
 }
 
-/// The accelerated fixed point and the plain one come to the same.
+/// The accelerated fixed point, the plain one and the coupled Newton steps come to the same.
 #[test]
-fn acceleration_changes_the_way_not_the_end() {
+fn coupled_steps_and_rounds_come_to_the_same() {
     let text = "[mesh]\nrectangle = { size = [0.04, 0.04], cells = [48, 48] }\n\
         [[material]]\nyoung = 1.3e11\npoisson = 0.2\n\
         [[support]]\nboundary = \"right\"\nx = 0\n[[support]]\npoint = [0.04, 0]\ny = 0\n\
@@ -322,16 +322,17 @@ fn acceleration_changes_the_way_not_the_end() {
         obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
     let case = case(text);
     let build = case.build().unwrap_or_else(|error| panic!("{error}"));
-    let run = |accelerate: bool| {
+    let run = |coupled: bool, accelerate: bool| {
         let mut dual = CholeskyDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
         let mut settings = case.settings();
+        settings.coupled = coupled;
         settings.accelerate = accelerate;
         settings.ssnm.tolerance = 1e-9;
         settings.friction_tolerance = Some(1e-8);
         let load = Load::of(&build.problem);
         let mut rounds = 0;
         let solution = quasistatic::solve_step(
-            &build.model(),
+            &build.problem,
             &load,
             &State::at_rest(&build.problem),
             &mut dual,
@@ -345,7 +346,7 @@ fn acceleration_changes_the_way_not_the_end() {
         )
         .unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(solution.status, Status::Converged);
-        assert_eq!(rounds, solution.rounds.len());
+        assert_eq!(rounds, if coupled { 0 } else { solution.rounds.len() });
         // |λτ| ≤ μ λν holds with the λν at the end.
         let (normal, tangential) = solution.lambda.split_at(build.problem.m());
         let top = normal.iter().copied().fold(0.0, f64::max);
@@ -354,14 +355,20 @@ fn acceleration_changes_the_way_not_the_end() {
         }
         solution
     };
-    let (plain, fast) = (run(false), run(true));
+    let (plain, fast, coupled) = (run(false, false), run(false, true), run(true, true));
     assert!(distance(&plain.u, &fast.u) < 1e-7);
+    assert!(distance(&plain.u, &coupled.u) < 1e-7);
     println!(
-        "{} rounds, accelerated {}",
+        "{} rounds, {} products; accelerated {}, {}; coupled {} products",
         plain.rounds.len(),
-        fast.rounds.len()
+        plain.n_a(),
+        fast.rounds.len(),
+        fast.n_a(),
+        coupled.n_a()
     );
     assert!(fast.rounds.len() < plain.rounds.len());
+    assert_eq!(coupled.rounds.len(), 1);
+    assert!(2 * coupled.n_a() < fast.n_a());
 }
 
 /// A body comes down on the floor across any gap, a step may take all load away again, and what contact bears
@@ -413,7 +420,7 @@ fn friction_is_that_of_the_pressures_there_are() {
         let start = State::at_rest(&build.problem);
         let go_on = |_: Event| ControlFlow::Continue(());
         quasistatic::solve_step(
-            &build.model(),
+            &build.problem,
             &load,
             &start,
             &mut dual,

@@ -12,7 +12,7 @@ use crate::matrix_market::{self, MatrixMarketError};
 use crate::mesh::gmsh::GmshError;
 use crate::mesh::{Mesh, gmsh, structured};
 use crate::problem::{ContactData, ContactProblem, FreeBody, ProblemError};
-use crate::quasistatic::{Load, Model};
+use crate::quasistatic::Load;
 use crate::sparse::{BlockCsr, Csr, norm};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -107,8 +107,6 @@ impl Elastic {
 pub struct Build {
     /// The problem with the load of the first step.
     pub problem: ContactProblem,
-    /// μ of each contact node; 0 where the slip bound is given.
-    pub coefficient: Vec<f64>,
     /// None for an algebraic case.
     pub elastic: Option<Elastic>,
     /// Seconds for the mesh, or the matrices, to be read or made.
@@ -120,14 +118,6 @@ pub struct Build {
 }
 
 impl Build {
-    /// As [`crate::quasistatic::solve_step`] wants it.
-    pub fn model(&self) -> Model<'_> {
-        Model {
-            problem: &self.problem,
-            coefficient: &self.coefficient,
-        }
-    }
-
     /// Which body one of [`ContactProblem::free_bodies`] is: its region and a point of it.
     pub fn free_body_name(&self, body: usize) -> String {
         let free = &self.problem.free_bodies().bodies[body];
@@ -223,11 +213,12 @@ impl Case {
         if !coefficient.is_empty() {
             let zero = vec![0.0; problem.m()];
             let (load, gap) = (problem.load().to_vec(), problem.gap().to_vec());
-            problem = problem.with_data(load, gap, zero.clone(), zero);
+            problem = problem
+                .with_data(load, gap, zero.clone(), zero)
+                .with_friction_coefficient(coefficient);
         }
         let build = Build {
             problem,
-            coefficient,
             elastic: None,
             mesh_seconds,
             assembly_seconds: start.elapsed().as_secs_f64() - mesh_seconds,
@@ -327,11 +318,11 @@ impl Case {
         let problem = problem
             .with_areas(contact.nodes.iter().map(|node| node.area).collect())
             .with_data(load, gap, zero, contact.slip_bound.clone())
+            .with_friction_coefficient(contact.coefficient.clone())
             .with_acting_forces(acting(&forces));
         let (plane, thickness) = (body.plane, body.thickness);
         let build = Build {
             problem,
-            coefficient: contact.coefficient.clone(),
             elastic: Some(Elastic {
                 mesh,
                 materials,

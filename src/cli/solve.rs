@@ -32,7 +32,7 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
             arguments.case.with_file_name(name)
         }
     };
-    let mut log = Log::new(arguments);
+    let log = Log::new(arguments);
     // The second Ctrl-C ends the program at once.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
@@ -54,8 +54,6 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     for body in build.free_bodies() {
         log.tell(&format!("{body}: only contact holds it"));
     }
-    log.rounds = build.model().has_coulomb();
-    let log = log;
     let mut report = Report::new(&case.tables.title, &build);
     let set_up_start = Instant::now();
     let mut engine = Engine::new(&build.problem, arguments.engine.options(), |line| {
@@ -119,7 +117,7 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(start.elapsed()));
         let mut steps = Vec::new();
         let solution = quasistatic::solve_step(
-            &build.model(),
+            &build.problem,
             load,
             &state,
             &mut engine,
@@ -136,9 +134,7 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
             },
         )
         .map_err(|e| format!("{}: {e}", arguments.case.display()))?;
-        if !log.rounds || arguments.verbose {
-            log.finish(&steps, settings.ssnm.tolerance);
-        }
+        log.finish(&steps, settings.ssnm.tolerance);
         settings.ssnm.sigma_max = Some(solution.last().info.sigma_max);
         report.add_step(&build, data.as_ref(), &solution);
         state = solution.state(load);
@@ -283,7 +279,7 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
         };
         writeln!(
             text,
-            "  {} rounds{steps}: slip bounds settled to {:.1e}",
+            "  {} solves{steps}, of which rounds with frozen slip bounds: those settled to {:.1e}",
             step.rounds, step.friction_change
         )
         .expect("writing to a string cannot fail");
@@ -345,8 +341,6 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
 /// Progress on standard error.
 struct Log {
     quiet: bool,
-    /// Newton steps are many in a row of rounds: rounds are told instead.
-    rounds: bool,
     verbose: bool,
     terminal: bool,
 }
@@ -378,7 +372,6 @@ impl Log {
     fn new(arguments: &SolveArguments) -> Self {
         Self {
             quiet: arguments.quiet,
-            rounds: false,
             verbose: arguments.verbose,
             terminal: std::io::stderr().is_terminal(),
         }
@@ -400,7 +393,7 @@ impl Log {
 
     /// One line that is written over on a terminal, and one after the other elsewhere.
     fn step(&self, step: &Step) {
-        if self.quiet || (self.rounds && !self.verbose && !self.terminal) {
+        if self.quiet {
             return;
         }
         let line = format!(

@@ -274,6 +274,13 @@ impl Balance {
         direction
     }
 
+    /// Whether λ balances the bodies.
+    pub fn holds(&self, lambda: &[f64]) -> bool {
+        let rounding = self.rounding(lambda);
+        let excess = self.excess(lambda);
+        (excess.iter().zip(rounding)).all(|(v, r)| v.abs() <= 100.0 * ROUNDING * r)
+    }
+
     /// Gives up an imbalance that cannot be removed: from here on the rest is to be balanced.
     pub fn give_up(&mut self, imbalance: &[f64]) {
         for ((e, l), v) in self.e.iter_mut().zip(&self.lengths).zip(imbalance) {
@@ -284,56 +291,99 @@ impl Balance {
         self.without_contact.fill(0.0);
     }
 
-    /// G on the multipliers that `is_free` says are.
-    pub fn on_face(self: &Rc<Self>, is_free: impl Fn(usize) -> bool) -> FaceBalance {
-        let k = self.count();
+    /// G on the multipliers that `is_free` says are; on node i the tangential one follows the normal one by
+    /// `slope[i]` where that is not 0 (empty: nowhere).
+    pub fn on_face(self: &Rc<Self>, is_free: impl Fn(usize) -> bool, slope: &[f64]) -> FaceBalance {
         let free: Vec<bool> = (0..self.motions.n_rows()).map(is_free).collect();
+        FaceBalance {
+            balance: Rc::clone(self),
+            inverse: self.inverse_gram(&free, slope),
+            residuals: (!slope.is_empty()).then(|| self.inverse_gram(&free, &[])),
+            slope: slope.to_vec(),
+            free,
+        }
+    }
+
+    /// (G F Fᵀ Gᵀ)⁺.
+    fn inverse_gram(&self, free: &[bool], slope: &[f64]) -> Mat<f64> {
+        let (k, m) = (self.count(), free.len() / 2);
         let mut gram = Mat::<f64>::zeros(k, k);
         for (i, _) in free.iter().enumerate().filter(|(_, free)| **free) {
             let (cols, values) = self.motions.row(i);
-            for (&p, v) in cols.iter().zip(values) {
-                for (&q, w) in cols.iter().zip(values) {
-                    gram[(p as usize, q as usize)] += v[0][0] * w[0][0];
+            let row = cols.iter().zip(values).map(|(&j, v)| (j as usize, v[0][0]));
+            let follows = slope.get(i).filter(|&&s| s != 0.0);
+            let row: Vec<(usize, f64)> = match follows {
+                None => row.collect(),
+                Some(s) => {
+                    let (cols, values) = self.motions.row(m + i);
+                    let more = cols.iter().zip(values);
+                    row.chain(more.map(|(&j, v)| (j as usize, s * v[0][0])))
+                        .collect()
+                }
+            };
+            for &(p, v) in &row {
+                for &(q, w) in &row {
+                    gram[(p, q)] += v * w;
                 }
             }
         }
-        FaceBalance {
-            balance: Rc::clone(self),
-            free,
-            inverse: pseudo_inverse(&gram, DEPENDENT),
-        }
+        pseudo_inverse(&gram, DEPENDENT)
     }
 }
 
 /// G on the free multipliers of a face of Λ.
+///
+/// A multiplier moves as F y for free y: Z y but for slipping nodes under Coulomb's law, whose tangential
+/// multiplier follows the normal one.
 pub(crate) struct FaceBalance {
     balance: Rc<Balance>,
     free: Vec<bool>,
-    /// (G Z Zᵀ Gᵀ)⁺.
+    slope: Vec<f64>,
+    /// (G F Fᵀ Gᵀ)⁺.
     inverse: Mat<f64>,
+    /// (G Z Zᵀ Gᵀ)⁺ where Z differs from F.
+    residuals: Option<Mat<f64>>,
 }
 
 impl FaceBalance {
-    /// Adds the shortest vector of free multipliers that changes Gλ by `change`.
+    /// Adds the shortest F y that changes Gλ by `change`.
     fn shift(&self, change: &[f64], lambda: &mut [f64]) {
-        let k = change.len();
-        let weights: Vec<f64> = (0..k)
-            .map(|p| (0..k).map(|q| self.inverse[(p, q)] * change[q]).sum())
-            .collect();
-        let forces = self.balance.spread(&weights);
-        for ((l, f), &free) in lambda.iter_mut().zip(forces).zip(&self.free) {
-            if free {
+        let mut forces = self.balance.spread(&times(&self.inverse, change));
+        let m = forces.len() / 2;
+        // F Fᵀ.
+        for (i, &s) in self.slope.iter().enumerate().filter(|(_, s)| **s != 0.0) {
+            let y = forces[i] + s * forces[m + i];
+            (forces[i], forces[m + i]) = (y, s * y);
+        }
+        for (i, (l, f)) in lambda.iter_mut().zip(forces).enumerate() {
+            let follows = i >= m && self.slope.get(i - m).is_some_and(|&s| s != 0.0);
+            if self.free[i] || follows {
                 *l += f;
             }
         }
     }
 
-    /// Removes from p, zero on the held multipliers, what changes Gλ.
+    /// Removes from p = F y what changes Gλ.
     pub fn project(&self, p: &mut [f64]) {
         for _ in 0..2 {
             let mut moved = vec![0.0; self.balance.count()];
             (self.balance.motions).mul_transpose_add(-1.0, p, &mut moved);
             self.shift(&moved, p);
+        }
+    }
+
+    /// Removes from r, zero on the held multipliers, what motions of the bodies can take away.
+    pub fn project_residual(&self, r: &mut [f64]) {
+        let inverse = self.residuals.as_ref().unwrap_or(&self.inverse);
+        for _ in 0..2 {
+            let mut moved = vec![0.0; self.balance.count()];
+            (self.balance.motions).mul_transpose_add(-1.0, r, &mut moved);
+            let forces = self.balance.spread(&times(inverse, &moved));
+            for ((r, f), &free) in r.iter_mut().zip(forces).zip(&self.free) {
+                if free {
+                    *r += f;
+                }
+            }
         }
     }
 
@@ -363,6 +413,12 @@ impl FaceBalance {
         (self.balance.motions).mul_transpose_add(1.0, direction, &mut sums);
         sums
     }
+}
+
+fn times(matrix: &Mat<f64>, x: &[f64]) -> Vec<f64> {
+    (0..matrix.nrows())
+        .map(|p| (0..x.len()).map(|q| matrix[(p, q)] * x[q]).sum())
+        .collect()
 }
 
 /// Where a function that rises from a negative value at 0 comes near zero.

@@ -186,10 +186,11 @@ fn zones(nodes: &Places, fields: &ContactFields, friction: bool) -> Vec<Zone> {
     zones
 }
 
-/// The error over the products with A, the rounds and load steps marked.
+/// The error over the products with A, load steps and rounds with frozen slip bounds marked.
 pub(super) fn convergence(report: &Report) -> Chart {
     let mut rules = Vec::new();
-    let (mut newton, mut before) = (Vec::new(), 0);
+    const GAP: (f64, f64) = (f64::NAN, f64::NAN);
+    let (mut newton, mut frozen, mut before) = (Vec::new(), Vec::new(), 0);
     let mut last: Option<(usize, usize)> = None;
     let mut products = 0;
     for row in &report.history {
@@ -197,19 +198,27 @@ pub(super) fn convergence(report: &Report) -> Chart {
         if last.is_some_and(|last| last != now) {
             before += products;
             rules.push(before as f64);
-            newton.push((f64::NAN, f64::NAN));
+            newton.push(GAP);
+            frozen.push(GAP);
         }
         last = Some(now);
         products = row.step.n_a;
-        newton.push(((before + products) as f64, row.step.err));
+        let curve = if row.frozen { &mut frozen } else { &mut newton };
+        curve.push(((before + products) as f64, row.step.err));
     }
     let mut series = vec![Series {
-        name: "error of each problem, relative to its first".to_owned(),
+        name: "error, relative to the first".to_owned(),
         colour: colour::BLUE,
         mark: Mark::LineAndDots,
         points: newton,
     }];
     if !report.friction_history.is_empty() {
+        series.push(Series {
+            name: "error of rounds with frozen slip bounds".to_owned(),
+            colour: colour::GREEN,
+            mark: Mark::LineAndDots,
+            points: frozen,
+        });
         series.push(Series {
             name: "change of the slip bounds after a round".to_owned(),
             colour: colour::ORANGE,

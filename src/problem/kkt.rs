@@ -83,7 +83,7 @@ impl ContactProblem {
         for (slip, origin) in slip.iter_mut().zip(self.slip_origin()) {
             *slip = beyond(*slip - origin, yardsticks.rounding);
         }
-        let bound = self.slip_bound();
+        let bound = self.bounds(lambda);
         let positive = |values: &mut dyn Iterator<Item = f64>| {
             values.fold(
                 0.0,
@@ -103,7 +103,7 @@ impl ContactProblem {
             ),
             friction_bound: ratio(
                 positive(&mut (0..m).map(|i| lambda_t[i].abs() - bound[i])),
-                norm_max(bound),
+                norm_max(&bound),
             ),
             slip: ratio(positive(slips), yardsticks.length),
         }

@@ -39,7 +39,7 @@ impl Goal {
         let (ln, lt) = lambda.split_at(m);
         let (rn, rt) = r.split_at(m);
         let penetration = rn.iter().fold(0.0, |acc: f64, r| acc.max(-r));
-        let (g, c) = (problem.slip_bound(), &problem.compliance()[m..]);
+        let (g, c) = (problem.bounds(lambda), &problem.compliance()[m..]);
         let slip = (0..m).fold(0.0, |acc: f64, i| {
             acc.max(slip_violation(lt[i], -rt[i], g[i], c[i]))
         });
@@ -77,7 +77,7 @@ pub(super) fn inner_forces_met(
 fn force_error(problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
     let m = problem.m();
     let (areas, compliance) = (problem.areas(), problem.compliance());
-    let (bounds, offsets) = (problem.slip_bound(), problem.offsets());
+    let (bounds, offsets) = (problem.bounds(lambda), problem.offsets());
     let terms = offsets
         .iter()
         .zip(r)

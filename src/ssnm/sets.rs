@@ -1,5 +1,7 @@
 //! The active and inactive sets of Step 2.
 
+use super::law::Law;
+
 /// What a multiplier is held to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Held {
@@ -154,17 +156,22 @@ impl Sets {
         }
     }
 
-    /// Puts the held multipliers on their bounds.
-    pub(super) fn set_bounds(&self, lambda: &mut [f64], g: &[f64]) {
-        let m = g.len();
-        for (i, (l, held)) in lambda.iter_mut().zip(&self.0).enumerate() {
-            match held {
-                Held::Free => {}
-                Held::Zero => *l = 0.0,
-                Held::Plus => *l = g[i - m],
-                Held::Minus => *l = -g[i - m],
-            }
+    /// Puts the held multipliers on their bounds: the normal ones first, as Coulomb's bounds follow them.
+    pub(super) fn set_bounds(&self, lambda: &mut [f64], law: &Law) {
+        let m = lambda.len() / 2;
+        for i in 0..lambda.len() {
+            lambda[i] = match self.0[i] {
+                Held::Free => continue,
+                Held::Zero => 0.0,
+                Held::Plus => law.bound(i - m, lambda[i - m]),
+                Held::Minus => -law.bound(i - m, lambda[i - m]),
+            };
         }
+    }
+
+    /// 2m.
+    pub(super) fn len(&self) -> usize {
+        self.0.len()
     }
 
     /// How many multipliers are held differently.

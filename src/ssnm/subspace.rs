@@ -1,7 +1,6 @@
 //! The span of all directions whose product with A is known, and what of it fits the present sets.
 
-use super::Sets;
-use crate::dual::balance::FaceBalance;
+use super::face::Face;
 use crate::sparse::{dot, norm};
 use faer::Mat;
 
@@ -89,56 +88,55 @@ impl Subspace {
         }
     }
 
-    /// The combinations that vanish on every held multiplier and leave all bodies in balance, as a subspace of
-    /// their own.
+    /// The combinations that the face allows, as a subspace of their own: those that vanish on every held multiplier,
+    /// move what follows as it has to, and leave all bodies in balance.
     ///
-    /// With W_H the rows of the held multipliers and G W below them, they are W Z for the null space Z of both; Z
-    /// has orthonormal columns, so W Z is A-orthonormal again.
-    pub fn fitting(&self, sets: &Sets, face: Option<&FaceBalance>) -> Self {
-        let count = self.directions.len();
-        let held: Vec<usize> = (0..self.directions.first().map_or(0, Vec::len))
-            .filter(|&i| !sets.is_free(i) && self.directions.iter().any(|d| d[i] != 0.0))
-            .collect();
-        let moved: Vec<Vec<f64>> = match face {
-            Some(face) => self.directions.iter().map(|d| face.moves(d)).collect(),
-            None => vec![Vec::new(); count],
-        };
-        let motions = moved.first().map_or(0, Vec::len);
-        if held.is_empty() && motions == 0 {
-            return self.clone();
+    /// With C the rows of these conditions applied to W, they are W Z for the null space Z of C; Z has orthonormal
+    /// columns, so W Z is A-orthonormal again.
+    pub fn fitting(&self, face: &Face) -> Self {
+        let mut fitting = Self::default();
+        for (direction, image) in self.combinations(face) {
+            fitting.push(direction, image);
         }
+        fitting
+    }
+
+    /// The same with their images, as they come.
+    pub fn combinations(&self, face: &Face) -> Vec<(Vec<f64>, Vec<f64>)> {
+        let count = self.directions.len();
+        let len = self.directions.first().map_or(0, Vec::len);
+        let own = |i: usize, d: &[f64]| match face.follows(i) {
+            Some(slope) => d[i] - slope * d[i - len / 2],
+            None => d[i],
+        };
+        let held: Vec<usize> = (0..len)
+            .filter(|&i| !face.sets.is_free(i) && self.directions.iter().any(|d| own(i, d) != 0.0))
+            .collect();
+        let moved: Vec<Vec<f64>> = self.directions.iter().map(|d| face.moves(d)).collect();
+        let motions = moved.first().map_or(0, Vec::len);
         let n_rows = held.len() + motions;
+        if n_rows == 0 {
+            return std::iter::zip(self.directions.clone(), self.images.clone()).collect();
+        }
         let rows = Mat::from_fn(n_rows, count, |i, j| match held.get(i) {
-            Some(&i) => self.directions[j][i],
+            Some(&i) => own(i, &self.directions[j]),
             None => moved[j][i - held.len()],
         });
         // A few rows leave a null space that only the full set of right singular vectors shows.
-        let (values, right) = if n_rows >= count {
-            match rows.thin_svd() {
-                Ok(svd) => (
-                    svd.S().column_vector().iter().copied().collect(),
-                    svd.V().to_owned(),
-                ),
-                Err(_) => return Self::default(),
-            }
+        let made = if n_rows >= count {
+            rows.thin_svd()
         } else {
-            match rows.svd() {
-                Ok(svd) => (
-                    svd.S()
-                        .column_vector()
-                        .iter()
-                        .copied()
-                        .collect::<Vec<f64>>(),
-                    svd.V().to_owned(),
-                ),
-                Err(_) => return Self::default(),
-            }
+            rows.svd()
         };
+        let Ok(svd) = made else {
+            return Vec::new();
+        };
+        let (values, right) = (svd.S().column_vector(), svd.V());
         // Directions that all leave the bodies in balance make rows of nothing but rounding.
-        let largest = match face {
-            Some(_) => (self.directions.iter().map(|d| norm(d))).fold(values[0], f64::max),
-            None => values[0],
-        };
+        let mut largest = values[0];
+        if face.has_balance() {
+            largest = (self.directions.iter().map(|d| norm(d))).fold(largest, f64::max);
+        }
         let rank = values
             .iter()
             .take_while(|&&s| s > VANISHES * largest)
@@ -150,21 +148,18 @@ impl Subspace {
             }
             sum
         };
-        let mut fitting = Self::default();
-        for z in rank..count {
-            let mut direction = combine(&self.directions, z);
-            sets.mask(&mut direction);
-            if let Some(face) = face {
-                face.project(&mut direction);
-            }
-            fitting.push(direction, combine(&self.images, z));
-        }
-        fitting
+        (rank..count)
+            .map(|z| {
+                let mut direction = combine(&self.directions, z);
+                face.direction(&mut direction);
+                (direction, combine(&self.images, z))
+            })
+            .collect()
     }
 }
 
 /// y −= c x.
-fn subtract(c: f64, x: &[f64], y: &mut [f64]) {
+pub(super) fn subtract(c: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
         *y -= c * x;
     }

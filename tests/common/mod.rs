@@ -254,7 +254,7 @@ pub fn run_steps(
             .unwrap_or_else(|error| panic!("{error}"))
             .expect("an elastic case");
         let solution =
-            quasistatic::solve_step(&build.model(), &data.load, &state, dual, settings, |_| {
+            quasistatic::solve_step(&build.problem, &data.load, &state, dual, settings, |_| {
                 ControlFlow::Continue(())
             })
             .unwrap_or_else(|error| panic!("{error}"));

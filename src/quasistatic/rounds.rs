@@ -1,0 +1,271 @@
+//! Coulomb friction by rounds with frozen slip bounds: the last resort of the coupled Newton step.
+//!
+//! The bounds are a fixed point of g ↦ μλν(g), where λν(g) solves the problem with the given bounds g (Tresca), which
+//! is a minimisation and has a safeguard: successive approximation as in Nečas, Jarušek and Haslinger (1980),
+//! warm-started, with Anderson's acceleration (Walker and Ni 2011).
+//!
+//! **Bodies that only contact holds** have to be balanced by the forces of each round. The bounds of a round are
+//! those of forces on or inside Coulomb's cones that balance the bodies, so that the round can; the forces
+//! found so far are projected there. If there are no such forces, no contact can hold the bodies, and the
+//! projection tells which way they are pushed.
+
+use super::{Event, Process, Settings, difference};
+use crate::dual::DualOperator;
+use crate::dual::balance::{Balance, Nearest, cone, interval};
+use crate::problem::ContactProblem;
+use crate::sparse::norm;
+use crate::ssnm::{Solution, SolveError, Status};
+use faer::linalg::solvers::SolveLstsqCore as _;
+use std::ops::ControlFlow;
+
+/// The tolerance of the problem of a round beside the change of the slip bounds in the round before.
+const FOLLOWS: f64 = 1e-3;
+/// The same of the first rounds.
+const FIRST_TOLERANCE: f64 = 1e-3;
+/// The part of the friction tolerance that the last problem may be off by.
+const RESOLVED: f64 = 0.1;
+
+/// Rounds on their way.
+pub(super) struct Rounds<'a> {
+    cones: Cones<'a>,
+    /// λ of the last one.
+    pub lambda: Vec<f64>,
+    /// The bounds of the last one that was made, or of the first.
+    pub bounds: Vec<f64>,
+    next: Vec<f64>,
+    anderson: Anderson,
+    /// The tolerance of the next one, and of the last.
+    tolerance: f64,
+    tight: f64,
+    made: usize,
+}
+
+impl<'a> Rounds<'a> {
+    /// Before the first one, which starts from λ.
+    pub fn new<D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>>(
+        step: &Process<'a, D, O>,
+        lambda: &[f64],
+    ) -> Self {
+        let cones = Cones::new(step.whole, &step.load.force);
+        let bounds = cones.bounds(lambda);
+        let settings = step.settings;
+        let tight = (settings.ssnm.tolerance).min(RESOLVED * settings.friction_tolerance());
+        Self {
+            cones,
+            lambda: lambda.to_vec(),
+            next: bounds.clone(),
+            bounds,
+            anderson: Anderson::default(),
+            tolerance: tight.max(FIRST_TOLERANCE),
+            tight,
+            made: 0,
+        }
+    }
+
+    /// How many more there may be.
+    pub fn left(&self, settings: &Settings) -> usize {
+        settings.max_rounds.saturating_sub(self.made)
+    }
+
+    /// Makes as many as `limit` until the slip bounds have settled. The solution is that of the last one, with the
+    /// status of all: [`Status::IterationLimit`] if there are to be more.
+    pub fn make<D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>>(
+        &mut self,
+        step: &mut Process<'a, D, O>,
+        limit: usize,
+    ) -> Result<Solution, SolveError> {
+        let last = self.made + limit.min(self.left(step.settings)).max(1);
+        let wanted = step.settings.friction_tolerance();
+        loop {
+            self.bounds.clone_from(&self.next);
+            let solution = step.solve(Some(&self.bounds), &self.lambda, self.tolerance)?;
+            self.made += 1;
+            self.lambda.clone_from(&solution.lambda);
+            let lambda = &self.lambda;
+
+            // The law is μλν; where that could not balance the bodies, the next round tries other bounds.
+            let law = step.whole.bounds(lambda);
+            let friction_change = step.relative(lambda, &difference(&law, &self.bounds));
+            let next = self.cones.bounds(lambda);
+            let changes = difference(&next, &self.bounds);
+            let change = step.relative(lambda, &changes);
+            let settled = change <= wanted && self.tolerance <= self.tight;
+            let mut unbalanced = solution.imbalance.clone();
+            if unbalanced.is_empty() {
+                unbalanced.clone_from(&self.cones.imbalance);
+            }
+            if unbalanced.is_empty() && settled && friction_change > wanted {
+                // Bounds that balance the bodies have settled, but the pressures do not give them.
+                unbalanced = self.cones.imbalance_within(&law, lambda);
+            }
+            let status = if solution.status != Status::Converged {
+                Some(solution.status)
+            } else if !unbalanced.is_empty() {
+                Some(Status::NotHeld)
+            } else if friction_change <= wanted && self.tolerance <= self.tight {
+                Some(Status::Converged)
+            } else if settled && norm(&changes) == 0.0 {
+                // The next round would be the same.
+                Some(Status::Stagnated)
+            } else if step.stopped {
+                Some(Status::Interrupted)
+            } else {
+                None
+            };
+            self.tolerance = (FOLLOWS * change).clamp(self.tight, self.tolerance);
+            if change <= wanted {
+                self.tolerance = self.tight;
+            }
+            self.next = if step.settings.accelerate {
+                let next = self.anderson.next(&self.bounds, &changes);
+                self.cones.admissible(&next, lambda)
+            } else {
+                next
+            };
+            let status = status.or((self.made >= last).then_some(Status::IterationLimit));
+            if let Some(status) = status {
+                return Ok(Solution {
+                    status,
+                    imbalance: unbalanced,
+                    ..solution
+                });
+            }
+        }
+    }
+}
+
+/// The slip bounds under which forces can balance the bodies that only contact holds.
+struct Cones<'a> {
+    problem: &'a ContactProblem,
+    /// Where there are such bodies and Coulomb friction.
+    balance: Option<Balance>,
+    /// What no forces on the cones can balance; empty where all is well.
+    imbalance: Vec<f64>,
+}
+
+impl<'a> Cones<'a> {
+    fn new(problem: &'a ContactProblem, load: &[f64]) -> Self {
+        let free = problem.free_bodies();
+        let mut cones = Self {
+            problem,
+            balance: None,
+            imbalance: Vec::new(),
+        };
+        if free.is_empty() || !problem.has_coulomb() {
+            return cones;
+        }
+        let b = problem.contact_matrix();
+        let mut balance = Balance::new(free, &b, load, |_| 1.0);
+        let near = cones.nearest(&balance, &vec![0.0; 2 * problem.m()]);
+        if !near.balanced {
+            balance.give_up(&near.imbalance);
+            cones.imbalance = near.imbalance;
+        }
+        cones.balance = Some(balance);
+        cones
+    }
+
+    fn mu(&self, i: usize) -> f64 {
+        self.problem.friction_coefficient()[i]
+    }
+
+    fn nearest(&self, balance: &Balance, lambda: &[f64]) -> Nearest {
+        let given = self.problem.slip_bound();
+        balance.nearest(lambda, |i, z| match self.mu(i) {
+            0.0 => interval(given[i], z),
+            mu => cone(mu, z),
+        })
+    }
+
+    /// What forces within the given bounds cannot balance; empty where they can.
+    fn imbalance_within(&self, bounds: &[f64], lambda: &[f64]) -> Vec<f64> {
+        let Some(balance) = &self.balance else {
+            return Vec::new();
+        };
+        let near = balance.nearest(lambda, |i, z| interval(bounds[i], z));
+        if near.balanced {
+            Vec::new()
+        } else {
+            near.imbalance
+        }
+    }
+
+    /// The bounds of the forces λ, or of the nearest ones that balance the bodies.
+    fn bounds(&self, lambda: &[f64]) -> Vec<f64> {
+        match &self.balance {
+            None => self.problem.bounds(lambda).into_owned(),
+            Some(balance) => (self.problem)
+                .bounds(&self.nearest(balance, lambda).lambda)
+                .into_owned(),
+        }
+    }
+
+    /// Bounds close to `bounds`, under which forces like λ can balance the bodies.
+    fn admissible(&self, bounds: &[f64], lambda: &[f64]) -> Vec<f64> {
+        if self.balance.is_none() {
+            return bounds.iter().map(|g| g.max(0.0)).collect();
+        }
+        let mut wanted = lambda.to_vec();
+        for (i, &bound) in bounds.iter().enumerate() {
+            let mu = self.mu(i);
+            if mu > 0.0 {
+                wanted[i] = (bound / mu).max(0.0);
+            }
+        }
+        self.bounds(&wanted)
+    }
+}
+
+/// Earlier pairs that Anderson's acceleration looks at.
+const DEPTH: usize = 5;
+/// A residual that grows by more than this starts it anew.
+const WORSE: f64 = 2.0;
+
+/// Anderson's acceleration of a fixed point iteration x ↦ x + r(x).
+#[derive(Default)]
+struct Anderson {
+    /// Differences of successive x and r.
+    steps: Vec<(Vec<f64>, Vec<f64>)>,
+    last: Option<(Vec<f64>, Vec<f64>)>,
+    /// The least ‖r‖ so far.
+    best: Option<f64>,
+}
+
+impl Anderson {
+    /// The next point from the present one and its residual.
+    fn next(&mut self, x: &[f64], r: &[f64]) -> Vec<f64> {
+        let size = norm(r);
+        let worse = self.best.is_some_and(|best| size > WORSE * best);
+        match self.last.take() {
+            Some((old_x, old_r)) if !worse => {
+                self.steps
+                    .push((difference(x, &old_x), difference(r, &old_r)));
+                if self.steps.len() > DEPTH {
+                    self.steps.remove(0);
+                }
+            }
+            _ => self.steps.clear(),
+        }
+        self.best = Some(self.best.map_or(size, |best| best.min(size)));
+        self.last = Some((x.to_vec(), r.to_vec()));
+        let mut next: Vec<f64> = x.iter().zip(r).map(|(x, r)| x + r).collect();
+        let columns = self.steps.len();
+        if columns > 0 && columns < x.len() {
+            // The combination of the differences that comes closest to r.
+            let matrix = faer::Mat::from_fn(x.len(), columns, |i, j| self.steps[j].1[i]);
+            let mut gamma = faer::Mat::from_fn(x.len(), 1, |i, _| r[i]);
+            matrix
+                .col_piv_qr()
+                .solve_lstsq_in_place_with_conj(faer::Conj::No, gamma.as_mut());
+            let gamma: Vec<f64> = (0..columns).map(|j| gamma[(j, 0)]).collect();
+            if gamma.iter().all(|g| g.is_finite() && g.abs() < 1e3) {
+                for (g, (dx, dr)) in gamma.iter().zip(&self.steps) {
+                    for i in 0..next.len() {
+                        next[i] -= g * (dx[i] + dr[i]);
+                    }
+                }
+            }
+        }
+        next
+    }
+}

@@ -1,0 +1,85 @@
+//! The friction law of each contact node, in scaled multipliers.
+
+use super::Scaled;
+use crate::dual::DualOperator;
+use crate::dual::balance::{Balance, Projected, cone, interval};
+use crate::problem::{ContactProblem, coulomb_bounds};
+use std::borrow::Cow;
+
+/// |λτ,i| ≤ gᵢ with gᵢ given (Tresca; 0 without friction) or gᵢ = μᵢλν,i (Coulomb).
+pub(super) struct Law {
+    /// ĝ.
+    given: Vec<f64>,
+    /// μ̂, 0 where ĝ is given; empty without Coulomb friction.
+    mu: Vec<f64>,
+}
+
+impl Law {
+    pub fn new<D: DualOperator + ?Sized>(problem: &ContactProblem, dual: &Scaled<D>) -> Self {
+        let m = problem.m();
+        let coefficient = problem.friction_coefficient().iter().enumerate();
+        Self {
+            given: dual.slip_bound(problem.slip_bound()),
+            mu: coefficient
+                .map(|(i, mu)| mu * dual.factor(i) / dual.factor(m + i))
+                .collect(),
+        }
+    }
+
+    /// Whether some bounds are μλν.
+    pub fn is_coulomb(&self) -> bool {
+        !self.mu.is_empty()
+    }
+
+    /// μ̂ of a node, 0 where its bound is given.
+    pub fn mu(&self, i: usize) -> f64 {
+        self.mu.get(i).copied().unwrap_or(0.0)
+    }
+
+    /// The bounds at λ.
+    pub fn bounds(&self, lambda: &[f64]) -> Cow<'_, [f64]> {
+        coulomb_bounds(&self.given, &self.mu, lambda)
+    }
+
+    /// The bound of a node with the normal multiplier λν.
+    pub fn bound(&self, i: usize, normal: f64) -> f64 {
+        match self.mu(i) {
+            0.0 => self.given[i],
+            mu => mu * normal.max(0.0),
+        }
+    }
+
+    /// What obeys the law and is near: λν cut at 0, then λτ at its bound. Without Coulomb friction that is P_Λ.
+    fn cut(&self, lambda: &mut [f64]) {
+        let m = self.given.len();
+        for i in 0..m {
+            lambda[i] = lambda[i].max(0.0);
+            let g = self.bound(i, lambda[i]);
+            lambda[m + i] = lambda[m + i].clamp(-g, g);
+        }
+    }
+
+    /// The nearest point of a node's interval or cone.
+    pub fn nearest(&self, i: usize, z: [f64; 2]) -> Projected {
+        match self.mu(i) {
+            0.0 => interval(self.given[i], z),
+            mu => cone(mu, z),
+        }
+    }
+
+    /// Takes λ where it obeys the law and balances the bodies; where it does so, it stays.
+    pub fn project(&self, lambda: &mut Vec<f64>, balance: Option<&Balance>) {
+        match balance {
+            None => self.cut(lambda),
+            Some(balance) if self.is_coulomb() => {
+                self.cut(lambda);
+                if !balance.holds(lambda) {
+                    *lambda = balance.nearest(lambda, |i, z| self.nearest(i, z)).lambda;
+                }
+            }
+            Some(balance) => {
+                *lambda = balance.nearest(lambda, |i, z| self.nearest(i, z)).lambda;
+            }
+        }
+    }
+}
