@@ -214,7 +214,7 @@ pub fn solve_step(
     let mut from = start.lambda.clone();
     if settings.coupled || !problem.has_coulomb() {
         let solution = step.solve(None, &from, tolerance)?;
-        if !problem.has_coulomb() || solution.status != Status::Stagnated {
+        if !problem.has_coulomb() || !has_given_up(solution.status) {
             return Ok(step.end(solution, None));
         }
         from.clone_from(&solution.lambda);
@@ -229,7 +229,7 @@ pub fn solve_step(
             return Ok(step.end(solution, Some(rounds.bounds)));
         }
         let coupled = step.solve(None, &rounds.lambda, tolerance)?;
-        if coupled.status != Status::Stagnated {
+        if !has_given_up(coupled.status) {
             return Ok(step.end(coupled, None));
         }
         if settled {
@@ -243,6 +243,11 @@ pub fn solve_step(
         }
         burst *= 2;
     }
+}
+
+/// Whether rounds may still help.
+fn has_given_up(status: Status) -> bool {
+    matches!(status, Status::Stagnated | Status::IterationLimit)
 }
 
 /// A step on its way.

@@ -239,10 +239,17 @@ pub struct Solution {
 
 /// Newton steps in a row without progress in q or err before the safeguard acts.
 const FRUITLESS: usize = 3;
-/// Under Coulomb's law: what the error has to fall to in one of so many steps, of which those after FRUITLESS are
-/// halved, before the coupled step is given up.
+/// Under Coulomb's law a step has to lower the error to this part of the best one to count as progress.
 const PROGRESS: f64 = 0.9;
-const PATIENCE: usize = 8;
+/// There sets are predicted with so much longer a ρ than that of the error, and each time that nothing else has
+/// helped again with so much more.
+const LONGER: f64 = 4.0;
+/// Ways to make coupled steps: whole, searched for the least error, and both longer ρ after that.
+const ATTEMPTS: i32 = 4;
+/// How often coupled steps start again from the best point where products are exact.
+const RESTARTS: usize = 3;
+/// Points that a search looks at, each half as far as the one before.
+const HALVINGS: usize = 6;
 /// The part of α‖r̃_α‖² by which a step has to lower q to count as progress; a projected gradient step
 /// gains at least half of it.
 const GAIN: f64 = 0.05;
@@ -498,11 +505,7 @@ impl Point {
         0.5 * sum
     }
 
-    /// The point halfway to another one.
-    fn middle(&self, end: &Self) -> Self {
-        self.towards(end, 0.5)
-    }
-
+    /// The point at the part t of the way to another one.
     fn towards(&self, end: &Self, t: f64) -> Self {
         let between = |y: &[f64], z: &[f64]| -> Vec<f64> {
             y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect()
@@ -885,8 +888,13 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         let mut fruitless = 0;
         // Safeguarded steps still to make, and how many the next discarded steps will cost.
         let (mut guarded, mut penalty, mut faces) = (0usize, 1usize, 0usize);
-        // Whether steps are halved.
-        let mut halved = false;
+        // Under Coulomb's law: how often steps have been made differently for want of progress.
+        let mut attempt = 0;
+        let mut restarts = if self.products.are_exact() {
+            RESTARTS
+        } else {
+            0
+        };
         loop {
             self.products.allow(err);
             goal.err = (settings.tolerance * err0.max(self.own_motion(&point.lambda)))
@@ -946,12 +954,17 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 Method::Exact => EXACT * err0,
             };
             let safeguarded = guarded > 0;
-            let before = halved.then(|| point.clone());
+            let before = (attempt > 0).then(|| point.clone());
+            let with_rho = if self.law.is_coulomb() {
+                self.rho * LONGER.powi(attempt.max(1))
+            } else {
+                set_rho
+            };
             let made = if safeguarded {
                 guarded -= 1;
                 self.safeguarded_step(point, target, err, faces)
             } else {
-                self.newton_step(point, &mut cg, set_rho, target, err, settings.method)
+                self.newton_step(point, &mut cg, with_rho, target, err, settings.method)
             };
             let (sets, inner) = match made {
                 Ok(step) => step,
@@ -961,8 +974,9 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                     return Err(error);
                 }
             };
-            if let Some(before) = before {
-                *point = before.middle(point);
+            if let Some(before) = before
+                && self.search(&before, point)
+            {
                 cg = None;
             }
             err = self.error(point);
@@ -980,30 +994,36 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
 
             if self.law.is_coulomb() {
                 // No function falls along the way: the error itself has to say.
-                fruitless = if err <= PROGRESS * best_err {
-                    0
-                } else {
-                    fruitless + 1
-                };
+                fruitless += 1;
+                if err <= PROGRESS * best_err {
+                    (fruitless, attempt) = (0, 0);
+                } else if fruitless >= FRUITLESS {
+                    (fruitless, attempt) = (0, attempt + 1);
+                }
                 if err < best_err {
                     (best, best_err) = (point.clone(), err);
                 }
-                halved = fruitless >= FRUITLESS;
-                if stopped || fruitless >= PATIENCE {
-                    *point = best.clone();
-                    err = best_err;
-                    if stopped {
-                        return Ok(Status::Interrupted);
-                    }
-                    if !self.products.sharpen() {
+                if !stopped && attempt < ATTEMPTS {
+                    continue;
+                }
+                *point = best.clone();
+                if stopped {
+                    return Ok(Status::Interrupted);
+                }
+                // It may have been for want of accuracy. Where there is no more to be had, other inexact solutions lead
+                // other ways.
+                if !self.products.sharpen() {
+                    if restarts == 0 {
                         return Ok(Status::Stagnated);
                     }
-                    self.products.allow(err);
-                    self.refresh(point)?;
-                    err = self.error(point);
-                    (best, best_err) = (point.clone(), err);
-                    (fruitless, halved, cg) = (0, false, None);
+                    restarts -= 1;
+                    self.products.known = Subspace::default();
                 }
+                self.products.allow(best_err);
+                self.refresh(point)?;
+                err = self.error(point);
+                (best, best_err) = (point.clone(), err);
+                (attempt, cg) = (0, None);
                 continue;
             }
 
@@ -1074,7 +1094,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         method: Method,
     ) -> Result<(Sets, usize), DualError> {
         let end = self.settle(point, rho);
-        let sets = Sets::predict(&point.lambda, &point.r, rho, &self.bounds(&point.lambda));
+        let sets = self.predict(point, rho);
         // Step 3.2: inactive multipliers on their bounds.
         let mut start = point.lambda.clone();
         sets.set_bounds(&mut start, &self.law);
@@ -1097,8 +1117,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             floor.is_some_and(|floor| residual <= floor) && {
                 let mut there = point.clone();
                 newton.settle(&mut there, rho);
-                let g = newton.bounds(&there.lambda);
-                Sets::predict(&there.lambda, &there.r, rho, &g) != sets
+                newton.predict(&there, rho) != sets
             }
         };
         let iterations = match &mut inner {
@@ -1198,6 +1217,28 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         goal::inner_forces_met(self.tolerance, self.problem, &lambda, &r)
     }
 
+    /// The sets that a prediction with ρ gives, α as it is.
+    fn predict(&self, point: &Point, rho: f64) -> Sets {
+        Sets::predict(&point.lambda, &point.r, rho, &self.bounds(&point.lambda))
+    }
+
+    /// Goes back from `point` towards where it came from, if the error is less there; says whether it is. That
+    /// costs no product: what obeys Coulomb's law and balance is convex, and r linear on the chord.
+    fn search(&self, before: &Point, point: &mut Point) -> bool {
+        let end = point.clone();
+        let (mut least, mut t) = (self.error(point), 1.0);
+        for _ in 0..HALVINGS {
+            t *= 0.5;
+            let mut there = before.towards(&end, t);
+            let err = self.error(&mut there);
+            if err < least {
+                least = err;
+                *point = there;
+            }
+        }
+        least < self.error(&mut end.clone())
+    }
+
     /// P_Λ(λ), with the multipliers that the next step will hold put on their bounds by the same product.
     ///
     /// Only those that a ρ ≤ 1/σ_max holds: what a larger one says of a point outside Λ is too wild.
@@ -1205,8 +1246,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         let rho = rho.min(self.alpha);
         self.settle(point, rho);
         let mut target = point.lambda.clone();
-        Sets::predict(&point.lambda, &point.r, rho, &self.bounds(&target))
-            .set_bounds(&mut target, &self.law);
+        self.predict(point, rho).set_bounds(&mut target, &self.law);
         self.project(&mut target);
         self.move_to(point, target)
     }
