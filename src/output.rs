@@ -124,7 +124,7 @@ pub struct StepReport {
     pub status: Status,
     /// Solves in it: more than one where Coulomb's law took rounds with frozen slip bounds.
     pub rounds: usize,
-    /// ‖μλν − g‖ / ‖μλν‖ of the last solve; 0 where no slip bounds were frozen.
+    /// max |μλν − g| / max μλν of the last solve; 0 where no slip bounds were frozen.
     pub friction_change: f64,
     /// The bodies that contact and friction do not hold, and which way the loads push them.
     pub not_held: Vec<NotHeldReport>,

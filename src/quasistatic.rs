@@ -13,7 +13,7 @@ mod rounds;
 
 use crate::dual::DualOperator;
 use crate::problem::{ContactProblem, Kkt};
-use crate::sparse::norm;
+use crate::sparse::{norm, norm_max};
 use crate::ssnm::{self, Info, Memory, Sets, Solution, SolveError, Status};
 use rounds::Rounds;
 use std::cell::RefCell;
@@ -74,7 +74,7 @@ pub struct Settings<'a> {
     pub ssnm: ssnm::Settings<'a>,
     /// Under Coulomb's law: whether the bounds are part of the Newton steps. If not, there are only rounds.
     pub coupled: bool,
-    /// ‖μλν − g‖ / ‖μλν‖ that rounds have to reach; ten times the tolerance of the problems if None.
+    /// max |μλν − g| / max μλν that rounds have to reach; ten times the tolerance of the problems if None.
     pub friction_tolerance: Option<f64>,
     /// Rounds at most.
     pub max_rounds: usize,
@@ -83,7 +83,7 @@ pub struct Settings<'a> {
 }
 
 impl Settings<'_> {
-    /// ‖μλν − g‖ / ‖μλν‖ that rounds have to reach.
+    /// max |μλν − g| / max μλν that rounds have to reach.
     pub fn friction_tolerance(&self) -> f64 {
         self.friction_tolerance
             .unwrap_or(FRICTION * self.ssnm.tolerance)
@@ -109,7 +109,7 @@ pub struct Round {
     pub round: usize,
     /// Whether slip bounds were frozen under Coulomb's law, and for each solve anew.
     pub frozen: bool,
-    /// ‖μλν − g‖ / ‖μλν‖; 0 where no bounds were frozen.
+    /// max |μλν − g| / max μλν; 0 where no bounds were frozen.
     pub friction_change: f64,
     /// The tolerance of the solve.
     pub tolerance: f64,
@@ -222,9 +222,8 @@ pub fn solve_step(
     let mut rounds = Rounds::new(&step, &from);
     let mut burst = if settings.coupled { BURST } else { usize::MAX };
     loop {
-        let solution = rounds.make(&mut step, burst)?;
+        let (solution, more) = rounds.make(&mut step, burst)?;
         let settled = solution.status == Status::Converged;
-        let more = solution.status == Status::IterationLimit && rounds.left(settings) > 0;
         if !settings.coupled || !(settled || more) {
             return Ok(step.end(solution, Some(rounds.bounds)));
         }
@@ -235,11 +234,15 @@ pub fn solve_step(
         if settled {
             // What has settled is as good as the law itself says.
             let kkt = step.lawful().kkt(&solution.u, &solution.lambda);
-            return Ok(if kkt.max() <= MET * tolerance {
-                step.end(solution, Some(rounds.bounds))
-            } else {
-                step.end(coupled, None)
-            });
+            if coupled.info.kkt.max() < kkt.max() {
+                return Ok(step.end(coupled, None));
+            }
+            let mut solution = solution;
+            solution.info.kkt = kkt;
+            if !(kkt.max() <= MET * tolerance) {
+                solution.status = Status::Stagnated;
+            }
+            return Ok(step.end(solution, Some(rounds.bounds)));
         }
         burst *= 2;
     }
@@ -312,14 +315,11 @@ impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'
             .with_acting_forces(self.load.acting)
     }
 
-    /// ‖μλν − g‖ / ‖μλν‖ for what differs of the bounds.
+    /// max |μλν − g| / max μλν for what differs of the bounds.
     fn relative(&self, lambda: &[f64], difference: &[f64]) -> f64 {
         let coefficients = self.whole.friction_coefficient().iter().zip(lambda);
-        let friction: f64 = coefficients
-            .map(|(mu, l)| (mu * l.max(0.0)).powi(2))
-            .sum::<f64>()
-            .sqrt();
-        match norm(difference) {
+        let friction = coefficients.fold(0.0_f64, |max, (mu, l)| max.max(mu * l));
+        match norm_max(difference) {
             0.0 => 0.0,
             change if friction > 0.0 => change / friction,
             _ => 1.0,

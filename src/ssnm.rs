@@ -1217,9 +1217,19 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         goal::inner_forces_met(self.tolerance, self.problem, &lambda, &r)
     }
 
-    /// The sets that a prediction with ρ gives, α as it is.
+    /// The sets that a prediction with ρ gives, α as it is. Under Coulomb's law a node without force is bounded by
+    /// the one that it is predicted to get.
     fn predict(&self, point: &Point, rho: f64) -> Sets {
-        Sets::predict(&point.lambda, &point.r, rho, &self.bounds(&point.lambda))
+        let Point { lambda, r, .. } = point;
+        let mut g = self.bounds(lambda);
+        if self.law.is_coulomb() {
+            for (i, g) in g.to_mut().iter_mut().enumerate() {
+                if *g == 0.0 {
+                    *g = self.law.bound(i, lambda[i] - rho * r[i]);
+                }
+            }
+        }
+        Sets::predict(lambda, r, rho, &g)
     }
 
     /// Goes back from `point` towards where it came from, if the error is less there; says whether it is. That

@@ -2,7 +2,8 @@
 
 mod common;
 
-use common::{Random, Solved, case, distance, solve_case, solve_case_twice};
+use common::{Random, Solved, case, distance, price_of_coulomb, solve_case, solve_case_twice};
+use signorini::case::Case;
 use signorini::contact::{PairOptions, mortar_contact};
 use signorini::elasticity::{Body, Material, Plane};
 use signorini::mesh::structured::{CellShape, join, rectangle};
@@ -10,6 +11,7 @@ use signorini::quasistatic::{self, Event, Load, State};
 use signorini::ssnm::Status;
 use signorini::stiffness::cholesky::CholeskyDual;
 use std::ops::ControlFlow;
+use std::path::Path;
 
 /// On random curved boundaries of two bodies: weights add up to one, and on straight ones linear functions
 /// are transferred exactly.
@@ -369,6 +371,27 @@ fn coupled_steps_and_rounds_come_to_the_same() {
     assert!(fast.rounds.len() < plain.rounds.len());
     assert_eq!(coupled.rounds.len(), 1);
     assert!(2 * coupled.n_a() < fast.n_a());
+}
+
+/// Coulomb friction costs what given slip bounds cost, in every template.
+#[test]
+fn coulomb_at_the_price_of_tresca() {
+    for (name, most) in [
+        ("examples/dovetail", 80),
+        ("examples/roller", 80),
+        ("examples/shear", 250),
+        ("examples/stack", 120),
+        ("benches/two-bodies", 35),
+    ] {
+        let path = format!("{name}.toml");
+        let case = Case::read(Path::new(&path), &[]).unwrap_or_else(|error| panic!("{error}"));
+        let [coulomb, tresca] = price_of_coulomb(&case, 1e-6);
+        assert!(coulomb <= most, "{name}: {coulomb} products");
+        assert!(
+            10 * coulomb <= 13 * tresca,
+            "{name}: {coulomb} products, {tresca} with given bounds"
+        );
+    }
 }
 
 /// A body comes down on the floor across any gap, a step may take all load away again, and what contact bears

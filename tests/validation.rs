@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Solved, distance, solve_case, solve_case_twice};
+use common::{Solved, case, distance, price_of_coulomb, solve_case, solve_case_twice};
 use std::f64::consts::PI;
 
 /// Prints a row of the table and refuses a value that is off by more than `limit`.
@@ -169,6 +169,13 @@ fn greco(cells: usize) -> String {
     )
 }
 
+/// Coulomb friction takes at most 1.3 times the products that the slip bounds it ends with would take if they were
+/// given.
+fn at_the_price_of_tresca(text: &str) {
+    let [coulomb, tresca] = price_of_coulomb(&case(text), 1e-6);
+    assert!(10 * coulomb <= 13 * tresca, "{coulomb}, {tresca}");
+}
+
 /// The GRECO plate (SSNV128). The reference is an independent 128 × 128 computation.
 #[test]
 fn greco_plate() {
@@ -197,6 +204,7 @@ fn greco_plate() {
     let solution = solved.solution();
     println!("GRECO: {} products", solution.n_a());
     assert!(solution.rounds.len() == 1 && solution.n_a() <= 60);
+    at_the_price_of_tresca(&greco(128));
 }
 
 /// A quarter of a disc of radius r about (0, r) as a mapped rectangle, fine at (0, 0): sides `bottom` (the arc
@@ -429,6 +437,7 @@ fn wedge() {
              obstacle = {{ half_plane = {{ point = [0, 0], normal = [-0.1, 1] }} }}\n"
         );
         let solved = solve_case_twice(&text, 1e-8);
+        at_the_price_of_tresca(&text);
         let m = solved.build.problem.m();
         let (normal, tangential) = solved.solution().lambda.split_at(m);
         let push: f64 = (solved.elastic().contact.nodes.iter().enumerate())
@@ -474,7 +483,7 @@ fn bar_pull_out() {
 
 /// Two equal cylinders pressed together, then pushed sideways (Cattaneo 1938, Mindlin 1949): the lower half of
 /// the upper one is let down by δ and pulled by q along its diameter.
-fn cattaneo(delta: f64, friction: &str, cells: usize) -> Solved {
+fn cattaneo_text(delta: f64, friction: &str, cells: usize) -> String {
     let half = |sign: &str| {
         let u = "(0.2*x + 0.8*x^5)";
         let v = "(1 - (0.2*y + 0.8*y^5))";
@@ -484,7 +493,7 @@ fn cattaneo(delta: f64, friction: &str, cells: usize) -> Solved {
             2 * cells
         )
     };
-    let text = format!(
+    format!(
         "[[mesh.part]]\nname = \"up\"\n{}\n[[mesh.part]]\nname = \"low\"\n{}\n\
          [[material]]\nyoung = 200\npoisson = 0.3\n\
          [[support]]\nboundary = \"low-top\"\ny = 0\n[[support]]\npoint = [0, -8]\nx = 0\n\
@@ -495,8 +504,11 @@ fn cattaneo(delta: f64, friction: &str, cells: usize) -> Solved {
          [steps]\nfactors = [1, 1]\n",
         half(""),
         half("0-")
-    );
-    solve_case(&text, 1e-7)
+    )
+}
+
+fn cattaneo(delta: f64, friction: &str, cells: usize) -> Solved {
+    solve_case(&cattaneo_text(delta, friction, cells), 1e-7)
 }
 
 #[test]
@@ -524,6 +536,7 @@ fn cattaneo_mindlin() {
             (d0, d1, f0) = (d1, d1 + (force - f1) * (d1 - d0) / (f1 - f0), f1);
             solved = cattaneo(d1, friction, 96);
         }
+        at_the_price_of_tresca(&cattaneo_text(d1, friction, 96));
         let fields = solved.fields();
         let at = |x: f64| {
             // The larger of the neighbours on both sides, interpolated.

@@ -9,7 +9,7 @@
 //! found so far are projected there. If there are no such forces, no contact can hold the bodies, and the
 //! projection tells which way they are pushed.
 
-use super::{Event, Process, Settings, difference};
+use super::{Event, Process, difference};
 use crate::dual::DualOperator;
 use crate::dual::balance::{Balance, Nearest, cone, interval};
 use crate::problem::ContactProblem;
@@ -62,19 +62,14 @@ impl<'a> Rounds<'a> {
         }
     }
 
-    /// How many more there may be.
-    pub fn left(&self, settings: &Settings) -> usize {
-        settings.max_rounds.saturating_sub(self.made)
-    }
-
     /// Makes as many as `limit` until the slip bounds have settled. The solution is that of the last one, with the
-    /// status of all: [`Status::IterationLimit`] if there are to be more.
+    /// status of all; says whether there may be more of them.
     pub fn make<D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>>(
         &mut self,
         step: &mut Process<'a, D, O>,
         limit: usize,
-    ) -> Result<Solution, SolveError> {
-        let last = self.made + limit.min(self.left(step.settings)).max(1);
+    ) -> Result<(Solution, bool), SolveError> {
+        let last = (self.made.saturating_add(limit)).min(step.settings.max_rounds);
         let wanted = step.settings.friction_tolerance();
         loop {
             self.bounds.clone_from(&self.next);
@@ -122,13 +117,14 @@ impl<'a> Rounds<'a> {
             } else {
                 next
             };
-            let status = status.or((self.made >= last).then_some(Status::IterationLimit));
-            if let Some(status) = status {
-                return Ok(Solution {
-                    status,
+            if status.is_some() || self.made >= last {
+                let more = status.is_none() && self.made < step.settings.max_rounds;
+                let solution = Solution {
+                    status: status.unwrap_or(Status::IterationLimit),
                     imbalance: unbalanced,
                     ..solution
-                });
+                };
+                return Ok((solution, more));
             }
         }
     }

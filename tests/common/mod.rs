@@ -266,6 +266,50 @@ pub fn run_steps(
     (last.expect("a case has a step"), steps)
 }
 
+/// Products with A of a case with Coulomb friction, and of the same steps with the slip bounds given that it ends
+/// with; both on the direct path and from the same states.
+pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 2] {
+    let build = case.build().unwrap_or_else(|error| panic!("{error}"));
+    let problem = &build.problem;
+    let mut dual = CholeskyDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
+    let mut settings = case.settings();
+    settings.ssnm.tolerance = tolerance;
+    let mut state = State::at_rest(problem);
+    let (mut coulomb, mut tresca) = (0, 0);
+    for number in 0..case.n_steps() {
+        let data = case
+            .step(&build, number)
+            .unwrap_or_else(|error| panic!("{error}"))
+            .expect("an elastic case");
+        let mut run = |problem: &ContactProblem| {
+            let solution =
+                quasistatic::solve_step(problem, &data.load, &state, &mut dual, &settings, |_| {
+                    ControlFlow::Continue(())
+                })
+                .unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(solution.status, Status::Converged);
+            solution
+        };
+        let solution = run(problem);
+        let zero = vec![0.0; problem.m()];
+        let given = problem
+            .with_data(
+                data.load.force.clone(),
+                data.load.gap.clone(),
+                zero,
+                solution.slip_bound.clone(),
+            )
+            .with_friction_coefficient(Vec::new());
+        let frozen = run(&given);
+        assert!(distance(&frozen.u, &solution.u) < 1e3 * tolerance);
+        coulomb += solution.n_a();
+        tresca += frozen.n_a();
+        state = solution.state(&data.load);
+    }
+    println!("{coulomb} products under Coulomb's law, {tresca} with its slip bounds given");
+    [coulomb, tresca]
+}
+
 /// Solves a case on the direct path.
 pub fn solve_case(text: &str, tolerance: f64) -> Solved {
     let case = case(text);
