@@ -385,12 +385,14 @@ fn coulomb_at_the_price_of_tresca() {
     ] {
         let path = format!("{name}.toml");
         let case = Case::read(Path::new(&path), &[]).unwrap_or_else(|error| panic!("{error}"));
-        let [coulomb, tresca] = price_of_coulomb(&case, 1e-6);
+        print!("{name}: ");
+        let [coulomb, tresca, rounds] = price_of_coulomb(&case, 1e-6);
         assert!(coulomb <= most, "{name}: {coulomb} products");
         assert!(
             10 * coulomb <= 13 * tresca,
             "{name}: {coulomb} products, {tresca} with given bounds"
         );
+        assert!(coulomb < rounds, "{name}: {coulomb} products, {rounds}");
     }
 }
 

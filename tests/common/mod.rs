@@ -266,22 +266,26 @@ pub fn run_steps(
     (last.expect("a case has a step"), steps)
 }
 
-/// Products with A of a case with Coulomb friction, and of the same steps with the slip bounds given that it ends
-/// with; both on the direct path and from the same states.
-pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 2] {
+/// Products with A of a case with Coulomb friction, of the same steps with the slip bounds given that it ends with,
+/// and of rounds alone; all on the direct path and from the same states.
+pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 3] {
     let build = case.build().unwrap_or_else(|error| panic!("{error}"));
     let problem = &build.problem;
     let mut dual = CholeskyDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
     let mut settings = case.settings();
     settings.ssnm.tolerance = tolerance;
     let mut state = State::at_rest(problem);
-    let (mut coulomb, mut tresca) = (0, 0);
+    let mut products = [0; 3];
     for number in 0..case.n_steps() {
         let data = case
             .step(&build, number)
             .unwrap_or_else(|error| panic!("{error}"))
             .expect("an elastic case");
-        let mut run = |problem: &ContactProblem| {
+        let mut run = |problem: &ContactProblem, coupled: bool| {
+            let settings = quasistatic::Settings {
+                coupled,
+                ..settings
+            };
             let solution =
                 quasistatic::solve_step(problem, &data.load, &state, &mut dual, &settings, |_| {
                     ControlFlow::Continue(())
@@ -290,7 +294,7 @@ pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 2] {
             assert_eq!(solution.status, Status::Converged);
             solution
         };
-        let solution = run(problem);
+        let solution = run(problem, true);
         let zero = vec![0.0; problem.m()];
         let given = problem
             .with_data(
@@ -300,14 +304,18 @@ pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 2] {
                 solution.slip_bound.clone(),
             )
             .with_friction_coefficient(Vec::new());
-        let frozen = run(&given);
-        assert!(distance(&frozen.u, &solution.u) < 1e3 * tolerance);
-        coulomb += solution.n_a();
-        tresca += frozen.n_a();
+        let runs = [&solution, &run(&given, true), &run(problem, false)];
+        for (sum, run) in products.iter_mut().zip(runs) {
+            assert!(distance(&run.u, &solution.u) < 1e3 * tolerance);
+            *sum += run.n_a();
+        }
         state = solution.state(&data.load);
     }
-    println!("{coulomb} products under Coulomb's law, {tresca} with its slip bounds given");
-    [coulomb, tresca]
+    let [coulomb, tresca, rounds] = products;
+    println!(
+        "{coulomb} products under Coulomb's law, {tresca} with its slip bounds given, {rounds} by rounds"
+    );
+    products
 }
 
 /// Solves a case on the direct path.
