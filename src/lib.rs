@@ -21,7 +21,9 @@
 //! Bodies that can move as a whole make K singular; their rigid motions R are found from the coordinates
 //! ([`problem::FreeBodies`]), u = K⁺(f − Bᵀλ) + Rα, and λ has to balance them: Rᵀ(f − Bᵀλ) = 0.
 //!
-//! Coulomb friction (g = μ λν) and load steps are several such problems in a row: [`quasistatic`].
+//! Under Coulomb's law g = μ λν is part of the solution, and of the Newton steps
+//! ([`problem::ContactProblem::with_friction_coefficient`]). Load steps are several such problems in a row:
+//! [`quasistatic`].
 //!
 //! # The way the data flows
 //!
@@ -29,7 +31,7 @@
 //! case ─▶ mesh ─▶ elasticity (K, f) ─┐
 //!                 contact (N, T, d, g) ┴▶ ContactProblem ─▶ dual (A, b) ─▶ ssnm ─▶ Solution ─▶ output
 //!                                                │              └─ stiffness: Cholesky | PCG
-//!                                                └─ quasistatic: rounds and steps    └─ backend: Cpu | Gpu
+//!                                                └─ quasistatic: load steps          └─ backend: Cpu | Gpu
 //! ```
 //!
 //! Each stage can be entered from outside: [`problem::ContactProblem`] is the door for matrices of your

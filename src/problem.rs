@@ -36,7 +36,8 @@ pub struct ContactData {
     pub tangential: Csr,
     /// d, length m: the initial gap, ≥ 0.
     pub gap: Vec<f64>,
-    /// g, length m: the slip bound (a force per contact node), ≥ 0.
+    /// g, length m: the slip bound (a force per contact node), ≥ 0; for Coulomb's law see
+    /// [`ContactProblem::with_friction_coefficient`].
     pub slip_bound: Vec<f64>,
     /// One point per pair of unknowns, if they are the displacements of nodes; gives rigid body modes.
     pub coordinates: Option<Vec<[f64; 2]>>,

@@ -5,7 +5,7 @@
 //! with the inactive multipliers on their bounds by conjugate gradients (Step 3), and measures the
 //! reduced gradient (10) at the projection of the result (Step 3.4).
 //!
-//! Six things go beyond the text of the paper, none of which changes the limit:
+//! Seven things go beyond the text of the paper, none of which changes the limit:
 //!
 //! - **Products are carried.** r = Aλ − b is updated along with λ, so a product with A is spent only on
 //!   a direction of CG, on the jump of the multipliers that change to a bound, and on P_Λ(λ) − λ. Where
@@ -21,6 +21,10 @@
 //!   brings with it is ρα, α the rigid motion: r is Aλ − b − Gᵀα with this α at every prediction. So bodies cross
 //!   gaps, tip and settle in the projection, the sets are always those of forces in balance, and where Λₑ is
 //!   empty that is known before the first product.
+//! - **Coulomb's law.** Where g = μλν the tangential multipliers of slipping nodes follow the normal ones in
+//!   the inner problem (`face`, `gcr`), the error (10) is that with g = μλν of the same point, and the point stays on
+//!   the law's cones. Nothing is minimised then: steps are accepted while the error falls every few of them, then made
+//!   in other ways, then given up (`docs/coulomb.md`); `quasistatic` goes on from there.
 //! - **The safeguard.** The iterates are feasible and the change of q between them is known for nothing.
 //!   Steps that lower neither the best q nor the best error are discarded: from the best point a
 //!   projected gradient step with ρ = 1/σ_max < 2/σ_max lowers q by at least a fixed part of ‖r̃‖²
@@ -137,7 +141,8 @@ pub enum Status {
     Converged,
     /// `max_iterations` reached.
     IterationLimit,
-    /// No progress any more: the tolerance is below what f64, or PCG, can give here.
+    /// No progress any more: the tolerance is below what f64, or PCG, can give here, or under Coulomb's law no step
+    /// lowers the error.
     Stagnated,
     /// Contact and friction cannot balance the loads on a body that can move as a whole: no static solution
     /// exists. λ balances them as far as it goes ([`Solution::imbalance`]).
