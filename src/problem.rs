@@ -8,7 +8,7 @@ pub use free::{FreeBodies, FreeBody};
 pub use kkt::Kkt;
 pub(crate) use kkt::{ROUNDING, slip_violation};
 
-use crate::sparse::{BlockCsr, Csr, norm};
+use crate::sparse::{BlockCsr, Csr, norm, norm_max};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -62,6 +62,8 @@ pub struct ContactProblem {
     slip_origin: Vec<f64>,
     /// The areas that turn nodal forces into pressures, length m.
     areas: Arc<Vec<f64>>,
+    /// The largest displacement before this load step: what comes out as a difference is rounded accordingly.
+    travelled: f64,
     /// ‖forces that act on the bodies‖: ‖f‖, but for what prescribed displacements add to f.
     acting: f64,
     free: Arc<FreeBodies>,
@@ -268,6 +270,7 @@ impl ContactProblem {
             n_free: n,
             slip_origin: vec![0.0; m],
             areas: Arc::new(vec![1.0; m]),
+            travelled: 0.0,
             acting: norm(&data.load),
             free: Arc::new(free),
             parts: Arc::new(parts),
@@ -341,6 +344,19 @@ impl ContactProblem {
     pub fn with_acting_forces(mut self, acting: f64) -> Self {
         self.acting = acting;
         self
+    }
+
+    /// Says how far bodies have been displaced before this load step (the largest component).
+    pub(crate) fn with_travelled(mut self, travelled: f64) -> Self {
+        self.travelled = travelled;
+        self
+    }
+
+    /// The length that displacements, gaps and slips of this problem are differences of, at most.
+    pub(crate) fn reach(&self) -> f64 {
+        (self.travelled)
+            .max(norm_max(&self.gap))
+            .max(norm_max(&self.slip_origin))
     }
 
     /// Says how many of the unknowns are free, where some rows of K only hold a prescribed component.

@@ -264,8 +264,9 @@ struct Process<'a, D: ?Sized, O> {
     begin: Instant,
     /// Where T u is counted from: T ū, less what prescribed displacements slide meanwhile.
     origin: Vec<f64>,
-    /// Rᵀū.
+    /// Rᵀū, and the largest component of ū.
     place: Vec<f64>,
+    travelled: f64,
     sigma: Option<f64>,
     /// err⁰ with and without frozen bounds.
     first_errors: [Option<f64>; 2],
@@ -299,6 +300,7 @@ impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'
             begin: Instant::now(),
             origin,
             place: whole.free_bodies().resultants(&start.u),
+            travelled: norm_max(&start.u),
             sigma: settings.ssnm.sigma_max,
             first_errors: [None; 2],
             made: Vec::new(),
@@ -313,6 +315,7 @@ impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'
         (self.whole)
             .with_data(force, gap, self.origin.clone(), given)
             .with_acting_forces(self.load.acting)
+            .with_travelled(self.travelled)
     }
 
     /// max |μλν − g| / max μλν for what differs of the bounds.

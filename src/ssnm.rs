@@ -252,7 +252,7 @@ const LONGER: f64 = 4.0;
 /// Ways to make coupled steps: whole, searched for the least error, and both longer ρ after that.
 const ATTEMPTS: i32 = 4;
 /// How often coupled steps start again from the best point where products are exact.
-const RESTARTS: usize = 3;
+const RESTARTS: usize = 1;
 /// Points that a search looks at, each half as far as the one before.
 const HALVINGS: usize = 6;
 /// The part of α‖r̃_α‖² by which a step has to lower q to count as progress; a projected gradient step

@@ -211,6 +211,10 @@ impl Balance {
             }
             before = size;
         }
+        // Where nothing loads the bodies, forces below the rounding of x are none.
+        if self.e.iter().all(|&e| e == 0.0) && norm_max(&lambda) <= ROUNDING * norm_max(x) {
+            lambda.fill(0.0);
+        }
         let left = self.excess(&lambda);
         let rounding = self.rounding(&lambda);
         let balanced = (0..k).all(|j| left[j].abs() <= BALANCED * rounding[j])

@@ -132,6 +132,8 @@ impl ContactProblem {
         let back: Vec<f64> = free.resultants(u).iter().map(|a| -a).collect();
         let mut deformed = u.to_vec();
         free.add_motion(&back, &mut deformed);
+        // What is left of a long way has the rounding of that.
+        let reach = self.reach();
         let mut residual = vec![0.0; u.len()];
         residual
             .par_chunks_mut(2)
@@ -146,7 +148,7 @@ impl ContactProblem {
                             let column = 2 * j as usize + b;
                             sum += block[a][b] * deformed[column];
                             // Entries of u are rounded themselves.
-                            size += (block[a][b] * u[column]).abs();
+                            size += (block[a][b] * (u[column].abs() + reach)).abs();
                         }
                     }
                     row[a] = beyond(sum - forces[2 * i + a], ROUNDING * size);
@@ -174,12 +176,11 @@ impl ContactProblem {
         let own: Vec<f64> = (self.compliance().iter().zip(lambda))
             .map(|(c, l)| c * l)
             .collect();
-        let offsets = norm_max(self.gap()).max(norm_max(self.slip_origin()));
         Yardsticks {
             length: norm_max(&deformation).max(norm_max(&own)),
             deformation: norm(&deformation).max(norm(&own)),
             force: self.acting_forces(lambda),
-            rounding: ROUNDING * (norm_max(u) + offsets),
+            rounding: ROUNDING * (norm_max(u) + self.reach()),
         }
     }
 

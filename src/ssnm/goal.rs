@@ -82,7 +82,7 @@ fn force_error(problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
         .iter()
         .zip(r)
         .map(|(c, r)| c.abs().max((c - r).abs()));
-    let rounding = ROUNDING * terms.fold(0.0, f64::max);
+    let rounding = ROUNDING * terms.fold(problem.reach(), f64::max);
     let (mut pressure, mut traction, mut closed) = (0.0_f64, 0.0_f64, 0.0_f64);
     let mut off = 0.0_f64;
     for i in 0..2 * m {
