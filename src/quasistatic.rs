@@ -121,7 +121,7 @@ pub struct Round {
 pub enum Event<'a> {
     /// An outer step of the Newton method.
     Newton(&'a ssnm::Step),
-    /// A solve with frozen slip bounds has ended.
+    /// A solve with frozen slip bounds has ended, or one whose coupled steps have not got on.
     Round(&'a Round),
 }
 
@@ -212,14 +212,16 @@ pub fn solve_step(
     let mut step = Process::new(problem, load, start, dual, settings, memory, &mut observer);
     let tolerance = settings.ssnm.tolerance;
     let mut from = start.lambda.clone();
+    let mut reached = f64::INFINITY;
     if settings.coupled || !problem.has_coulomb() {
         let solution = step.solve(None, &from, tolerance)?;
         if !problem.has_coulomb() || !has_given_up(solution.status) {
             return Ok(step.end(solution, None));
         }
         from.clone_from(&solution.lambda);
+        reached = solution.info.err_relative;
     }
-    let mut rounds = Rounds::new(&step, &from);
+    let mut rounds = Rounds::new(&step, &from, reached);
     let mut burst = if settings.coupled { BURST } else { usize::MAX };
     loop {
         let (solution, more) = rounds.make(&mut step, burst)?;
@@ -377,7 +379,7 @@ impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'
             tolerance,
             info: solution.info.clone(),
         });
-        if frozen.is_some() {
+        if frozen.is_some() || (problem.has_coulomb() && has_given_up(solution.status)) {
             let made = self.made.last().expect("just pushed");
             self.stopped |= (self.observer)(Event::Round(made)).is_break();
         }

@@ -933,6 +933,8 @@ impl Checker {
 
         // (1)
         let (mut rest, mut sizes) = times(&self.k, n, u);
+        // What is left of a larger displacement before has the rounding of that.
+        let (_, before) = times(&self.k, n, &vec![largest(&start.u); n]);
         let mut contact = vec![0.0; n];
         for (rows, l) in [(&self.normal, ln), (&self.tangential, lt)] {
             for &(i, j, v) in rows {
@@ -941,7 +943,7 @@ impl Checker {
         }
         for i in 0..n {
             rest[i] += contact[i] - load.force[i];
-            sizes[i] += contact[i].abs() + load.force[i].abs();
+            sizes[i] += before[i] + contact[i].abs() + load.force[i].abs();
         }
         let mut force = load.acting.max(length(&contact));
         if force == 0.0 {

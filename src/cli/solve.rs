@@ -279,8 +279,13 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
         };
         writeln!(
             text,
-            "  {} solves{steps}, of which rounds with frozen slip bounds: those settled to {:.1e}",
-            step.rounds, step.friction_change
+            "  {} solves{steps}: coupled steps alone did not get on, {}",
+            step.rounds,
+            if step.friction_change == 0.0 {
+                "rounds with frozen slip bounds between them helped".to_owned()
+            } else {
+                format!("frozen slip bounds are off by {:.1e}", step.friction_change)
+            }
         )
         .expect("writing to a string cannot fail");
     }
@@ -412,7 +417,7 @@ impl Log {
         }
     }
 
-    /// The end of a round.
+    /// The end of a solve that may not be the last of its step.
     fn round(&self, round: &Round) {
         if self.quiet {
             return;
@@ -420,10 +425,19 @@ impl Log {
         if self.terminal {
             eprint!("\r\x1b[2K");
         }
-        eprintln!(
-            "round {:3}: slip bounds change by {:.2e}; {} steps, {} products to {:.0e}",
-            round.round, round.friction_change, round.info.iter, round.info.n_a, round.tolerance
-        );
+        let Round { round: k, info, .. } = round;
+        let cost = format!("{} steps, {} products", info.iter, info.n_a);
+        if round.frozen {
+            eprintln!(
+                "solve {k}: slip bounds frozen, in the end off by {:.2e}; {cost}",
+                round.friction_change
+            );
+        } else {
+            eprintln!(
+                "solve {k}: coupled steps do not get on, least err {:.2e}; {cost}; next with frozen slip bounds",
+                info.err_relative
+            );
+        }
     }
 
     /// The table of all steps.

@@ -22,6 +22,8 @@ use std::ops::ControlFlow;
 const FOLLOWS: f64 = 1e-3;
 /// The same of the first rounds.
 const FIRST_TOLERANCE: f64 = 1e-3;
+/// The same beside the error that the first one starts from.
+const CLOSER: f64 = 0.1;
 /// The part of the friction tolerance that the last problem may be off by.
 const RESOLVED: f64 = 0.1;
 
@@ -41,10 +43,11 @@ pub(super) struct Rounds<'a> {
 }
 
 impl<'a> Rounds<'a> {
-    /// Before the first one, which starts from λ.
+    /// Before the first one, which starts from λ where the relative error is about `reached`.
     pub fn new<D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>>(
         step: &Process<'a, D, O>,
         lambda: &[f64],
+        reached: f64,
     ) -> Self {
         let cones = Cones::new(step.whole, &step.load.force);
         let bounds = cones.bounds(lambda);
@@ -56,7 +59,7 @@ impl<'a> Rounds<'a> {
             next: bounds.clone(),
             bounds,
             anderson: Anderson::default(),
-            tolerance: tight.max(FIRST_TOLERANCE),
+            tolerance: tight.max(FIRST_TOLERANCE.min(CLOSER * reached)),
             tight,
             made: 0,
         }
