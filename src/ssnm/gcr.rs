@@ -6,8 +6,9 @@
 //! directions F y tried so far; A F y is kept beside each of them, so that r follows for nothing.
 
 use super::face::Face;
+use super::point::Point;
 use super::subspace::{Subspace, subtract};
-use super::{GROWN, Newton, Point};
+use super::{GROWN, Newton};
 use crate::dual::{DualError, DualOperator};
 use crate::sparse::{dot, norm};
 

@@ -1,0 +1,153 @@
+//! A point of the way, and the projected gradient step from it.
+
+use crate::dual::balance::{Balance, interval};
+use crate::sparse::{norm, norm_max};
+
+/// Passes that a rigid motion is settled in at most, and forces beside which those in balance are small.
+const SETTLED: usize = 3;
+const LARGER: f64 = 100.0;
+
+/// λ with its gradient r = Aλ − b − Gᵀα.
+#[derive(Clone)]
+pub(super) struct Point {
+    pub lambda: Vec<f64>,
+    pub r: Vec<f64>,
+    /// α; empty where all bodies are held.
+    pub motion: Vec<f64>,
+}
+
+impl Point {
+    /// q(to) − q(self) = ½ (λ' − λ)ᵀ(r + r'): free of the cancellation of a difference. Between points in balance
+    /// α has no part in it.
+    pub fn q_change(&self, to: &Self) -> f64 {
+        let mut sum = 0.0;
+        for i in 0..self.r.len() {
+            sum += (to.lambda[i] - self.lambda[i]) * (self.r[i] + to.r[i]);
+        }
+        0.5 * sum
+    }
+
+    /// The point at the part t of the way to another one.
+    pub fn towards(&self, end: &Self, t: f64) -> Self {
+        let between = |y: &[f64], z: &[f64]| -> Vec<f64> {
+            y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect()
+        };
+        Self {
+            lambda: between(&self.lambda, &end.lambda),
+            r: between(&self.r, &end.r),
+            motion: between(&self.motion, &end.motion),
+        }
+    }
+
+    /// The point of lowest q between this one and `end`.
+    pub fn lowest_towards(&self, end: &Self) -> Self {
+        let (mut slope, mut curvature) = (0.0, 0.0);
+        for i in 0..self.r.len() {
+            let step = end.lambda[i] - self.lambda[i];
+            slope += step * self.r[i];
+            curvature += step * (end.r[i] - self.r[i]);
+        }
+        let t = if curvature > 0.0 {
+            (-slope / curvature).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        if t == 1.0 {
+            return end.clone();
+        }
+        self.towards(end, t)
+    }
+
+    /// From this point of Λ towards `end` as far as Λ goes; what stops there lies exactly on its bound.
+    pub fn until_bound(&self, end: &Self, g: &[f64]) -> Self {
+        let m = g.len();
+        let bounds = |i: usize| {
+            if i < m {
+                (0.0, f64::INFINITY)
+            } else {
+                (-g[i - m], g[i - m])
+            }
+        };
+        let reach = |i: usize| {
+            let step = end.lambda[i] - self.lambda[i];
+            let (low, high) = bounds(i);
+            let room = if step < 0.0 {
+                low - self.lambda[i]
+            } else {
+                high - self.lambda[i]
+            };
+            if step == 0.0 {
+                f64::INFINITY
+            } else {
+                (room / step).max(0.0)
+            }
+        };
+        let t = (0..self.r.len()).map(reach).fold(1.0, f64::min);
+        let mut cut = self.towards(end, t);
+        for (i, l) in cut.lambda.iter_mut().enumerate() {
+            let (low, high) = bounds(i);
+            if reach(i) <= t {
+                *l = if end.lambda[i] < self.lambda[i] {
+                    low
+                } else {
+                    high
+                };
+            }
+            *l = l.clamp(low, high);
+        }
+        cut
+    }
+}
+
+/// P_Λ: the projections (4) on λν ≥ 0 and (5) on |λτ| ≤ g.
+///
+/// The sum of max-functions in (5) is the clamp to [−g, g]; written as such it leaves what is inside
+/// exactly as it was.
+pub fn project(lambda: &mut [f64], g: &[f64]) {
+    let (normal, tangential) = lambda.split_at_mut(g.len());
+    for l in normal {
+        *l = l.max(0.0);
+    }
+    for (l, &g) in tangential.iter_mut().zip(g) {
+        *l = l.clamp(-g, g);
+    }
+}
+
+/// Chooses α such that a projected gradient step of length ρ keeps the bodies in balance; returns its end.
+pub(super) fn settle(
+    point: &mut Point,
+    rho: f64,
+    g: &[f64],
+    balance: Option<&Balance>,
+) -> Vec<f64> {
+    let step = |point: &Point| -> Vec<f64> {
+        (point.lambda.iter().zip(&point.r))
+            .map(|(l, r)| l - rho * r)
+            .collect()
+    };
+    let Some(balance) = balance else {
+        let mut end = step(point);
+        project(&mut end, g);
+        return end;
+    };
+    for pass in 1.. {
+        let near = balance.nearest(&step(point), |i, z| interval(g[i], z));
+        let forces = balance.spread(&near.eta);
+        for (r, force) in point.r.iter_mut().zip(&forces) {
+            *r -= force / rho;
+        }
+        for (a, eta) in (point.motion.iter_mut()).zip(balance.coefficients(&near.eta)) {
+            *a += eta / rho;
+        }
+        // Forces that are found as differences of much larger ones are found once more from where they led.
+        if pass == SETTLED || norm_max(&forces) <= LARGER * norm_max(&near.lambda) {
+            return near.lambda;
+        }
+    }
+    unreachable!("the last pass returns")
+}
+
+/// ‖a − b‖.
+pub(super) fn distance(a: &[f64], b: &[f64]) -> f64 {
+    norm(&a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>())
+}
