@@ -24,6 +24,8 @@ const STEPS: usize = 200;
 const ROUNDING: f64 = 1e-14;
 /// Forces that balance up to this part of those that act do balance: loads and normals of meshes are no better.
 const BALANCED: f64 = 1e-10;
+/// The same for forces that are to be left as they are.
+const EXACTLY: f64 = 100.0 * ROUNDING;
 /// Motions are dependent on the free multipliers below this part of the largest eigenvalue.
 const DEPENDENT: f64 = 1e-12;
 /// The slope at the end of a line search, relative to that at its start.
@@ -215,11 +217,9 @@ impl Balance {
         if self.e.iter().all(|&e| e == 0.0) && norm_max(&lambda) <= ROUNDING * norm_max(x) {
             lambda.fill(0.0);
         }
-        let left = self.excess(&lambda);
-        let rounding = self.rounding(&lambda);
-        let balanced = (0..k).all(|j| left[j].abs() <= BALANCED * rounding[j])
-            && self.without_contact.iter().all(|&e| e == 0.0);
-        let imbalance = (left.iter().zip(&self.lengths))
+        let balanced =
+            self.is_met(&lambda, BALANCED) && self.without_contact.iter().all(|&e| e == 0.0);
+        let imbalance = (self.excess(&lambda).iter().zip(&self.lengths))
             .zip(&self.without_contact)
             .map(|((v, l), alone)| -v * l + alone)
             .collect();
@@ -278,11 +278,15 @@ impl Balance {
         direction
     }
 
-    /// Whether λ balances the bodies.
+    /// Whether λ balances the bodies but for rounding.
     pub fn holds(&self, lambda: &[f64]) -> bool {
-        let rounding = self.rounding(lambda);
+        self.is_met(lambda, EXACTLY)
+    }
+
+    /// Whether no imbalance of λ is more than this part of the forces that act.
+    fn is_met(&self, lambda: &[f64], part: f64) -> bool {
         let excess = self.excess(lambda);
-        (excess.iter().zip(rounding)).all(|(v, r)| v.abs() <= 100.0 * ROUNDING * r)
+        (excess.iter().zip(self.rounding(lambda))).all(|(v, r)| v.abs() <= part * r)
     }
 
     /// Gives up an imbalance that cannot be removed: from here on the rest is to be balanced.
@@ -393,22 +397,14 @@ impl FaceBalance {
 
     /// Balances λ by its free multipliers; false where they cannot. Leaves it as it is where it is balanced.
     pub fn balance(&self, lambda: &mut [f64]) -> bool {
-        let small = |lambda: &[f64], part: f64| {
-            let rounding = self.balance.rounding(lambda);
-            let excess = self.balance.excess(lambda);
-            excess
-                .iter()
-                .zip(rounding)
-                .all(|(v, r)| v.abs() <= part * r)
-        };
         for _ in 0..3 {
-            if small(lambda, 100.0 * ROUNDING) {
+            if self.balance.holds(lambda) {
                 return true;
             }
             let missing: Vec<f64> = self.balance.excess(lambda).iter().map(|v| -v).collect();
             self.shift(&missing, lambda);
         }
-        small(lambda, BALANCED)
+        self.balance.is_met(lambda, BALANCED)
     }
 
     /// Gλ for a direction, in the units in which the columns of Gᵀ have length one.
