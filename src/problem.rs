@@ -507,16 +507,22 @@ impl ContactProblem {
     }
 }
 
+/// The slip bound of a node with the normal multiplier λν: μλν where μ > 0, the given one elsewhere.
+pub(crate) fn coulomb_bound(given: f64, mu: f64, normal: f64) -> f64 {
+    if mu > 0.0 {
+        mu * normal.max(0.0)
+    } else {
+        given
+    }
+}
+
 /// The slip bounds at λ: μλν where μ > 0, the given ones elsewhere (everywhere if μ is empty).
 pub(crate) fn coulomb_bounds<'a>(given: &'a [f64], mu: &[f64], lambda: &[f64]) -> Cow<'a, [f64]> {
     if mu.is_empty() {
         return Cow::Borrowed(given);
     }
     let all = given.iter().zip(mu).zip(lambda);
-    Cow::Owned(
-        all.map(|((&g, &mu), l)| if mu > 0.0 { mu * l.max(0.0) } else { g })
-            .collect(),
-    )
+    Cow::Owned(all.map(|((&g, &mu), &l)| coulomb_bound(g, mu, l)).collect())
 }
 
 /// Whether K ties an unknown to another one.

@@ -189,8 +189,6 @@ const FRICTION: f64 = 10.0;
 const PUSHED: f64 = 1e-3;
 /// Rounds until the coupled step is tried again; twice as many each time.
 const BURST: usize = 3;
-/// The violation of the optimality conditions that `converged` allows, relative to the tolerance.
-const MET: f64 = 10.0;
 
 /// Solves one load step from `start`; the operator belongs to `problem`.
 ///
@@ -241,7 +239,7 @@ pub fn solve_step(
             }
             let mut solution = solution;
             solution.info.kkt = kkt;
-            if !(kkt.max() <= MET * tolerance) {
+            if !(kkt.max() <= ssnm::MET * tolerance) {
                 solution.status = Status::Stagnated;
             }
             return Ok(step.end(solution, Some(rounds.bounds)));

@@ -244,9 +244,11 @@ pub struct Solution {
     pub info: Info,
 }
 
+/// The violation of the optimality conditions that `converged` allows, relative to ε.
+pub(crate) const MET: f64 = 10.0;
 /// Newton steps in a row without progress in q or err before the safeguard acts.
 const FRUITLESS: usize = 3;
-/// Under Coulomb's law a step has to lower the error to this part of the best one to count as progress.
+/// An error below this part of the best one is progress.
 const PROGRESS: f64 = 0.9;
 /// There sets are predicted with so much longer a ρ than that of the error, and each time that nothing else has
 /// helped again with so much more.
@@ -478,13 +480,13 @@ fn balanced<D: DualOperator + ?Sized>(
     }
     let b = problem.contact_matrix();
     let mut balance = Balance::new(free, &b, problem.load(), |i| dual.factor(i));
-    let near = balance.nearest(&zero, |i, z| law.nearest(i, z));
-    if near.balanced {
-        (Some(Rc::new(balance)), near.lambda, Vec::new())
+    let least = balance.least(|i, z| law.nearest(i, z));
+    let imbalance = if least.balanced {
+        Vec::new()
     } else {
-        balance.give_up(&near.imbalance);
-        (Some(Rc::new(balance)), near.lambda, near.imbalance)
-    }
+        least.imbalance
+    };
+    (Some(Rc::new(balance)), least.lambda, imbalance)
 }
 
 /// The state that all steps share.
@@ -729,9 +731,9 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         let forces = goal.forces_met(self.problem, &lambda, &r);
         // Equilibrium does not depend on λ: no further step can mend it. A goal that was met again and
         // again and still fails the check is at the limit of rounding.
-        let status = if err <= goal.err * (1.0 + 1e-6) && forces && kkt.max() <= 10.0 * tolerance {
+        let status = if err <= goal.err * (1.0 + 1e-6) && forces && kkt.max() <= MET * tolerance {
             Status::Converged
-        } else if !(kkt.equilibrium <= 10.0 * tolerance) || goal.checks >= 5 {
+        } else if !(kkt.equilibrium <= MET * tolerance) || goal.checks >= 5 {
             Status::Stagnated
         } else {
             // An err that is not met was a matter of the accuracy of u: the next check has a better one.
@@ -919,7 +921,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             // or a clearly smaller error: rounding must not pass for it.
             let lost = best.q_change(point);
             let least = self.alpha * self.error_with(&mut best.clone(), self.alpha).powi(2);
-            let progress = -lost >= GAIN * least && lost < 0.0 || err <= 0.9 * best_err;
+            let progress = -lost >= GAIN * least && lost < 0.0 || err <= PROGRESS * best_err;
             if progress {
                 fruitless = 0;
             } else {

@@ -289,8 +289,17 @@ impl Balance {
         (excess.iter().zip(self.rounding(lambda))).all(|(v, r)| v.abs() <= part * r)
     }
 
-    /// Gives up an imbalance that cannot be removed: from here on the rest is to be balanced.
-    pub fn give_up(&mut self, imbalance: &[f64]) {
+    /// The least forces that balance the bodies. What of an imbalance none can remove is given up: from here on the
+    /// rest is to be balanced.
+    pub fn least(&mut self, project: impl Fn(usize, [f64; 2]) -> Projected) -> Nearest {
+        let near = self.nearest(&vec![0.0; self.motions.n_rows()], project);
+        if !near.balanced {
+            self.give_up(&near.imbalance);
+        }
+        near
+    }
+
+    fn give_up(&mut self, imbalance: &[f64]) {
         for ((e, l), v) in self.e.iter_mut().zip(&self.lengths).zip(imbalance) {
             if *l > 0.0 {
                 *e -= v / l;
@@ -481,7 +490,7 @@ pub(crate) fn interval(g: f64, [n, t]: [f64; 2]) -> Projected {
 }
 
 /// The nearest point with |λτ| ≤ μλν: the projection on Coulomb's cone.
-pub(crate) fn cone(mu: f64, [n, t]: [f64; 2]) -> Projected {
+fn cone(mu: f64, [n, t]: [f64; 2]) -> Projected {
     if n > 0.0 && t.abs() <= mu * n {
         return ([n, t], [[1.0, 0.0], [0.0, 1.0]]);
     }
@@ -495,6 +504,15 @@ pub(crate) fn cone(mu: f64, [n, t]: [f64; 2]) -> Projected {
         edge.map(|e| e * length),
         edge.map(|a| edge.map(|b| a * b / square)),
     )
+}
+
+/// The projection of a node on Coulomb's cone where μ > 0, on the interval of the given slip bound elsewhere.
+pub(crate) fn lawful(given: f64, mu: f64, z: [f64; 2]) -> Projected {
+    if mu > 0.0 {
+        cone(mu, z)
+    } else {
+        interval(given, z)
+    }
 }
 
 #[cfg(test)]

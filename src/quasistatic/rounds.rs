@@ -11,7 +11,7 @@
 
 use super::{Event, Process, difference};
 use crate::dual::DualOperator;
-use crate::dual::balance::{Balance, Nearest, cone, interval};
+use crate::dual::balance::{Balance, Nearest, interval, lawful};
 use crate::problem::ContactProblem;
 use crate::sparse::norm;
 use crate::ssnm::{Solution, SolveError, Status};
@@ -155,10 +155,10 @@ impl<'a> Cones<'a> {
         }
         let b = problem.contact_matrix();
         let mut balance = Balance::new(free, &b, load, |_| 1.0);
-        let near = cones.nearest(&balance, &vec![0.0; 2 * problem.m()]);
-        if !near.balanced {
-            balance.give_up(&near.imbalance);
-            cones.imbalance = near.imbalance;
+        let given = problem.slip_bound();
+        let least = balance.least(|i, z| lawful(given[i], cones.mu(i), z));
+        if !least.balanced {
+            cones.imbalance = least.imbalance;
         }
         cones.balance = Some(balance);
         cones
@@ -170,10 +170,7 @@ impl<'a> Cones<'a> {
 
     fn nearest(&self, balance: &Balance, lambda: &[f64]) -> Nearest {
         let given = self.problem.slip_bound();
-        balance.nearest(lambda, |i, z| match self.mu(i) {
-            0.0 => interval(given[i], z),
-            mu => cone(mu, z),
-        })
+        balance.nearest(lambda, |i, z| lawful(given[i], self.mu(i), z))
     }
 
     /// What forces within the given bounds cannot balance; empty where they can.

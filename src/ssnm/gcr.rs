@@ -5,10 +5,10 @@
 //! equations as unknowns, but not symmetric. GCR (Eisenstat, Elman and Schultz 1983) makes ‖Zᵀr‖ least over the
 //! directions F y tried so far; A F y is kept beside each of them, so that r follows for nothing.
 
+use super::Newton;
 use super::face::Face;
 use super::point::Point;
 use super::subspace::{Subspace, subtract};
-use super::{GROWN, Newton};
 use crate::dual::{DualError, DualOperator};
 use crate::sparse::{dot, norm};
 
@@ -91,7 +91,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     ) -> Result<usize, DualError> {
         let mut image = vec![0.0; point.lambda.len()];
         let limit = 2 * gcr.face.sets.n_free() + 50;
-        let (mut inner, mut first) = (0, 0.0);
+        let (mut inner, mut first) = (0, None);
         // Of the last iteration, per length of its direction; before the first, what a well-conditioned A would give.
         let mut step = 2.0 / self.products.sigma;
         let mut stuck = None;
@@ -102,16 +102,9 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             let mut rest = point.r.clone();
             gcr.face.residual(&mut rest);
             let residual = norm(&rest);
-            let drift = self.products.drift();
-            if inner == 0 {
-                first = residual;
-            } else if !self.products.are_exact() && !(residual <= GROWN * first) {
-                self.products.sharpen();
-                break;
-            }
-            if (residual <= target && self.is_enough(point, rest.clone(), residual))
-                || (inner > 0 && (residual <= drift || enough(self, point, residual)))
-            {
+            first.get_or_insert(residual);
+            let earlier = first.filter(|_| inner > 0);
+            if self.ends(point, || rest.clone(), residual, earlier, target, &enough) {
                 break;
             }
             // Where the residual does not fall along itself, its image is a direction that has not been tried.

@@ -1,9 +1,10 @@
 //! The friction law of each contact node, in scaled multipliers.
 
 use super::Scaled;
+use super::point::project;
 use crate::dual::DualOperator;
-use crate::dual::balance::{Balance, Projected, cone, interval};
-use crate::problem::{ContactProblem, coulomb_bounds};
+use crate::dual::balance::{Balance, Projected, lawful};
+use crate::problem::{ContactProblem, coulomb_bound, coulomb_bounds};
 use std::borrow::Cow;
 
 /// |λτ,i| ≤ gᵢ with gᵢ given (Tresca; 0 without friction) or gᵢ = μᵢλν,i (Coulomb).
@@ -43,28 +44,18 @@ impl Law {
 
     /// The bound of a node with the normal multiplier λν.
     pub fn bound(&self, i: usize, normal: f64) -> f64 {
-        match self.mu(i) {
-            0.0 => self.given[i],
-            mu => mu * normal.max(0.0),
-        }
+        coulomb_bound(self.given[i], self.mu(i), normal)
     }
 
     /// What obeys the law and is near: λν cut at 0, then λτ at its bound. Without Coulomb friction that is P_Λ.
     fn cut(&self, lambda: &mut [f64]) {
-        let m = self.given.len();
-        for i in 0..m {
-            lambda[i] = lambda[i].max(0.0);
-            let g = self.bound(i, lambda[i]);
-            lambda[m + i] = lambda[m + i].clamp(-g, g);
-        }
+        let g = self.bounds(lambda);
+        project(lambda, &g);
     }
 
     /// The nearest point of a node's interval or cone.
     pub fn nearest(&self, i: usize, z: [f64; 2]) -> Projected {
-        match self.mu(i) {
-            0.0 => interval(self.given[i], z),
-            mu => cone(mu, z),
-        }
+        lawful(self.given[i], self.mu(i), z)
     }
 
     /// Takes λ where it obeys the law and balances the bodies; where it does so, it stays.

@@ -109,7 +109,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     ) -> Result<usize, DualError> {
         let mut image = vec![0.0; point.lambda.len()];
         let limit = 2 * cg.face.sets.n_free() + 50;
-        let (mut inner, mut first) = (0, 0.0);
+        let (mut inner, mut first) = (0, None);
         // Of the last iteration; before the first, what a well-conditioned A would give.
         let mut step = 2.0 / self.products.sigma;
         while inner < limit && self.products.stop.now().is_none() {
@@ -120,19 +120,16 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             let mut p: Vec<f64> = point.r.iter().map(|r| -r).collect();
             cg.face.direction(&mut p);
             let residual = norm(&p);
-            // Below its drift the residual says nothing, and where it grows, directions that are only nearly
-            // conjugate have come to work against each other.
-            let drift = self.products.drift();
-            if inner == 0 {
-                first = residual;
-            } else if !self.products.are_exact() && !(residual <= GROWN * first) {
-                self.products.sharpen();
-                break;
-            }
-            if (residual <= target
-                && self.is_enough(point, p.iter().map(|v| -v).collect(), residual))
-                || (inner > 0 && (residual <= drift || enough(self, point, residual)))
-            {
+            first.get_or_insert(residual);
+            let rest = || p.iter().map(|v| -v).collect();
+            if self.ends(
+                point,
+                rest,
+                residual,
+                first.filter(|_| inner > 0),
+                target,
+                &enough,
+            ) {
                 break;
             }
             cg.span.make_conjugate(&mut p, None);
@@ -154,9 +151,31 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         Ok(inner)
     }
 
+    /// Whether an inner iteration ends at a point: where its `residual` (a vector of that length is `rest`) has met
+    /// the target or, after the `first` one, where `enough` says so or nothing more is to be had.
+    pub(super) fn ends(
+        &mut self,
+        point: &Point,
+        rest: impl FnOnce() -> Vec<f64>,
+        residual: f64,
+        first: Option<f64>,
+        target: f64,
+        enough: &impl Fn(&Self, &Point, f64) -> bool,
+    ) -> bool {
+        // Where the residual grows, directions that fit only nearly have come to work against each other.
+        if first.is_some_and(|first| !(residual <= GROWN * first)) && !self.products.are_exact() {
+            self.products.sharpen();
+            return true;
+        }
+        // Below its drift it says nothing.
+        (residual <= target && self.is_enough(point, rest(), residual))
+            || (first.is_some()
+                && (residual <= self.products.drift() || enough(self, point, residual)))
+    }
+
     /// Whether an inner problem that has met its target may end: if it may be the last one, the forces have to be
     /// accurate as well, where another step costs more than another product.
-    pub(super) fn is_enough(&self, point: &Point, rest: Vec<f64>, residual: f64) -> bool {
+    fn is_enough(&self, point: &Point, rest: Vec<f64>, residual: f64) -> bool {
         if residual > self.last_err || self.products.are_exact() {
             return true;
         }
@@ -187,17 +206,17 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     /// costs no product: what obeys Coulomb's law and balance is convex, and r linear on the chord.
     pub(super) fn search(&self, before: &Point, point: &mut Point) -> bool {
         let end = point.clone();
-        let (mut least, mut t) = (self.error(point), 1.0);
+        let (mut least, mut t, mut found) = (self.error(point), 1.0, false);
         for _ in 0..HALVINGS {
             t *= 0.5;
             let mut there = before.towards(&end, t);
             let err = self.error(&mut there);
             if err < least {
-                least = err;
+                (least, found) = (err, true);
                 *point = there;
             }
         }
-        least < self.error(&mut end.clone())
+        found
     }
 
     /// P_Λ(λ), with the multipliers that the next step will hold put on their bounds by the same product.
