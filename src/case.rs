@@ -5,9 +5,11 @@
 
 mod build;
 mod quantity;
+mod units;
 
 pub use build::{Build, BuildError, Elastic, Pair, StepData};
 pub use quantity::Quantity;
+pub use units::Units;
 
 use crate::elasticity::Plane;
 use crate::mesh::structured::CellShape;
@@ -45,6 +47,7 @@ pub struct Tables {
     /// A title for the report.
     #[serde(default)]
     pub title: String,
+    pub units: Option<Spanned<Units>>,
     pub mesh: Option<Spanned<MeshTable>>,
     #[serde(default)]
     pub analysis: AnalysisTable,
@@ -166,8 +169,8 @@ pub struct MaterialTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SupportTable {
-    /// A boundary, or
-    pub boundary: Option<String>,
+    /// A boundary or several, or
+    pub boundary: Option<Names>,
     /// the node nearest to a point.
     #[serde(default, deserialize_with = "two_or_none")]
     pub point: Option<[f64; 2]>,
@@ -186,7 +189,8 @@ pub struct SupportTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TractionTable {
-    pub boundary: String,
+    /// A boundary or several.
+    pub boundary: Names,
     /// Pa.
     pub x: Option<Quantity>,
     /// Pa.
@@ -223,10 +227,10 @@ pub struct StepsTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactTable {
-    /// The boundary that carries the multipliers.
-    pub boundary: String,
-    /// The boundary of another body that it meets, or
-    pub against: Option<String>,
+    /// The boundary that carries the multipliers, or several as one.
+    pub boundary: Names,
+    /// The boundary of another body that it meets (or several), or
+    pub against: Option<Names>,
     /// a rigid obstacle.
     pub obstacle: Option<ObstacleTable>,
     #[serde(default)]
@@ -235,8 +239,35 @@ pub struct ContactTable {
     pub gap: Option<Quantity>,
     /// Gaps and overlaps up to this distance in m count as touching.
     pub adjust: Option<f64>,
-    /// With `against`: what is farther apart is no candidate, in m.
+    /// What is farther apart is no candidate with `against`, and not rubbed by Tresca's bound on an obstacle; in m.
     pub search_distance: Option<f64>,
+}
+
+/// The name of a boundary, or a list of names that count as one.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected the name of a boundary in quotes, or a list of names"
+)]
+pub enum Names {
+    One(String),
+    Several(Vec<String>),
+}
+
+impl Names {
+    /// All of them.
+    pub fn all(&self) -> &[String] {
+        match self {
+            Self::One(name) => std::slice::from_ref(name),
+            Self::Several(names) => names,
+        }
+    }
+}
+
+impl std::fmt::Display for Names {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str(&self.all().join(", "))
+    }
 }
 
 /// What the boundary may touch.
@@ -508,6 +539,27 @@ impl Case {
                 );
             }
         }
+        if let Some(units) = &t.units
+            && let Some(fault) = units.get_ref().fault()
+        {
+            return self.invalid(units.span(), fault);
+        }
+        let named = (t.support.iter())
+            .map(|table| (table.span(), table.get_ref().boundary.as_ref()))
+            .chain(
+                t.traction
+                    .iter()
+                    .map(|table| (table.span(), Some(&table.get_ref().boundary))),
+            )
+            .chain(t.contact.iter().flat_map(|table| {
+                let c = table.get_ref();
+                [Some(&c.boundary), c.against.as_ref()].map(|names| (table.span(), names))
+            }));
+        for (span, names) in named {
+            if names.is_some_and(|names| names.all().is_empty()) {
+                return self.invalid(span, "a list of boundaries is empty: name at least one");
+            }
+        }
         let thickness = &t.analysis.thickness;
         if !(*thickness.get_ref() > 0.0 && thickness.get_ref().is_finite()) {
             return self.invalid(thickness.span(), "thickness must be positive");
@@ -555,9 +607,6 @@ impl Case {
                 (Some(_), Some(_)) => {
                     Some("a contact is either against a boundary or with an obstacle: keep one")
                 }
-                (Some(_), None) if c.search_distance.is_some() => Some(
-                    "search_distance belongs to contact between two boundaries: leave it out with an obstacle",
-                ),
                 _ if distance(c.search_distance) || distance(c.adjust) => {
                     Some("search_distance and adjust must be finite and not negative")
                 }
@@ -579,12 +628,26 @@ impl Case {
         }
         for (i, contact) in t.contact.iter().enumerate() {
             let c = contact.get_ref();
+            let common = |a: &Names, b: &Names| a.all().iter().any(|name| b.all().contains(name));
             let twice = t.contact[..i].iter().any(|other| {
                 let o = other.get_ref();
-                c.against.is_some()
-                    && (c.against.as_ref() == Some(&o.boundary))
-                    && (o.against.as_ref() == Some(&c.boundary))
+                match (&c.against, &o.against) {
+                    (Some(here), Some(there)) => {
+                        common(here, &o.boundary) && common(there, &c.boundary)
+                    }
+                    _ => false,
+                }
             });
+            if c.against
+                .as_ref()
+                .is_some_and(|against| common(&c.boundary, against))
+            {
+                return self.invalid(
+                    contact.span(),
+                    "a boundary stands on both sides of this contact: contact of a body with itself needs two \
+                     boundaries that share no node",
+                );
+            }
             if twice {
                 return self.invalid(
                     contact.span(),
@@ -707,6 +770,12 @@ impl Case {
         self.invalid(span, problem)
     }
 
+    /// What its units are called.
+    pub fn units(&self) -> Units {
+        let units = self.tables.units.as_ref();
+        units.map_or_else(Units::default, |units| units.get_ref().clone())
+    }
+
     /// Number of load steps.
     pub fn n_steps(&self) -> usize {
         (self.tables.steps.as_ref()).map_or(1, |steps| steps.get_ref().factors.len())
@@ -775,6 +844,18 @@ fn suggested(message: &str) -> String {
         .any(|text| message.contains(text))
     {
         return format!("{message}; a friction law is written as {LAWS}");
+    }
+    // A table where a list of tables is wanted: the line shows which.
+    const LISTS: [&str; 5] = ["material", "support", "traction", "body_force", "contact"];
+    let list = LISTS.iter().find(|name| {
+        message.contains(&format!("[{name}]")) && !message.contains(&format!("[[{name}]]"))
+    });
+    if let Some(name) = list
+        && message.contains("expected a sequence")
+    {
+        return format!(
+            "{message}; there may be several of these: write [[{name}]], with double brackets"
+        );
     }
     let Some((wrong, known)) = unknown.as_ref().and_then(|names| names.split_first()) else {
         return message.to_owned();

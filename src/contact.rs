@@ -4,11 +4,13 @@
 //! through a mortar coupling of meshes that need not match ([`mortar_contact`]).
 
 mod mortar;
+mod rows;
 
 pub use mortar::mortar_contact;
+pub use rows::{ContactRows, contact_rows};
 
-use crate::elasticity::{Body, Field, Unknowns};
-use crate::sparse::Csr;
+use crate::elasticity::{Body, Field};
+use crate::mesh::bounds;
 
 /// A rigid obstacle in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,8 +85,8 @@ pub struct PairOptions<'a> {
     pub gap: Option<Field<'a>>,
     /// Gaps and overlaps up to this distance count as touching.
     pub adjust: f64,
-    /// What lies farther apart is no candidate for contact between bodies; None: half the diagonal of the box
-    /// around the smaller boundary.
+    /// What lies farther apart is no candidate for contact between bodies, and Tresca's bound does not act there
+    /// on an obstacle; None: half the diagonal of the box around the smaller boundary.
     pub search_distance: Option<f64>,
 }
 
@@ -150,15 +152,31 @@ pub enum ContactError {
     )]
     BodiesOverlap { x: f64, y: f64, depth: f64 },
     #[error(
-        "the node at ({x:.6e}, {y:.6e}) belongs to two contacts: let the boundaries that are named first share no node"
+        "the node at ({x:.6e}, {y:.6e}) would belong to several contacts whose normals are not independent: \
+         name each boundary in one contact only, or let what it meets there differ in direction"
     )]
     Twice { x: f64, y: f64 },
+    #[error(
+        "the node at ({x:.6e}, {y:.6e}) is held by a support, and what it meets has too few unknowns of its own left \
+         for a contact force there: name the other boundary first"
+    )]
+    Dependent { x: f64, y: f64 },
+    #[error(
+        "supports drive the node at ({x:.6e}, {y:.6e}) {depth:.3e} into what it is in contact with, and leave it no \
+         freedom to give way: change the prescribed displacement, or free the node"
+    )]
+    Driven { x: f64, y: f64, depth: f64 },
     #[error("the node at ({x:.6e}, {y:.6e}) belongs to both boundaries of the contact")]
     Shared { x: f64, y: f64 },
     #[error(
         "no part of it faces the obstacle: the normal of a half-plane points out of the obstacle, towards the body"
     )]
     FacesAway,
+    #[error(
+        "all of it lies inside the circle: the obstacle is the disc itself, which the body must lie outside of; a \
+         hole around a body is no obstacle of this kind (mesh its wall, hold it, and let the body meet that boundary)"
+    )]
+    InsideCircle,
     #[error(
         "the node at ({x:.6e}, {y:.6e}) lies at the centre of the circle, so its normal is undefined"
     )]
@@ -170,8 +188,6 @@ pub enum ContactError {
          apart: check the boundaries, or set search_distance"
     )]
     Apart { distance: f64, nearest: f64 },
-    #[error("supports hold every node of it: name the other boundary first")]
-    Held,
     #[error("the {what} is {value} at ({x:.6e}, {y:.6e}): it must be a finite number ≥ 0")]
     NotPositive {
         what: &'static str,
@@ -196,11 +212,46 @@ fn checked(what: &'static str, [x, y]: [f64; 2], value: f64) -> Result<f64, Cont
     }
 }
 
+/// How far apart two boundaries may be where nobody has said it: half the diagonal of the smaller of the boxes around
+/// them.
+fn reach(boxes: [([f64; 2], [f64; 2]); 2]) -> f64 {
+    let diagonal = |(low, high): ([f64; 2], [f64; 2])| (high[0] - low[0]).hypot(high[1] - low[1]);
+    0.5 * diagonal(boxes[0]).min(diagonal(boxes[1]))
+}
+
+/// The box around the nodes of some edges.
+fn around(body: &Body, edges: &[[u32; 2]]) -> ([f64; 2], [f64; 2]) {
+    let nodes = edges.iter().flatten();
+    bounds(nodes.map(|&node| body.mesh.nodes[node as usize]))
+}
+
+impl PairOptions<'_> {
+    /// The search distance between the boundary `edges` and another one.
+    pub fn distance_between(&self, body: &Body, edges: &[[u32; 2]], others: &[[u32; 2]]) -> f64 {
+        self.search_distance
+            .unwrap_or_else(|| reach([around(body, edges), around(body, others)]))
+    }
+
+    /// The search distance between the boundary `edges` and an obstacle.
+    pub fn distance_to(&self, body: &Body, edges: &[[u32; 2]], obstacle: &Obstacle) -> f64 {
+        self.search_distance.unwrap_or_else(|| {
+            let there = match *obstacle {
+                Obstacle::HalfPlane { .. } => ([f64::NEG_INFINITY; 2], [f64::INFINITY; 2]),
+                Obstacle::Circle { center, radius } => {
+                    (center.map(|c| c - radius), center.map(|c| c + radius))
+                }
+            };
+            reach([around(body, edges), there])
+        })
+    }
+}
+
 /// The contact nodes of a boundary against an obstacle.
 ///
 /// Each node takes its normal and gap from the nearest point of the obstacle; a Tresca bound becomes the
 /// nodal force ∫ bound φᵢ ds (times the thickness). Overlaps below 1e-9 of the size of the mesh count as
-/// touching.
+/// touching. No node can pass through the obstacle, however far it was from it; but where the gap is larger than
+/// the search distance there is no friction of Tresca's kind, which would rub without a pressure.
 pub fn obstacle_contact(
     body: &Body,
     edges: &[[u32; 2]],
@@ -219,9 +270,14 @@ pub fn obstacle_contact(
         // An undefined direction is an error of its own below.
         !(outward[0] * towards[0] + outward[1] * towards[1] <= 0.0)
     };
+    let inside = |&node: &u32| obstacle.distance(mesh.nodes[node as usize]).0 < -rounding;
+    if matches!(obstacle, Obstacle::Circle { .. }) && nodes.iter().all(inside) {
+        return Err(ContactError::InsideCircle);
+    }
     if !edges.iter().any(faces) {
         return Err(ContactError::FacesAway);
     }
+    let near = options.distance_to(body, edges, obstacle);
     let mut area = vec![0.0; mesh.nodes.len()];
     let mut bound = area.clone();
     body.integrate_on_boundary(edges, &|_| 1.0, &mut area);
@@ -244,7 +300,10 @@ pub fn obstacle_contact(
             } else if gap < 0.0 {
                 return Err(ContactError::Overlap { x, y, depth: -gap });
             }
-            let slip_bound = options.friction.at(place, bound[i])?;
+            let slip_bound = match options.friction.at(place, bound[i])? {
+                SlipBound::Given(_) if gap > near => SlipBound::Given(0.0),
+                slip_bound => slip_bound,
+            };
             Ok(ContactNode {
                 node,
                 partners: Vec::new(),
@@ -255,125 +314,4 @@ pub fn obstacle_contact(
             })
         })
         .collect()
-}
-
-/// N, T, d, g over the unknowns, with the contact nodes that their rows belong to.
-#[derive(Clone, Debug)]
-pub struct ContactRows {
-    /// The contact node of each row.
-    pub nodes: Vec<ContactNode>,
-    pub normal: Csr,
-    pub tangential: Csr,
-    /// Given slip bounds; 0 under Coulomb's law and where a node cannot slide.
-    pub slip_bound: Vec<f64>,
-    /// μ of each row; 0 under the other laws and where a node cannot slide.
-    pub coefficient: Vec<f64>,
-    /// What prescribed displacements add to N u and T u: (row of (N; T), node, component, factor).
-    held: Vec<(usize, u32, u8, f64)>,
-}
-
-/// Writes the rows of the contact nodes.
-///
-/// A node whose normal displacement is prescribed drops out; one that cannot move sideways gets an empty
-/// row in T and the slip bound 0.
-pub fn contact_rows(
-    body: &Body,
-    unknowns: &Unknowns,
-    candidates: &[ContactNode],
-) -> Result<ContactRows, ContactError> {
-    let place = |node: u32| body.mesh.nodes[node as usize];
-    let mut seen = std::collections::HashSet::new();
-    let (mut nodes, mut slip_bound) = (Vec::new(), Vec::new());
-    let mut coefficient: Vec<f64> = Vec::new();
-    let (mut n_entries, mut t_entries) = (Vec::new(), Vec::new());
-    let mut held: [Vec<(usize, u32, u8, f64)>; 2] = Default::default();
-    for candidate in candidates {
-        let [x, y] = place(candidate.node);
-        if !seen.insert(candidate.node) {
-            return Err(ContactError::Twice { x, y });
-        }
-        let free = unknowns
-            .prescribed(candidate.node)
-            .map(|given| given.is_none());
-        let moves = |c: usize| free[c] && candidate.normal[c].abs() > 1e-8;
-        if !moves(0) && !moves(1) {
-            continue;
-        }
-        let can_slide = free[0] && free[1];
-        let i = nodes.len();
-        // The entries of a row for direction v: v at the node, −v at its partners.
-        let row = |v: [f64; 2],
-                   entries: &mut Vec<(usize, usize, f64)>,
-                   held: &mut Vec<(usize, u32, u8, f64)>| {
-            let partners = candidate.partners.iter().map(|&(node, w)| (node, -w));
-            for (node, factor) in [(candidate.node, 1.0)].into_iter().chain(partners) {
-                for c in 0..2 {
-                    let value = factor * v[c];
-                    // What is left of a cosine of a right angle is rounding.
-                    if v[c].abs() < 1e-14 || value == 0.0 {
-                        continue;
-                    }
-                    match unknowns.prescribed(node)[c] {
-                        Some(_) => held.push((i, node, c as u8, value)),
-                        None => {
-                            let block = unknowns.block(node).expect("it has a free component");
-                            entries.push((i, 2 * block as usize + c, value));
-                        }
-                    }
-                }
-            }
-        };
-        row(candidate.normal, &mut n_entries, &mut held[0]);
-        if can_slide {
-            row(candidate.tangent(), &mut t_entries, &mut held[1]);
-        }
-        let (given, mu) = match candidate.slip_bound {
-            SlipBound::Given(bound) => (bound, 0.0),
-            SlipBound::Coulomb(mu) => (0.0, mu),
-        };
-        slip_bound.push(if can_slide { given } else { 0.0 });
-        coefficient.push(if can_slide { mu } else { 0.0 });
-        nodes.push(candidate.clone());
-    }
-    let (m, n) = (nodes.len(), 2 * unknowns.n_blocks());
-    let [held_n, held_t] = held;
-    Ok(ContactRows {
-        normal: Csr::from_triplets(m, n, n_entries),
-        tangential: Csr::from_triplets(m, n, t_entries),
-        nodes,
-        slip_bound,
-        coefficient,
-        held: held_n
-            .into_iter()
-            .chain(
-                held_t
-                    .into_iter()
-                    .map(|(i, node, c, v)| (i + m, node, c, v)),
-            )
-            .collect(),
-    })
-}
-
-impl ContactRows {
-    /// What the prescribed displacements of `unknowns` add to N u and to T u.
-    pub fn held_motion(&self, unknowns: &Unknowns) -> (Vec<f64>, Vec<f64>) {
-        let m = self.nodes.len();
-        let mut motion = vec![0.0; 2 * m];
-        for &(i, node, c, value) in &self.held {
-            motion[i] += value * unknowns.prescribed(node)[c as usize].unwrap_or(0.0);
-        }
-        let tangential = motion.split_off(m);
-        (motion, tangential)
-    }
-
-    /// d: the initial gaps, less what the prescribed displacements of `unknowns` close of them. Negative where
-    /// a prescribed motion pushes the bodies into each other.
-    pub fn gap(&self, unknowns: &Unknowns) -> Vec<f64> {
-        let (moved, _) = self.held_motion(unknowns);
-        self.nodes
-            .iter()
-            .zip(moved)
-            .map(|(node, moved)| node.gap - moved)
-            .collect()
-    }
 }

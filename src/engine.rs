@@ -200,48 +200,82 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Runs `work` and, if the GPU or PCG fails in it and the choice was left open, runs it again with the factor on
-    /// the CPU.
+    /// Runs `work` and, if the GPU or PCG fails in it and the choice was left open, runs it again on the CPU.
     fn with_fallback<T>(
         &mut self,
         mut work: impl FnMut(&mut dyn DualOperator) -> Result<T, DualError>,
     ) -> Result<T, DualError> {
-        let outcome = match &mut self.path {
-            Path::Cholesky(dual) => return work(dual.as_mut()),
-            Path::Cpu(dual) => work(dual.as_mut()),
-            Path::Gpu(dual, _) => work(dual.as_mut()),
-        };
-        let Err(DualError::Pcg(error)) = outcome else {
-            return outcome;
-        };
+        loop {
+            let outcome = match &mut self.path {
+                Path::Cholesky(dual) => return work(dual.as_mut()),
+                Path::Cpu(dual) => work(dual.as_mut()),
+                Path::Gpu(dual, _) => work(dual.as_mut()),
+            };
+            let Err(DualError::Pcg(error)) = outcome else {
+                return outcome;
+            };
+            self.path = self.way_back(error)?;
+            if let Some((load, offsets)) = &self.data {
+                match &mut self.path {
+                    Path::Cholesky(dual) => dual.set_data(load, offsets)?,
+                    Path::Cpu(dual) => dual.set_data(load, offsets)?,
+                    Path::Gpu(..) => unreachable!("the way back leads to the CPU"),
+                }
+            }
+        }
+    }
+
+    /// Where to go on after an error: without the GPU that is lost as if there had never been one, with the factor
+    /// where PCG fails.
+    ///
+    /// # Errors
+    /// The same error, if the choice was not left open or nothing else can be made.
+    fn way_back(&mut self, error: PcgError) -> Result<Path, DualError> {
+        let Options {
+            place, stiffness, ..
+        } = self.options;
+        let lost = matches!(error, PcgError::Gpu(_));
         let open = match error {
-            PcgError::Gpu(_) => self.options.place == Place::Auto,
+            PcgError::Gpu(_) => place == Place::Auto,
             PcgError::Stalled { .. } | PcgError::NotPositiveDefinite => {
-                self.options.stiffness == Stiffness::Auto && self.options.place != Place::Gpu
+                stiffness == Stiffness::Auto && place != Place::Gpu
             }
             _ => false,
         };
         if !open {
             return Err(error.into());
         }
-        (self.log)(&format!(
-            "{error}; going on with the Cholesky factor on the CPU"
-        ));
-        let mut dual = match CholeskyDual::new(self.problem) {
-            Ok(dual) => Box::new(dual),
-            // What PCG has reached is of more use than a second complaint.
-            Err(other @ (FactorError::OutOfMemory { .. } | FactorError::TooLarge)) => {
-                (self.log)(&format!("{other}"));
-                return Err(error.into());
+        (self.log)(&format!("{error}; going on with the CPU"));
+        let path = if lost {
+            let factor = match stiffness {
+                Stiffness::Pcg => Ok(None),
+                _ => {
+                    let threads = rayon::current_num_threads();
+                    direct(self.problem, memory_bytes(), threads, &mut self.log)
+                }
+            };
+            match factor {
+                Ok(Some(dual)) => Ok(Path::Cholesky(dual)),
+                Ok(None) => on_cpu(self.problem, &self.options),
+                Err(error) => Err(error),
             }
-            Err(error) => return Err(error.into()),
+        } else {
+            // PCG was chosen because it would be faster; now it is the factor or nothing.
+            (CholeskyDual::new(self.problem))
+                .map(|dual| Path::Cholesky(Box::new(dual)))
+                .map_err(EngineError::from)
         };
-        if let Some((load, offsets)) = &self.data {
-            dual.set_data(load, offsets)?;
-        }
-        let outcome = work(dual.as_mut());
-        self.path = Path::Cholesky(dual);
-        outcome
+        path.map_err(|other| {
+            // What has failed first is of more use than a second complaint.
+            (self.log)(&format!("{other}"));
+            match other {
+                EngineError::Factor(
+                    other @ (FactorError::NotPositiveDefinite { .. }
+                    | FactorError::BadFactor { .. }),
+                ) => other.into(),
+                _ => error.into(),
+            }
+        })
     }
 }
 

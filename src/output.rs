@@ -2,13 +2,14 @@
 //! algebraic case.
 
 pub mod chart;
+mod hints;
 mod html;
 mod picture;
 mod plots;
 mod vtu;
 
 use crate::backend::gpu::Precision;
-use crate::case::{Build, Elastic, StepData};
+use crate::case::{Build, Elastic, StepData, Units};
 use crate::dual::{Costs, DualOperator as _};
 use crate::elasticity::{Stress, internal_forces, stresses};
 use crate::engine::Engine;
@@ -85,18 +86,23 @@ pub struct ContactReport {
     pub boundary: String,
     pub against: String,
     pub friction: String,
-    /// Resultant on the body of `boundary`, in N.
+    /// Resultant on the body of `boundary`, in the unit of force as all that follow.
     pub force: [f64; 2],
-    /// Σ λν, in N.
+    /// Σ λν.
     pub normal_force: f64,
-    /// −Σ λτ, in N: along the tangents, as the traction on the body.
+    /// −Σ λτ: along the tangents, as the traction on the body.
     pub tangential_force: f64,
     pub max_pressure: f64,
-    /// Area in contact, in m².
+    /// Area in contact.
     pub area: f64,
     pub separated: usize,
     pub stick: usize,
     pub slip: usize,
+    /// In contact, without a law of friction.
+    pub frictionless: usize,
+    /// Nodes with more than half of the largest pressure.
+    #[serde(skip)]
+    pub peak_nodes: usize,
 }
 
 /// What a support carries at the end of a step.
@@ -159,8 +165,14 @@ pub struct HistoryRow {
 #[derive(Debug, Serialize)]
 pub struct Report {
     pub title: String,
-    /// That of the last step made.
-    pub status: Status,
+    pub units: Units,
+    /// That of the last step made; None, and "error" in the file, if an error has ended the run.
+    #[serde(serialize_with = "or_error")]
+    pub status: Option<Status>,
+    /// The error that has ended the run; the steps before it are complete.
+    pub error: Option<String>,
+    /// What the figures suggest to look at.
+    pub hints: Vec<String>,
     pub n: usize,
     pub m: usize,
     /// Outer steps and products with A of the whole run.
@@ -191,12 +203,23 @@ pub struct Report {
     friction_history: Vec<(f64, f64)>,
 }
 
+/// A status, or "error".
+fn or_error<S: serde::Serializer>(status: &Option<Status>, to: S) -> Result<S::Ok, S::Error> {
+    match status {
+        Some(status) => status.serialize(to),
+        None => to.serialize_str("error"),
+    }
+}
+
 impl Report {
     /// Of a case of which no step is made yet.
     pub fn new(title: &str, build: &Build) -> Self {
         Self {
             title: title.to_owned(),
-            status: Status::Interrupted,
+            units: (build.elastic.as_ref()).map_or_else(Units::default, |e| e.units.clone()),
+            status: Some(Status::Interrupted),
+            error: None,
+            hints: Vec::new(),
             n: build.problem.n_free(),
             m: build.problem.m(),
             iter: 0,
@@ -224,7 +247,7 @@ impl Report {
     pub fn add_step(&mut self, build: &Build, data: Option<&StepData>, solution: &StepSolution) {
         let number = self.steps.len() + 1;
         let last = solution.last();
-        self.status = solution.status;
+        self.status = Some(solution.status);
         let mut products = self.n_a;
         if solution.rounds.iter().any(|round| round.frozen) {
             // A gap between load steps.
@@ -242,7 +265,7 @@ impl Report {
         self.err_relative = last.info.err_relative;
         self.rho = last.info.rho;
         self.sigma_max = last.info.sigma_max;
-        self.sets = solution.sets.sizes();
+        self.sets = solution.sets.sizes(|i| build.problem.has_friction(i));
         self.kkt = solution.kkt;
         for round in &solution.rounds {
             self.n_a_sigma += round.info.n_a_sigma;
@@ -257,7 +280,12 @@ impl Report {
                 }));
         }
         let (contacts, supports) = match (&build.elastic, data) {
-            (Some(elastic), Some(data)) => reactions(build, elastic, data, solution),
+            (Some(elastic), Some(data)) => {
+                let fields = ContactFields::new(build, elastic, data, solution);
+                let (contacts, supports) = reactions(build, elastic, data, solution, &fields);
+                self.hints = hints::hints(elastic, data, solution, &fields, &contacts);
+                (contacts, supports)
+            }
             _ => Default::default(),
         };
         self.steps.push(StepReport {
@@ -274,12 +302,18 @@ impl Report {
             coulomb: build.problem.has_coulomb(),
             iter: solution.iter(),
             n_a: solution.n_a(),
-            sets: solution.sets.sizes(),
+            sets: solution.sets.sizes(|i| build.problem.has_friction(i)),
             kkt: solution.kkt,
             total_load: data.map(|data| data.total_load),
             contacts,
             supports,
         });
+    }
+
+    /// Says that an error has ended the run.
+    pub fn fail(&mut self, error: &str) {
+        self.status = None;
+        self.error = Some(error.to_owned());
     }
 
     /// Adds what has made it.
@@ -301,8 +335,8 @@ fn reactions(
     elastic: &Elastic,
     data: &StepData,
     solution: &StepSolution,
+    fields: &ContactFields,
 ) -> (Vec<ContactReport>, Vec<SupportReport>) {
-    let fields = ContactFields::new(build, elastic, data, solution);
     let (normal, tangential) = solution.lambda.split_at(build.problem.m());
     let mut contacts: Vec<ContactReport> = elastic
         .pairs
@@ -319,6 +353,8 @@ fn reactions(
             separated: 0,
             stick: 0,
             slip: 0,
+            frictionless: 0,
+            peak_nodes: 0,
         })
         .collect();
     // What holds the nodes beside the loads: contact here, supports below.
@@ -342,13 +378,17 @@ fn reactions(
             "separated" => pair.separated += 1,
             status => {
                 pair.area += node.area;
-                if status == "stick" {
-                    pair.stick += 1;
-                } else {
-                    pair.slip += 1;
-                }
+                *match status {
+                    "stick" => &mut pair.stick,
+                    "slip" => &mut pair.slip,
+                    _ => &mut pair.frictionless,
+                } += 1;
             }
         }
+    }
+    for (i, &pair) in elastic.pair_of.iter().enumerate() {
+        let pair = &mut contacts[pair as usize];
+        pair.peak_nodes += usize::from(fields.pressure[i] > 0.5 * pair.max_pressure);
     }
     let displacement = data.unknowns.displacements(&solution.u);
     let inner = internal_forces(&elastic.body(), &data.unknowns, &displacement);
@@ -380,11 +420,44 @@ pub fn forget_peak_memory() -> bool {
     std::fs::write("/proc/self/clear_refs", "5").is_ok()
 }
 
-fn write(path: PathBuf, contents: &[u8]) -> Result<PathBuf, OutputError> {
-    match std::fs::write(&path, contents) {
-        Ok(()) => Ok(path),
-        Err(source) => Err(OutputError { path, source }),
+/// Writes a file beside its place and moves it there: under its name there is the old file or the new one, never half
+/// of it.
+pub fn write_whole(path: &Path, contents: &[u8]) -> Result<(), OutputError> {
+    let failed = |source| OutputError {
+        path: path.to_owned(),
+        source,
+    };
+    // Pipes and devices are written as they are, and what a link points to stays in its place.
+    let place = match std::fs::metadata(path) {
+        Ok(there) if !there.is_file() => return std::fs::write(path, contents).map_err(failed),
+        Ok(_) => std::fs::canonicalize(path).map_err(failed)?,
+        Err(_) => path.to_owned(),
+    };
+    let mut name = std::ffi::OsString::from(".");
+    name.push(place.file_name().unwrap_or_default());
+    name.push(".part");
+    let beside = place.with_file_name(name);
+    let written = std::fs::write(&beside, contents).and_then(|()| std::fs::rename(&beside, &place));
+    if written.is_err() {
+        // It may not even exist.
+        let _ = std::fs::remove_file(&beside);
     }
+    written.map_err(failed)
+}
+
+fn write(path: PathBuf, contents: &[u8]) -> Result<PathBuf, OutputError> {
+    write_whole(&path, contents).map(|()| path)
+}
+
+/// Makes the directory of the results, and tries whether files can be written there: not only after an hour.
+pub fn prepare(directory: &Path) -> Result<(), OutputError> {
+    make(directory)?;
+    let path = directory.join(".signorini.part");
+    let tried = std::fs::write(&path, b"").and_then(|()| std::fs::remove_file(&path));
+    tried.map_err(|source| OutputError {
+        path: directory.to_owned(),
+        source,
+    })
 }
 
 /// Displacements and stresses at the end of a step.
@@ -606,8 +679,8 @@ pub struct ContactFields {
     pub bound: Vec<f64>,
     /// Displacement along the tangent relative to the other side, Tu.
     pub slip: Vec<f64>,
-    /// A support keeps the node from sliding.
-    held: Vec<bool>,
+    /// Whether a law of friction acts on the node.
+    has_friction: Vec<bool>,
     sets: Sets,
 }
 
@@ -638,18 +711,18 @@ impl ContactFields {
             traction: per_area(tangential, -1.0),
             bound: per_area(&solution.slip_bound, 1.0),
             slip,
-            held: (0..m)
-                .map(|i| build.problem.tangential().row(i).0.is_empty())
-                .collect(),
+            has_friction: (0..m).map(|i| build.problem.has_friction(i)).collect(),
             sets: solution.sets.clone(),
         }
     }
 
-    /// The state of contact node i: `separated`, `stick` or `slip`.
+    /// The state of contact node i: `separated`; `contact` where no law of friction acts, else `stick` or `slip`.
     pub fn status(&self, i: usize) -> &'static str {
         if self.sets.is_separated(i) {
             "separated"
-        } else if self.sets.slip_sign(i) == 0 && (self.bound[i] > 0.0 || self.held[i]) {
+        } else if !self.has_friction[i] {
+            "contact"
+        } else if self.sets.slip_sign(i) == 0 && self.bound[i] > 0.0 {
             "stick"
         } else {
             "slip"
@@ -667,8 +740,15 @@ impl ContactFields {
                 .then(p[0].total_cmp(&q[0]))
                 .then(p[1].total_cmp(&q[1]))
         });
-        let mut text =
-            "x,y,gap,normal_pressure,tangential_traction,slip,status,contact\n".to_owned();
+        let mut text = if elastic.units_stated {
+            let (length, stress) = (&elastic.units.length, elastic.units.stress());
+            format!(
+                "x [{length}],y [{length}],gap [{length}],normal_pressure [{stress}],\
+                 tangential_traction [{stress}],slip [{length}],status,contact\n"
+            )
+        } else {
+            "x,y,gap,normal_pressure,tangential_traction,slip,status,contact\n".to_owned()
+        };
         for i in order {
             let [x, y] = place(i);
             writeln!(

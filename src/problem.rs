@@ -376,6 +376,11 @@ impl ContactProblem {
         self
     }
 
+    /// Whether a law of friction acts on contact node i: a slip bound, or a coefficient, above 0.
+    pub fn has_friction(&self, i: usize) -> bool {
+        self.slip_bound[i] > 0.0 || self.friction.get(i).is_some_and(|&mu| mu > 0.0)
+    }
+
     /// Number of unknowns n that the user gave.
     pub fn n(&self) -> usize {
         self.n

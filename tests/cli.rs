@@ -552,8 +552,8 @@ fn broken_cases_are_explained_with_their_line() {
         ),
         (
             "boundary = \"bottom\"",
-            "boundary = \"bottom\"\nsearch_distance = 1",
-            "search_distance belongs to contact between two boundaries",
+            "boundary = \"bottom\"\nsearch_distance = -1",
+            "finite and not negative",
         ),
         (
             "boundary = \"bottom\"",

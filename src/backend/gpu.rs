@@ -23,8 +23,8 @@ use context::Buffer;
 use kernels::{Kernel, Shape};
 use rayon::prelude::*;
 use sliced::{LevelLayout, PartLayout};
-use std::collections::{HashMap, VecDeque};
-use std::sync::{Arc, mpsc};
+use std::collections::{HashMap, HashSet, VecDeque};
+use std::sync::{Arc, Mutex, mpsc};
 use std::time::Instant;
 use wgpu::BufferUsages;
 
@@ -38,6 +38,8 @@ const STATE_REALS: usize = 10;
 const STATE_BYTES: u64 = 8 * STATE_REALS as u64 + 24;
 /// Bytes copied to the host in one piece.
 const PIECE_BYTES: u64 = 64 << 20;
+/// Sets of parameters that are kept on the device at most: a hierarchy has some hundred.
+const MOST_UNIFORMS: usize = 4096;
 /// Submissions under way at most.
 const IN_FLIGHT: usize = 3;
 
@@ -100,11 +102,17 @@ struct Allocation {
     id: u64,
     buffer: Buffer,
     context: Arc<Context>,
+    /// Numbers of buffers that are gone, whose bind groups go too.
+    gone: Arc<Mutex<Vec<u64>>>,
 }
 
 impl Drop for Allocation {
     fn drop(&mut self) {
         self.context.released(self.buffer.size);
+        // Nothing that holds the lock can panic.
+        if let Ok(mut gone) = self.gone.lock() {
+            gone.push(self.id);
+        }
     }
 }
 
@@ -240,6 +248,7 @@ pub struct Gpu {
     in_flight: VecDeque<wgpu::SubmissionIndex>,
     bind_groups: HashMap<(Kernel, [u64; 9]), wgpu::BindGroup>,
     uniforms: HashMap<Words, Handle>,
+    gone: Arc<Mutex<Vec<u64>>>,
     /// The state of a run that is never done, for products outside CG.
     idle: Handle,
     idle_partials: Handle,
@@ -251,11 +260,13 @@ pub struct Gpu {
 impl Gpu {
     /// A backend on the device of the context.
     pub fn new(context: &Arc<Context>) -> Result<Self, GpuError> {
+        let gone = Arc::default();
         let allocate = |id, label, usage| {
             Ok(Arc::new(Allocation {
                 id,
                 buffer: context.buffer(label, STATE_BYTES, usage)?,
                 context: Arc::clone(context),
+                gone: Arc::clone(&gone),
             }))
         };
         Ok(Self {
@@ -268,6 +279,7 @@ impl Gpu {
             in_flight: VecDeque::new(),
             bind_groups: HashMap::new(),
             uniforms: HashMap::new(),
+            gone,
             staging: None,
             next_id: 2,
             counters: Counters::default(),
@@ -328,7 +340,24 @@ impl Gpu {
             id: self.next_id,
             buffer,
             context: Arc::clone(&self.context),
+            gone: Arc::clone(&self.gone),
         }))
+    }
+
+    /// Forgets the bind groups of buffers that are gone: they would be kept alive by nothing else.
+    fn forget(&mut self) {
+        if self.uniforms.len() > MOST_UNIFORMS {
+            self.uniforms.clear();
+        }
+        let gone = match self.gone.lock() {
+            Ok(mut gone) => std::mem::take(&mut *gone),
+            Err(_) => return,
+        };
+        if !gone.is_empty() {
+            let gone: HashSet<u64> = gone.into_iter().collect();
+            self.bind_groups
+                .retain(|(_, key), _| !key.iter().any(|id| gone.contains(id)));
+        }
     }
 
     /// A buffer with contents.
@@ -403,6 +432,7 @@ impl Gpu {
         groups: u32,
         bytes: u64,
     ) {
+        self.forget();
         // A fault is kept by the context and reported where results are read.
         let Ok(uniform) = self.uniform(params.into()) else {
             return;
@@ -499,6 +529,7 @@ impl Gpu {
                 to += wanted.bytes;
             }
         }
+        context.submitting();
         let index = context.queue.submit([encoder.finish()]);
         self.counters.submissions += 1;
         self.recorded_bytes = 0;

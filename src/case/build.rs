@@ -1,11 +1,12 @@
 //! From a case to a contact problem.
 
 use super::{
-    Case, CaseError, FrictionTable, MeshTable, ObstacleTable, Quantity, RectangleTable, nearest,
+    Case, CaseError, FrictionTable, MeshTable, Names, ObstacleTable, Quantity, RectangleTable,
+    Units, nearest,
 };
 use crate::contact::{
-    ContactNode, ContactRows, Friction, Obstacle, PairOptions, contact_rows, mortar_contact,
-    obstacle_contact,
+    ContactNode, ContactRows, Friction, Obstacle, PairOptions, SlipBound, contact_rows,
+    mortar_contact, obstacle_contact,
 };
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble, load_vector};
 use crate::matrix_market::{self, MatrixMarketError};
@@ -14,7 +15,7 @@ use crate::mesh::{Mesh, gmsh, structured};
 use crate::problem::{ContactData, ContactProblem, FreeBody, ProblemError};
 use crate::quasistatic::Load;
 use crate::sparse::{BlockCsr, Csr, norm};
-use std::collections::HashMap;
+use std::collections::HashSet;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -54,21 +55,35 @@ pub struct Elastic {
     pub pairs: Vec<Pair>,
     /// Which pair each row belongs to.
     pub pair_of: Vec<u32>,
+    /// What lengths and forces are called.
+    pub units: Units,
+    /// Whether the case says so itself.
+    pub units_stated: bool,
 }
 
 /// A `[[contact]]` of the case as it was understood.
 #[derive(Clone, Debug)]
 pub struct Pair {
-    /// The boundary that carries the multipliers.
+    /// The boundary that carries the multipliers; several in one text.
     pub boundary: String,
+    /// Its edges.
+    pub edges: Vec<[u32; 2]>,
+    /// Those of the other boundary; none for an obstacle.
+    pub others: Vec<[u32; 2]>,
     /// The other boundary, or what kind of obstacle.
     pub against: String,
     /// The obstacle, where there is no other boundary.
     pub obstacle: Option<Obstacle>,
     /// The law and its figure.
     pub friction: String,
+    /// How far apart candidates for contact may be; with an obstacle, up to where Tresca's bound acts.
+    pub search_distance: f64,
     /// Contact nodes.
     pub nodes: usize,
+    /// Those of them within the search distance.
+    pub within: usize,
+    /// Those of them that a law of friction is stated for, but that supports or another contact keep from sliding.
+    pub kept: usize,
     /// The area that may come into contact, in m².
     pub area: f64,
     /// The least and the largest initial gap, in m.
@@ -293,9 +308,9 @@ impl Case {
             let span = self.tables.contact.first().map_or(0..0, |c| c.span());
             self.invalid(span, error.to_string())
         })?;
-        let owner: HashMap<u32, u32> = candidates.iter().map(|c| c.node).zip(owner).collect();
-        let pair_of: Vec<u32> = contact.nodes.iter().map(|c| owner[&c.node]).collect();
-        self.count_nodes(&contact, &pair_of, &mut pairs)?;
+        let pair_of: Vec<u32> = contact.candidate.iter().map(|&i| owner[i]).collect();
+        self.foresee(&mesh, &contact)?;
+        self.count_nodes(&contact, &candidates, &pair_of, &mut pairs)?;
         let (stiffness, load) = assemble(&body, &unknowns, &forces);
         let n_free = unknowns.n_free();
         let gap = contact.gap(&unknowns);
@@ -334,6 +349,8 @@ impl Case {
                 contact,
                 pairs,
                 pair_of,
+                units: self.units(),
+                units_stated: self.tables.units.is_some(),
             }),
             mesh_seconds,
             assembly_seconds: start.elapsed().as_secs_f64() - mesh_seconds,
@@ -466,6 +483,22 @@ impl Case {
         }
     }
 
+    /// The edges of several boundaries as of one.
+    fn all_edges(
+        &self,
+        mesh: &Mesh,
+        names: &Names,
+        span: Range<usize>,
+    ) -> Result<Vec<[u32; 2]>, CaseError> {
+        let mut all = Vec::new();
+        for name in names.all() {
+            all.extend_from_slice(self.edges(mesh, name, span.clone())?);
+        }
+        all.sort_unstable();
+        all.dedup();
+        Ok(all)
+    }
+
     fn region(&self, mesh: &Mesh, name: &str, span: Range<usize>) -> Result<u32, CaseError> {
         match mesh.regions.iter().position(|r| r == name) {
             Some(region) => Ok(region as u32),
@@ -542,7 +575,7 @@ impl Case {
             const ZERO: Quantity = Quantity::Constant(0.0);
             let nodes: Vec<u32> = match (&s.boundary, s.point) {
                 (Some(name), _) => {
-                    let edges = self.edges(mesh, name, span.clone())?;
+                    let edges = self.all_edges(mesh, name, span.clone())?;
                     if s.symmetry {
                         let along = |axis: usize| {
                             edges
@@ -620,7 +653,7 @@ impl Case {
         let name = |table: &toml::Spanned<super::SupportTable>| {
             let s = table.get_ref();
             let place = match (&s.boundary, s.point) {
-                (Some(name), _) => name.clone(),
+                (Some(names), _) => names.to_string(),
                 (None, point) => {
                     let [x, y] = point.unwrap_or_default();
                     format!("({x}, {y})")
@@ -653,10 +686,10 @@ impl Case {
         };
         for table in &self.tables.traction {
             let t = table.get_ref();
-            let edges = self.edges(body.mesh, &t.boundary, table.span())?;
+            let edges = self.all_edges(body.mesh, &t.boundary, table.span())?;
             let factor = self.factor(&t.factors, step);
             body.add_traction(
-                edges,
+                &edges,
                 |x, n| {
                     let p = at(&t.pressure, x);
                     [at(&t.x, x) - p * n[0], at(&t.y, x) - p * n[1]].map(|v| factor * v)
@@ -697,10 +730,11 @@ impl Case {
         let (mut nodes, mut owner) = (Vec::new(), Vec::new());
         for (number, table) in self.tables.contact.iter().enumerate() {
             let (t, span) = (table.get_ref(), table.span());
-            let edges = self.edges(body.mesh, &t.boundary, span.clone())?;
+            let edges = self.all_edges(body.mesh, &t.boundary, span.clone())?;
+            let stress = self.units().stress();
             let (quantity, friction) = match &t.friction {
                 FrictionTable::None => (None, "no friction".to_owned()),
-                FrictionTable::Tresca(q) => (Some(q), format!("Tresca bound {q} Pa")),
+                FrictionTable::Tresca(q) => (Some(q), format!("Tresca bound {q} {stress}")),
                 FrictionTable::Coulomb(q) => (Some(q), format!("Coulomb coefficient {q}")),
             };
             let law = |x| quantity.map_or(0.0, |q| q.at(x));
@@ -719,17 +753,22 @@ impl Case {
                 ObstacleTable::HalfPlane { point, normal } => Obstacle::HalfPlane { point, normal },
                 ObstacleTable::Circle { center, radius } => Obstacle::Circle { center, radius },
             });
-            let (found, against) = match (&t.against, &obstacle) {
-                (Some(name), _) => {
-                    let others = self.edges(body.mesh, name, span.clone())?;
-                    (mortar_contact(body, edges, others, &options), name.as_str())
+            let mut others = Vec::new();
+            let (found, against, search_distance) = match (&t.against, &obstacle) {
+                (Some(names), _) => {
+                    others = self.all_edges(body.mesh, names, span.clone())?;
+                    let distance = options.distance_between(body, &edges, &others);
+                    let found = mortar_contact(body, &edges, &others, &options);
+                    (found, names.to_string(), distance)
                 }
                 (None, Some(obstacle)) => {
                     let name = match obstacle {
                         Obstacle::HalfPlane { .. } => "rigid half-plane",
                         Obstacle::Circle { .. } => "rigid circle",
                     };
-                    (obstacle_contact(body, edges, obstacle, &options), name)
+                    let distance = options.distance_to(body, &edges, obstacle);
+                    let found = obstacle_contact(body, &edges, obstacle, &options);
+                    (found, name.to_owned(), distance)
                 }
                 (None, None) => unreachable!("checked when it was read"),
             };
@@ -737,10 +776,15 @@ impl Case {
                 self.invalid(span, format!("contact on \"{}\": {error}", t.boundary))
             })?;
             pairs.push(Pair {
-                boundary: t.boundary.clone(),
-                against: against.to_owned(),
+                boundary: t.boundary.to_string(),
+                edges,
+                others,
+                against,
                 obstacle,
                 friction,
+                search_distance,
+                within: 0,
+                kept: 0,
                 nodes: 0,
                 area: 0.0,
                 gap: [f64::INFINITY, 0.0],
@@ -755,12 +799,19 @@ impl Case {
     fn count_nodes(
         &self,
         contact: &ContactRows,
+        candidates: &[ContactNode],
         pair_of: &[u32],
         pairs: &mut [Pair],
     ) -> Result<(), CaseError> {
-        for (node, &pair) in contact.nodes.iter().zip(pair_of) {
+        for (i, (node, &pair)) in contact.nodes.iter().zip(pair_of).enumerate() {
             let pair = &mut pairs[pair as usize];
+            let stated = match candidates[contact.candidate[i]].slip_bound {
+                SlipBound::Given(bound) => bound,
+                SlipBound::Coulomb(mu) => mu,
+            };
             pair.nodes += 1;
+            pair.within += usize::from(node.gap <= pair.search_distance);
+            pair.kept += usize::from(stated > 0.0 && !contact.has_friction(i));
             pair.area += node.area;
             pair.gap = [pair.gap[0].min(node.gap), pair.gap[1].max(node.gap)];
         }
@@ -773,6 +824,30 @@ impl Case {
                         pair.boundary
                     ),
                 );
+            }
+        }
+        Ok(())
+    }
+
+    /// What can be said of all load steps before the first: supports that contradict each other, or drive nodes
+    /// without any freedom into what they meet.
+    fn foresee(&self, mesh: &Mesh, contact: &ContactRows) -> Result<(), CaseError> {
+        let supports = &self.tables.support;
+        let mut seen = HashSet::new();
+        for step in 0..self.n_steps() {
+            let factors =
+                (supports.iter()).map(|s| self.factor(&s.get_ref().factors, step).to_bits());
+            if !seen.insert(factors.collect::<Vec<_>>()) {
+                continue;
+            }
+            let unknowns = Unknowns::new(self.prescribed(mesh, step)?.0);
+            if let Err(error) = contact.check(&unknowns) {
+                let span = supports.first().map_or(0..0, |s| s.span());
+                let when = match self.n_steps() {
+                    1 => String::new(),
+                    _ => format!("load step {}: ", step + 1),
+                };
+                return self.invalid(span, format!("{when}{error}"));
             }
         }
         Ok(())

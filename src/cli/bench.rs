@@ -3,6 +3,7 @@
 use super::{BenchArguments, NOT_CONVERGED, print};
 use signorini::backend::gpu::{Context, Options, Precision};
 use signorini::bench::{self, Path, Row, Speeds};
+use signorini::output::write_whole;
 use signorini::reference::{self, CASE_B, Geometry};
 use signorini::ssnm::Status;
 use std::collections::BTreeMap;
@@ -97,8 +98,7 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
             "solves": rows,
             "growth": fits,
         });
-        std::fs::write(path, format!("{document:#}\n"))
-            .map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+        write_whole(path, format!("{document:#}\n").as_bytes()).map_err(|e| e.to_string())?;
     }
     let sound = |row: &Row| row.status == Status::Converged && row.difference < 1e-3;
     Ok(if rows.iter().all(sound) {

@@ -18,6 +18,8 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
         say(format_args!("{}", tables.title));
     }
     let problem = &build.problem;
+    let units = case.units();
+    let (length, stress) = (&units.length, units.stress());
     if let Some(elastic) = &build.elastic {
         let mesh = &elastic.mesh;
         let (low, high) = mesh.bounding_box();
@@ -28,7 +30,7 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
             .count();
         let (bodies, _) = mesh.bodies();
         say(format_args!(
-            "mesh          {} nodes, {triangles} triangles, {} quadrilaterals, {bodies} {}; [{:.4e}, {:.4e}] × [{:.4e}, {:.4e}] m",
+            "mesh          {} nodes, {triangles} triangles, {} quadrilaterals, {bodies} {}; [{:.4e}, {:.4e}] × [{:.4e}, {:.4e}] {length}",
             mesh.nodes.len(),
             mesh.elements.len() - triangles,
             if bodies == 1 { "body" } else { "bodies" },
@@ -44,14 +46,14 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
             .zip(&elastic.materials)
         {
             say(format_args!(
-                "region        \"{name}\": area {area:.4e} m², E = {:.4e} Pa, ν = {}, density {} kg/m³",
+                "region        \"{name}\": area {area:.4e} {length}², E = {:.4e} {stress}, ν = {}, density {}",
                 material.young, material.poisson, material.density
             ));
         }
         for (name, edges) in &mesh.boundaries {
-            let length: f64 = edges.iter().map(|&e| mesh.edge_normal(e).0).sum();
+            let extent: f64 = edges.iter().map(|&e| mesh.edge_normal(e).0).sum();
             say(format_args!(
-                "boundary      \"{name}\": {} edges, {length:.4e} m",
+                "boundary      \"{name}\": {} edges, {extent:.4e} {length}",
                 edges.len()
             ));
         }
@@ -60,7 +62,7 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
             signorini::elasticity::Plane::PlaneStress => "plane stress",
         };
         say(format_args!(
-            "analysis      {plane}, thickness {} m",
+            "analysis      {plane}, thickness {} {length}",
             elastic.thickness
         ));
         for step in 0..case.n_steps() {
@@ -70,7 +72,10 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
                 1 => String::new(),
                 _ => format!(", step {}", step + 1),
             };
-            say(format_args!("total load    ({x:.6e}, {y:.6e}) N{name}"));
+            say(format_args!(
+                "total load    ({x:.6e}, {y:.6e}) {}{name}",
+                units.force
+            ));
         }
         for (name, table) in elastic.supports.iter().zip(&tables.support) {
             let s = table.get_ref();
@@ -100,15 +105,24 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
         }
         for pair in &elastic.pairs {
             say(format_args!(
-                "contact       \"{}\" / {}: {} nodes, {:.4e} m², initial gap {:.4e} to {:.4e} m, {}",
+                "contact       \"{}\" / {}: {} nodes, {:.4e} {length}², initial gap {:.4e} to {:.4e} {length}, {}; \
+                 {} of the nodes within the search distance {:.4e} {length}",
                 pair.boundary,
                 pair.against,
                 pair.nodes,
                 pair.area,
                 pair.gap[0],
                 pair.gap[1],
-                pair.friction
+                pair.friction,
+                pair.within,
+                pair.search_distance,
             ));
+            if pair.kept > 0 {
+                say(format_args!(
+                    "              {} of them get no friction: supports or another contact keep them from sliding freely",
+                    pair.kept
+                ));
+            }
         }
         if elastic.pairs.is_empty() {
             say(format_args!("contact       none: this is a linear problem"));

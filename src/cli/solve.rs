@@ -1,20 +1,20 @@
 //! `signorini solve`.
 
 use super::{NOT_CONVERGED, SolveArguments};
-use signorini::case::Case;
+use signorini::case::{Build, Case, StepData};
 use signorini::dual::{Costs, DualOperator as _};
 use signorini::engine::Engine;
 use signorini::output::{
-    ContactReport, EnginePath, Report, Timings, pictures, step_pictures, write_index,
-    write_pictures, write_report, write_solution,
+    ContactReport, EnginePath, Picture, Report, Timings, pictures, prepare, step_pictures,
+    write_index, write_pictures, write_report, write_solution,
 };
-use signorini::quasistatic::{self, Event, Load, Round, State};
+use signorini::quasistatic::{self, Event, Load, Round, State, StepSolution};
 use signorini::ssnm::{SetSizes, Status, Step};
 use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::io::{IsTerminal as _, Write as _};
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -23,6 +23,12 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     let start = Instant::now();
+    // The second Ctrl-C ends the program at once.
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPTED.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    });
     let case = Case::read(&arguments.case, &arguments.settings).map_err(|e| e.to_string())?;
     let output = match &arguments.output {
         Some(directory) => directory.clone(),
@@ -33,17 +39,9 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         }
     };
     let log = Log::new(arguments);
-    // The second Ctrl-C ends the program at once.
-    let _ = ctrlc::set_handler(|| {
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    });
 
     let build = case.build().map_err(|e| e.to_string())?;
-    // Not after an hour.
-    std::fs::create_dir_all(&output)
-        .map_err(|e| format!("cannot write to the directory {}: {e}", output.display()))?;
+    prepare(&output).map_err(|e| e.to_string())?;
     log.say(format_args!(
         "n = {}, m = {}: assembled in {:.3} s, of which the contacts {:.4} s",
         build.problem.n_free(),
@@ -54,155 +52,193 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     for body in build.free_bodies() {
         log.tell(&format!("{body}: only contact holds it"));
     }
-    let mut report = Report::new(&case.tables.title, &build);
-    let set_up_start = Instant::now();
-    let mut engine = Engine::new(&build.problem, arguments.engine.options(), |line| {
-        log.tell(line)
-    })
-    .map_err(|e| format!("{}: {e}", arguments.case.display()))?;
-    let mut timings = Timings {
-        factor: set_up_start.elapsed().as_secs_f64(),
-        ..Default::default()
+    let mut run = Run {
+        start,
+        case: &case,
+        arguments,
+        output: &output,
+        log: &log,
+        build: &build,
+        report: Report::new(&case.tables.title, &build),
+        files: Vec::new(),
+        drawn: Vec::new(),
+        output_seconds: 0.0,
     };
-    match engine.cholesky() {
-        Some(dual) => {
-            timings.linear_reference = Some(dual.factor_seconds + dual.solve_seconds);
-            log.say(format_args!(
-                "Cholesky: {} entries ({:.0} MiB), factorised in {:.3} s, one solve {:.4} s",
-                dual.factor_entries(),
-                dual.factor_entries() as f64 * 8.0 / (1 << 20) as f64,
-                dual.factor_seconds,
-                dual.solve_seconds
-            ));
-        }
-        None => {
-            log.say(format_args!(
-                "PCG on the {}, set up in {:.3} s",
-                engine.backend(),
-                timings.factor
-            ));
-            if let Some(table) = engine.hierarchy() {
-                log.say(format_args!("{table}"));
-            }
-        }
+    // What was finished before an error is written nevertheless.
+    let solved = run.solve();
+    if let Err(error) = &solved {
+        run.report.fail(error);
     }
-    let mut settings = case.settings();
-    let memory = RefCell::default();
-    settings.ssnm.memory = Some(&memory);
-    settings.ssnm.interrupt = Some(&INTERRUPTED);
-    let limit = settings.ssnm.time_limit;
-    let several = case.n_steps() > 1;
-    let mut state = State::at_rest(&build.problem);
-    let mut files = Vec::new();
-    let mut output_seconds = 0.0;
-    let mut drawn = Vec::new();
-    for number in 0..case.n_steps() {
-        let data = case.step(&build, number).map_err(|e| e.to_string())?;
-        let of_problem;
-        let load = match &data {
-            Some(data) => &data.load,
-            None => {
-                of_problem = Load::of(&build.problem);
-                &of_problem
-            }
-        };
-        if several {
-            log.tell(&format!(
-                "load step {} of {}, factor {}",
-                number + 1,
-                case.n_steps(),
-                data.as_ref().map_or(1.0, |data| data.factor)
-            ));
-        }
-        settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(start.elapsed()));
-        let mut steps = Vec::new();
-        let solution = quasistatic::solve_step(
-            &build.problem,
-            load,
-            &state,
-            &mut engine,
-            &settings,
-            |event| {
-                match event {
-                    Event::Newton(step) => {
-                        log.step(step);
-                        steps.push(*step);
-                    }
-                    Event::Round(round) => log.round(round),
-                }
-                ControlFlow::Continue(())
-            },
-        )
-        .map_err(|e| format!("{}: {e}", arguments.case.display()))?;
-        log.finish(&steps, settings.ssnm.tolerance);
-        settings.ssnm.sigma_max = Some(solution.last().info.sigma_max);
-        report.add_step(&build, data.as_ref(), &solution);
-        state = solution.state(load);
-
-        let output_start = Instant::now();
-        let written = write_solution(
-            &output,
-            &build,
-            data.as_ref(),
-            &solution,
-            several.then_some(number + 1),
-        )
-        .map_err(|e| e.to_string())?;
-        files.extend(written);
-        if several {
-            // After every step, so that ParaView can look in.
-            let index = write_index(&output, &report.steps).map_err(|e| e.to_string())?;
-            if number == 0 {
-                files.push(index);
-            }
-        }
-        if arguments.plots {
-            drawn.extend(step_pictures(
-                &report,
-                &build,
-                data.as_ref(),
-                &solution,
-                several,
-            ));
-        }
-        output_seconds += output_start.elapsed().as_secs_f64();
-        if solution.status != Status::Converged {
-            break;
-        }
-    }
-    if let Some(costs) = engine.costs() {
-        log.say(format_args!("{}", describe_costs(&costs)));
-    }
-    let mut path = EnginePath::of(&engine);
-    if report.status == Status::Converged {
-        // What the whole solve has cost in linear solves; whoever has asked to stop does not wait for it.
-        path.v_cycles_linear = engine.linear_iterations(1e-8).ok().flatten();
-    }
-    drop(engine);
-    report.set_path(path);
-    report.timings = Timings {
-        mesh: build.mesh_seconds,
-        assembly: build.assembly_seconds,
-        pairing: build.pairing_seconds,
-        factor: timings.factor,
-        linear_reference: timings.linear_reference,
-        output: output_seconds,
-        total: start.elapsed().as_secs_f64(),
-        ..report.timings
-    };
-    if arguments.plots {
-        drawn.extend(pictures(&report));
-        files.extend(write_pictures(&output, &report, &drawn).map_err(|e| e.to_string())?);
-    }
-    files.push(write_report(&output, &report).map_err(|e| e.to_string())?);
+    let written = run.write();
+    solved?;
+    written?;
     if !arguments.quiet {
-        super::print(&summary(&report, &files));
+        super::print(&summary(&run.report, &run.files));
     }
-    Ok(if report.status == Status::Converged {
+    Ok(if run.report.status == Some(Status::Converged) {
         0
     } else {
         NOT_CONVERGED
     })
+}
+
+/// A solve on its way, with what it has written and drawn so far.
+struct Run<'a> {
+    start: Instant,
+    case: &'a Case,
+    arguments: &'a SolveArguments,
+    output: &'a Path,
+    log: &'a Log,
+    build: &'a Build,
+    report: Report,
+    files: Vec<PathBuf>,
+    drawn: Vec<Picture>,
+    output_seconds: f64,
+}
+
+impl Run<'_> {
+    /// Sets up and makes the load steps.
+    fn solve(&mut self) -> Result<(), String> {
+        let (build, log) = (self.build, self.log);
+        if INTERRUPTED.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        let start = Instant::now();
+        let mut engine = Engine::new(&build.problem, self.arguments.engine.options(), |line| {
+            log.tell(line)
+        })
+        .map_err(|e| format!("{}: {e}", self.arguments.case.display()))?;
+        self.report.timings.factor = start.elapsed().as_secs_f64();
+        self.report.timings.linear_reference = engine
+            .cholesky()
+            .map(|dual| dual.factor_seconds + dual.solve_seconds);
+        log.engine(&engine, self.report.timings.factor);
+
+        let made = self.steps(&mut engine);
+        if let Some(costs) = engine.costs() {
+            log.say(format_args!("{}", describe_costs(&costs)));
+        }
+        let mut path = EnginePath::of(&engine);
+        if self.report.status == Some(Status::Converged) {
+            // What the whole solve has cost in linear solves; whoever has asked to stop does not wait for it.
+            path.v_cycles_linear = engine.linear_iterations(1e-8).ok().flatten();
+        }
+        self.report.set_path(path);
+        made
+    }
+
+    /// Makes the load steps, until one does not converge.
+    fn steps(&mut self, engine: &mut Engine) -> Result<(), String> {
+        let (build, log) = (self.build, self.log);
+        let mut settings = self.case.settings();
+        let memory = RefCell::default();
+        settings.ssnm.memory = Some(&memory);
+        settings.ssnm.interrupt = Some(&INTERRUPTED);
+        let limit = settings.ssnm.time_limit;
+        let mut state = State::at_rest(&build.problem);
+        for number in 0..self.case.n_steps() {
+            let data = (self.case.step(build, number)).map_err(|e| e.to_string())?;
+            let of_problem;
+            let load = match &data {
+                Some(data) => &data.load,
+                None => {
+                    of_problem = Load::of(&build.problem);
+                    &of_problem
+                }
+            };
+            if self.case.n_steps() > 1 {
+                log.tell(&format!(
+                    "load step {} of {}, factor {}",
+                    number + 1,
+                    self.case.n_steps(),
+                    data.as_ref().map_or(1.0, |data| data.factor)
+                ));
+            }
+            settings.ssnm.time_limit =
+                limit.map(|limit| limit.saturating_sub(self.start.elapsed()));
+            let mut steps = Vec::new();
+            let solution =
+                quasistatic::solve_step(&build.problem, load, &state, engine, &settings, |event| {
+                    match event {
+                        Event::Newton(step) => {
+                            log.step(step);
+                            steps.push(*step);
+                        }
+                        Event::Round(round) => log.round(round),
+                    }
+                    ControlFlow::Continue(())
+                })
+                .map_err(|e| format!("{}: {e}", self.arguments.case.display()))?;
+            log.finish(&steps, settings.ssnm.tolerance);
+            settings.ssnm.sigma_max = Some(solution.last().info.sigma_max);
+            self.report.add_step(build, data.as_ref(), &solution);
+            state = solution.state(load);
+            self.write_step(data.as_ref(), &solution)?;
+            if solution.status != Status::Converged {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes and draws the step that was added to the report last.
+    fn write_step(
+        &mut self,
+        data: Option<&StepData>,
+        solution: &StepSolution,
+    ) -> Result<(), String> {
+        let start = Instant::now();
+        let several = self.case.n_steps() > 1;
+        let number = self.report.steps.len();
+        let written = write_solution(
+            self.output,
+            self.build,
+            data,
+            solution,
+            several.then_some(number),
+        );
+        self.files.extend(written.map_err(|e| e.to_string())?);
+        if several {
+            // After every step, so that ParaView can look in.
+            let index = write_index(self.output, &self.report.steps).map_err(|e| e.to_string())?;
+            if number == 1 {
+                self.files.push(index);
+            }
+        }
+        if self.arguments.plots {
+            self.drawn.extend(step_pictures(
+                &self.report,
+                self.build,
+                data,
+                solution,
+                several,
+            ));
+        }
+        self.output_seconds += start.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Writes the pictures and the report.
+    fn write(&mut self) -> Result<(), String> {
+        self.report.timings = Timings {
+            mesh: self.build.mesh_seconds,
+            assembly: self.build.assembly_seconds,
+            pairing: self.build.pairing_seconds,
+            output: self.output_seconds,
+            total: self.start.elapsed().as_secs_f64(),
+            ..self.report.timings
+        };
+        let mut drawn = Ok(Vec::new());
+        if self.arguments.plots {
+            self.drawn.extend(pictures(&self.report));
+            drawn = write_pictures(self.output, &self.report, &self.drawn);
+        }
+        // Whether or not there was room for pictures.
+        let report = write_report(self.output, &self.report).map_err(|e| e.to_string())?;
+        self.files.extend(drawn.map_err(|e| e.to_string())?);
+        self.files.push(report);
+        Ok(())
+    }
 }
 
 /// What the systems with K have cost.
@@ -228,7 +264,10 @@ fn describe_costs(costs: &Costs) -> String {
     text
 }
 
-fn describe(status: Status) -> &'static str {
+fn describe(status: Option<Status>) -> &'static str {
+    let Some(status) = status else {
+        return "ended by an error";
+    };
     match status {
         Status::Converged => "converged",
         Status::IterationLimit => {
@@ -251,6 +290,7 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
         stick,
         slip_plus,
         slip_minus,
+        frictionless,
     } = report.sets;
     let mut text = String::new();
     let contact = report.m - separated;
@@ -289,20 +329,43 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
         )
         .expect("writing to a string cannot fail");
     }
-    let (contact, separated, stick, slip) = match report.steps.last() {
+    let (contact, separated, stick, slip, frictionless) = match report.steps.last() {
         Some(step) if !step.contacts.is_empty() => {
-            let sum = |of: &dyn Fn(&ContactReport) -> usize| step.contacts.iter().map(of).sum();
-            let (separated, stick, slip): (usize, usize, usize) =
+            let sum =
+                |of: &dyn Fn(&ContactReport) -> usize| step.contacts.iter().map(of).sum::<usize>();
+            let (separated, stick, slip) =
                 (sum(&|c| c.separated), sum(&|c| c.stick), sum(&|c| c.slip));
-            (stick + slip, separated, stick, slip)
+            let frictionless = sum(&|c| c.frictionless);
+            (
+                stick + slip + frictionless,
+                separated,
+                stick,
+                slip,
+                frictionless,
+            )
         }
         // Without geometry the sets are all there is: a separated multiplier sticks or slips as well.
-        _ => (contact, separated, stick, slip_plus + slip_minus),
+        _ => (
+            contact,
+            separated,
+            stick,
+            slip_plus + slip_minus,
+            frictionless,
+        ),
     };
+    let mut states = Vec::new();
+    if stick + slip > 0 {
+        states.push(format!("{stick} stick, {slip} slip"));
+    }
+    if frictionless > 0 {
+        states.push(format!("{frictionless} without friction"));
+    }
     writeln!(
         text,
-        "  {contact} of {} nodes in contact, {separated} separated; {stick} stick, {slip} slip",
-        report.m
+        "  {contact} of {} nodes in contact, {separated} separated{}{}",
+        report.m,
+        if states.is_empty() { "" } else { "; " },
+        states.join(", ")
     )
     .expect("writing to a string cannot fail");
     writeln!(
@@ -322,8 +385,12 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
             let [x, y] = contact.force;
             writeln!(
                 text,
-                "  contact {} / {}: force on the first ({x:.6e}, {y:.6e}) N, pressure up to {:.4e} Pa",
-                contact.boundary, contact.against, contact.max_pressure
+                "  contact {} / {}: force on the first ({x:.6e}, {y:.6e}) {}, pressure up to {:.4e} {}",
+                contact.boundary,
+                contact.against,
+                report.units.force,
+                contact.max_pressure,
+                report.units.stress()
             )
             .expect("writing to a string cannot fail");
         }
@@ -331,11 +398,14 @@ fn summary(report: &Report, files: &[PathBuf]) -> String {
             let [x, y] = support.force;
             writeln!(
                 text,
-                "  support {}: force ({x:.6e}, {y:.6e}) N",
-                support.support
+                "  support {}: force ({x:.6e}, {y:.6e}) {}",
+                support.support, report.units.force
             )
             .expect("writing to a string cannot fail");
         }
+    }
+    for hint in &report.hints {
+        writeln!(text, "  hint: {hint}").expect("writing to a string cannot fail");
     }
     for file in files {
         writeln!(text, "  {}", file.display()).expect("writing to a string cannot fail");
@@ -370,7 +440,8 @@ fn row(step: &Step, m: usize) -> String {
 
 /// The number of contact nodes of a step.
 fn nodes(step: &Step) -> usize {
-    step.sets.stick + step.sets.slip_plus + step.sets.slip_minus
+    let sets = &step.sets;
+    sets.stick + sets.slip_plus + sets.slip_minus + sets.frictionless
 }
 
 impl Log {
@@ -393,6 +464,28 @@ impl Log {
     fn say(&self, line: std::fmt::Arguments) {
         if self.verbose && !self.quiet {
             eprintln!("{line}");
+        }
+    }
+
+    /// What solves the systems with K, with -v.
+    fn engine(&self, engine: &Engine, seconds: f64) {
+        match engine.cholesky() {
+            Some(dual) => self.say(format_args!(
+                "Cholesky: {} entries ({:.0} MiB), factorised in {:.3} s, one solve {:.4} s",
+                dual.factor_entries(),
+                dual.factor_entries() as f64 * 8.0 / (1 << 20) as f64,
+                dual.factor_seconds,
+                dual.solve_seconds
+            )),
+            None => {
+                self.say(format_args!(
+                    "PCG on the {}, set up in {seconds:.3} s",
+                    engine.backend()
+                ));
+                if let Some(table) = engine.hierarchy() {
+                    self.say(format_args!("{table}"));
+                }
+            }
         }
     }
 

@@ -1,6 +1,7 @@
 //! `signorini table1`.
 
 use super::{GeometryArgument, NOT_CONVERGED, Table1Arguments, print};
+use signorini::output::write_whole;
 use signorini::reference::Geometry;
 use signorini::ssnm::Status;
 use signorini::table1::{ASSUMPTIONS, Cell, SIZES, TOLERANCE, row};
@@ -98,7 +99,7 @@ pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
             "cells": cells,
         });
         let text = format!("{document:#}\n");
-        std::fs::write(path, text).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+        write_whole(path, text.as_bytes()).map_err(|e| e.to_string())?;
     }
     Ok(if failed == 0 { 0 } else { NOT_CONVERGED })
 }

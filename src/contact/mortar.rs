@@ -52,11 +52,6 @@ impl Bounds {
         Self { low, high }
     }
 
-    fn diagonal(&self) -> f64 {
-        let [dx, dy] = minus(self.high, self.low);
-        dx.hypot(dy)
-    }
-
     fn distance(&self, other: &Self) -> f64 {
         let apart = |c: usize| {
             (self.low[c] - other.high[c])
@@ -162,10 +157,7 @@ pub fn mortar_contact(
         let [x, y] = place(node);
         return Err(ContactError::Shared { x, y });
     }
-    let around = |edges: &[[u32; 2]]| Bounds::around(edges.iter().flatten().map(|&n| place(n)));
-    let distance = options
-        .search_distance
-        .unwrap_or_else(|| 0.5 * around(edges).diagonal().min(around(others).diagonal()));
+    let distance = options.distance_between(body, edges, others);
     let rounding = rounding(body);
 
     // Averaged normals.
@@ -187,8 +179,8 @@ pub fn mortar_contact(
     }
 
     // The others along the axis in which they extend most: what may be near an edge is a range of them.
-    let bounds = around(others);
-    let axis = usize::from(bounds.high[1] - bounds.low[1] > bounds.high[0] - bounds.low[0]);
+    let (low, high) = super::around(body, others);
+    let axis = usize::from(high[1] - low[1] > high[0] - low[0]);
     let mut sorted: Vec<(Bounds, [u32; 2])> = others
         .iter()
         .map(|&edge| (Bounds::around(edge.map(place)), edge))

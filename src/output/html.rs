@@ -45,12 +45,13 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
     );
     let out = &mut page;
     let (class, text) = match report.status {
-        Status::Converged => ("status", "converged"),
-        Status::IterationLimit => ("status bad", "NOT converged: iteration limit"),
-        Status::Stagnated => ("status bad", "NOT converged: stagnated"),
-        Status::NotHeld => ("status bad", "NOT converged: a body is not held"),
-        Status::TimeLimit => ("status bad", "NOT converged: time limit"),
-        Status::Interrupted => ("status bad", "NOT converged: interrupted"),
+        Some(Status::Converged) => ("status", "converged"),
+        Some(Status::IterationLimit) => ("status bad", "NOT converged: iteration limit"),
+        Some(Status::Stagnated) => ("status bad", "NOT converged: stagnated"),
+        Some(Status::NotHeld) => ("status bad", "NOT converged: a body is not held"),
+        Some(Status::TimeLimit) => ("status bad", "NOT converged: time limit"),
+        Some(Status::Interrupted) => ("status bad", "NOT converged: interrupted"),
+        None => ("status bad", "ended by an error"),
     };
     writeln!(
         out,
@@ -61,6 +62,10 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
         report.kkt.max()
     )
     .expect("writing to a string cannot fail");
+    for line in report.error.iter().chain(&report.hints) {
+        writeln!(out, "<p class=\"note\">{}</p>", escape(line))
+            .expect("writing to a string cannot fail");
+    }
     let last = report.steps.len();
     let show = |out: &mut String, picture: &Picture| {
         writeln!(
@@ -89,6 +94,7 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
             out.push_str("</details>\n");
         }
     }
+    let force = &report.units.force;
     if let Some(step) = report.steps.last() {
         let vector = |v: [f64; 2]| [format!("{:.6e}", v[0]), format!("{:.6e}", v[1])];
         if !step.contacts.is_empty() {
@@ -98,13 +104,14 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
                 &[
                     "contact",
                     "friction",
-                    "force x (N)",
-                    "force y (N)",
-                    "largest pressure (Pa)",
-                    "area in contact (m²)",
+                    &format!("force x ({force})"),
+                    &format!("force y ({force})"),
+                    &format!("largest pressure ({})", report.units.stress()),
+                    &format!("area in contact ({})", report.units.area()),
                     "separated",
                     "stick",
                     "slip",
+                    "without friction",
                 ],
                 step.contacts.iter().map(|c| {
                     let [x, y] = vector(c.force);
@@ -118,6 +125,7 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
                         c.separated.to_string(),
                         c.stick.to_string(),
                         c.slip.to_string(),
+                        c.frictionless.to_string(),
                     ]
                 }),
             );
@@ -130,7 +138,7 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
             let loads = step.total_load.map(|f| ("all loads".to_owned(), f));
             table(
                 out,
-                &["", "x (N)", "y (N)"],
+                &["", &format!("x ({force})"), &format!("y ({force})")],
                 loads
                     .into_iter()
                     .chain(

@@ -239,8 +239,9 @@ pub(super) fn svg(
         escape(title)
     ));
     put(format_args!(
-        "<text x=\"{MARGIN}\" y=\"46\" fill=\"#555555\">von Mises stress; displacements × {magnified}, the largest {} m</text>",
-        short(travel)
+        "<text x=\"{MARGIN}\" y=\"46\" fill=\"#555555\">von Mises stress; displacements × {magnified}, the largest {} {}</text>",
+        short(travel),
+        escape(&elastic.units.length)
     ));
     put(format_args!("<g transform=\"translate({MARGIN} {HEAD})\">"));
     // Rigid obstacles, cut off a little outside the bodies.
@@ -318,14 +319,23 @@ pub(super) fn svg(
         "<path d=\"{}\" fill=\"none\" stroke=\"#222222\" stroke-width=\"1.1\"/>",
         path(&edges, &moved)
     ));
-    let states = [
+    let mut states = vec![
+        ("contact", colour::PURPLE),
         ("stick", colour::BLUE),
         ("slip", colour::ORANGE),
         ("separated", "#ffffff"),
     ];
+    // Bodies without friction know no stick and slip, and most with friction nothing else.
+    let has_friction = (0..contact.pressure.len()).any(|i| contact.has_friction[i]);
+    let without = (0..contact.pressure.len()).any(|i| contact.status(i) == "contact");
+    states.retain(|&(state, _)| match state {
+        "contact" => without,
+        "separated" => true,
+        _ => has_friction,
+    });
     let radius =
         (0.25 * size[0].max(size[1]) / elastic.contact.nodes.len().max(1) as f64).clamp(1.6, 3.4);
-    for (state, fill) in states {
+    for &(state, fill) in &states {
         let mut dots = String::new();
         for (i, node) in elastic.contact.nodes.iter().enumerate() {
             if contact.status(i) == state {
@@ -360,7 +370,8 @@ pub(super) fn svg(
         "<defs><linearGradient id=\"viridis{number}\" x1=\"0\" y1=\"1\" x2=\"0\" y2=\"0\">{stops}</linearGradient></defs>"
     ));
     put(format_args!(
-        "<rect width=\"16\" height=\"{bar:.0}\" fill=\"url(#viridis{number})\" stroke=\"#222222\" stroke-width=\"0.6\"/><text y=\"-8\">Pa</text>"
+        "<rect width=\"16\" height=\"{bar:.0}\" fill=\"url(#viridis{number})\" stroke=\"#222222\" stroke-width=\"0.6\"/><text y=\"-8\">{}</text>",
+        escape(&elastic.units.stress())
     ));
     let step = nice(top / 8.0);
     let mut value = 0.0;

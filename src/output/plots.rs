@@ -43,10 +43,10 @@ pub(super) fn contact(elastic: &Elastic, fields: &ContactFields, pair: usize) ->
     let pair = &elastic.pairs[pair];
     Chart {
         title: format!("{} / {}", pair.boundary, pair.against),
-        x: Axis::new(label, "m"),
-        y: Axis::new("contact stress", "Pa"),
+        x: Axis::new(label, &elastic.units.length),
+        y: Axis::new("contact stress", &elastic.units.stress()),
         series: all,
-        zones: zones(&nodes, fields, bounded),
+        zones: zones(&nodes, fields),
         rules: Vec::new(),
     }
 }
@@ -67,7 +67,7 @@ fn along(elastic: &Elastic, pair: usize) -> (&'static str, Places) {
         .filter(|(_, (_, owner))| **owner as usize == pair)
         .map(|(i, (node, _))| (node.node, i))
         .collect();
-    let edges = &mesh.boundaries[&elastic.pairs[pair].boundary];
+    let edges = &elastic.pairs[pair].edges;
     let next: HashMap<u32, u32> = edges.iter().map(|e| (e[0], e[1])).collect();
     let has_before: std::collections::HashSet<u32> = edges.iter().map(|e| e[1]).collect();
     // Chains begin where no edge ends; closed ones anywhere.
@@ -158,11 +158,11 @@ fn zoomed(nodes: Places, fields: &ContactFields) -> Places {
 }
 
 /// Stretches of nodes in one state, from midpoint to midpoint.
-fn zones(nodes: &Places, fields: &ContactFields, friction: bool) -> Vec<Zone> {
+fn zones(nodes: &Places, fields: &ContactFields) -> Vec<Zone> {
     let mut zones: Vec<Zone> = Vec::new();
     let state = |i: usize| match fields.status(i) {
         "separated" => ("separated", colour::SEPARATED),
-        _ if !friction => ("in contact", colour::STICK),
+        "contact" => ("in contact", colour::STICK),
         "stick" => ("stick", colour::STICK),
         _ => ("slip", colour::SLIP),
     };
@@ -264,7 +264,7 @@ pub(super) fn steps(report: &Report) -> Chart {
     Chart {
         title: "Contact forces over the load steps".to_owned(),
         x: Axis::new("load step", ""),
-        y: Axis::new("force", "N"),
+        y: Axis::new("force", &report.units.force),
         series,
         zones: Vec::new(),
         rules: Vec::new(),

@@ -4,6 +4,7 @@ use super::{ContactFields, StepFields};
 use crate::case::Elastic;
 use crate::elasticity::Stress;
 use base64::Engine as _;
+use std::collections::HashMap;
 use std::fmt::Write as _;
 
 /// One array: a length in front, then the values, little-endian.
@@ -97,22 +98,31 @@ pub(super) fn text(elastic: &Elastic, fields: &StepFields, contact: &ContactFiel
     t.push_str("</Cells>\n<PointData Vectors=\"displacement\">\n");
     floats(t, "displacement", 3, &flat(&fields.displacement));
     stress_arrays(t, &fields.at_nodes);
+    // A node that stands in several contacts shows the one that presses it most.
+    let mut shown: HashMap<u32, usize> = HashMap::new();
+    for (i, node) in elastic.contact.nodes.iter().enumerate() {
+        let row = shown.entry(node.node).or_insert(i);
+        if contact.pressure[i] > contact.pressure[*row] {
+            *row = i;
+        }
+    }
     let scattered = |values: &[f64]| {
         let mut field = vec![0.0; mesh.nodes.len()];
-        for (node, &value) in elastic.contact.nodes.iter().zip(values) {
-            field[node.node as usize] = value;
+        for (&node, &i) in &shown {
+            field[node as usize] = values[i];
         }
         field
     };
     floats(t, "contact_pressure", 1, &scattered(&contact.pressure));
     floats(t, "tangential_traction", 1, &scattered(&contact.traction));
-    // 0 no contact boundary, 1 separated, 2 stick, 3 slip.
+    // 0 no contact boundary, 1 separated, 2 stick, 3 slip, 4 in contact without friction.
     let mut status = vec![0i32; mesh.nodes.len()];
-    for (i, node) in elastic.contact.nodes.iter().enumerate() {
-        status[node.node as usize] = match contact.status(i) {
+    for (&node, &i) in &shown {
+        status[node as usize] = match contact.status(i) {
             "separated" => 1,
             "stick" => 2,
-            _ => 3,
+            "slip" => 3,
+            _ => 4,
         };
     }
     data_array(t, "Int32", "contact_status", 1, &status, i32::to_le_bytes);

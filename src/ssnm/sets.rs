@@ -19,7 +19,7 @@ enum Held {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sets(Vec<Held>);
 
-/// How many contact nodes are in each set; a separated node sticks or slips as well.
+/// How many contact nodes are in each set; a separated node sticks or slips as well, if it has friction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct SetSizes {
     /// ℐν: not in contact.
@@ -30,6 +30,8 @@ pub struct SetSizes {
     pub slip_plus: usize,
     /// ℐτ⁻: λτ = −g.
     pub slip_minus: usize,
+    /// No law of friction acts: neither stick nor slip.
+    pub frictionless: usize,
 }
 
 impl Sets {
@@ -193,17 +195,21 @@ impl Sets {
         }
     }
 
-    /// The sizes.
-    pub fn sizes(&self) -> SetSizes {
-        let count = |held| self.0.iter().filter(|&&h| h == held).count();
-        SetSizes {
-            separated: count(Held::Zero),
-            stick: self.0[self.0.len() / 2..]
-                .iter()
-                .filter(|&&h| h == Held::Free)
-                .count(),
-            slip_plus: count(Held::Plus),
-            slip_minus: count(Held::Minus),
+    /// The sizes; `has_friction` says of which contact nodes (of m) a law of friction acts on.
+    pub fn sizes(&self, has_friction: impl Fn(usize) -> bool) -> SetSizes {
+        let (normal, tangential) = self.0.split_at(self.0.len() / 2);
+        let mut sizes = SetSizes {
+            separated: normal.iter().filter(|&&held| held == Held::Zero).count(),
+            ..Default::default()
+        };
+        for (i, held) in tangential.iter().enumerate() {
+            *match held {
+                _ if !has_friction(i) => &mut sizes.frictionless,
+                Held::Plus => &mut sizes.slip_plus,
+                Held::Minus => &mut sizes.slip_minus,
+                Held::Free | Held::Zero => &mut sizes.stick,
+            } += 1;
         }
+        sizes
     }
 }

@@ -16,7 +16,7 @@
 
 use super::ordering::{Ordering, contact_last};
 use super::panel;
-use crate::dual::{Accuracy, DualError, DualOperator, Stop};
+use crate::dual::{Accuracy, DualError, DualOperator, Followed, Stop};
 use crate::problem::ContactProblem;
 use crate::sparse::{BlockCsr, Csr, norm};
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -41,19 +41,28 @@ pub enum FactorError {
     )]
     NotPositiveDefinite { unknown: usize, place: String },
     #[error(
-        "the Cholesky factor failed its check: relative residual {residual:.1e} for K x = f \
-         (at most {limit:.0e} is accepted); the stiffness matrix is too badly conditioned: look for \
-         slivers, extreme ratios of the moduli, or a nearly unsupported body"
+        "the Cholesky factor failed its check: x of K x = f is off by {error:.1e} of its size (at most {limit:.0e} is \
+         accepted), residual {backward:.1e} of |K| |x| + |f|; the stiffness matrix is too badly conditioned: look for \
+         slivers, extreme ratios of the moduli, or a nearly unsupported body; for slender bodies take fewer elements \
+         across, or longer ones"
     )]
-    BadFactor { residual: f64, limit: f64 },
+    BadFactor {
+        error: f64,
+        limit: f64,
+        backward: f64,
+    },
     #[error("not enough memory for the Cholesky factor ({mib} MiB)")]
     OutOfMemory { mib: usize },
     #[error("the Cholesky factor has too many entries for 32-bit indices")]
     TooLarge,
 }
 
-/// Largest relative residual of the probe solve that is accepted.
+/// A relative residual of the probe solve that needs no second look.
 const PROBE_LIMIT: f64 = 1e-6;
+/// The backward error of the probe solve, and its relative error by one step of refinement, that are accepted at most.
+/// Slender bodies have large residuals beside small loads: there K x is a small difference of large terms.
+const BACKWARD_LIMIT: f64 = 1e-12;
+const FORWARD_LIMIT: f64 = 1e-4;
 /// Steps of iterative refinement at most.
 const REFINEMENTS: usize = 3;
 /// A pivot below this part of its diagonal entry means a singular K.
@@ -94,6 +103,9 @@ pub struct CholeskyDual {
     workspace: Vec<f64>,
     /// Longest panel, for the workspace of the sweeps.
     max_rows: usize,
+    /// K is so badly conditioned that displacements are refined with residuals of twice the precision, and r is made
+    /// from them.
+    refined: bool,
     /// Seconds for ordering, symbolic and numeric factorisation.
     pub factor_seconds: f64,
     /// Seconds for one full solve with K (the probe).
@@ -278,6 +290,7 @@ impl CholeskyDual {
             offsets: problem.offsets(),
             workspace: vec![0.0; n - n_leading],
             max_rows,
+            refined: false,
             factor_seconds,
             solve_seconds: 0.0,
         };
@@ -308,28 +321,58 @@ impl CholeskyDual {
         for &i in &self.fixed {
             test[i as usize] = 0.0;
         }
-        let mut residual = vec![0.0; n];
-        self.k.mul(&u, &mut residual);
-        for (r, t) in residual.iter_mut().zip(&test) {
-            *r -= t;
+        // Without the reactions, where the load is not in balance.
+        let residual = self.residual(&u, &test);
+        if norm(&residual) <= PROBE_LIMIT * norm(&test) {
+            return Ok(());
         }
-        // Reactions, where the load is not in balance.
-        for &i in &self.fixed {
-            residual[i as usize] = 0.0;
+        let backward = norm(&residual) / norm(&self.terms(&u, &test));
+        let mut x = self.reduce(&residual);
+        let error = norm(&self.finish(&mut x)) / norm(&u);
+        // Written so that NaN is refused.
+        if backward <= BACKWARD_LIMIT && error <= FORWARD_LIMIT {
+            self.refined = true;
+            return Ok(());
         }
-        let length = norm(&test);
-        let residual = if length > 0.0 {
-            norm(&residual) / length
+        Err(FactorError::BadFactor {
+            error,
+            limit: FORWARD_LIMIT,
+            backward,
+        })
+    }
+
+    /// f − K u where nothing is fixed; in twice the precision for a K that needs it.
+    fn residual(&self, u: &[f64], f: &[f64]) -> Vec<f64> {
+        let mut rest: Vec<f64> = f.to_vec();
+        if self.refined {
+            // Sum and error of each row (Ogita, Rump and Oishi 2005).
+            let mut errors = vec![0.0; f.len()];
+            for (i, j, value) in self.k.triplets() {
+                let product = -value * u[j];
+                let sum = rest[i] + product;
+                let part = sum - rest[i];
+                errors[i] += (-value).mul_add(u[j], -product)
+                    + ((rest[i] - (sum - part)) + (product - part));
+                rest[i] = sum;
+            }
+            rest.iter_mut().zip(errors).for_each(|(r, e)| *r += e);
         } else {
-            0.0
-        };
-        if !(residual <= PROBE_LIMIT) {
-            return Err(FactorError::BadFactor {
-                residual,
-                limit: PROBE_LIMIT,
-            });
+            self.k.mul(u, &mut rest);
+            rest.iter_mut().zip(f).for_each(|(r, f)| *r = f - *r);
         }
-        Ok(())
+        for &i in &self.fixed {
+            rest[i as usize] = 0.0;
+        }
+        rest
+    }
+
+    /// |K| |x| + |f|: what K x − f is a difference of.
+    fn terms(&self, x: &[f64], f: &[f64]) -> Vec<f64> {
+        let mut terms: Vec<f64> = f.iter().map(|f| f.abs()).collect();
+        for (i, j, value) in self.k.triplets() {
+            terms[i] += (value * x[j]).abs();
+        }
+        terms
     }
 
     /// The forward half of a solve: what [`CholeskyDual::finish`] takes.
@@ -493,25 +536,44 @@ impl DualOperator for CholeskyDual {
         self.contact.mul_transpose_add(-1.0, lambda, &mut forces);
         // Refined where rounding has left too much.
         let mut before = f64::INFINITY;
-        for pass in 0.. {
-            let mut rest = vec![0.0; u.len()];
-            self.k.mul(&u, &mut rest);
-            for (rest, force) in rest.iter_mut().zip(&forces) {
-                *rest = force - *rest;
-            }
-            for &i in &self.fixed {
-                rest[i as usize] = 0.0;
-            }
+        for _ in 0..REFINEMENTS {
+            let rest = self.residual(&u, &forces);
             let left = norm(&rest);
-            if left <= residual || pass == REFINEMENTS || !(left <= 0.5 * before) {
+            if !self.refined && (left <= residual || !(left <= 0.5 * before)) {
                 break;
             }
-            before = left;
             let mut x = self.reduce(&rest);
             let correction = self.finish(&mut x);
+            let moved = norm(&correction);
+            // The residual says little where K x is a small difference of large terms.
+            if self.refined && !(moved <= 0.5 * before) {
+                break;
+            }
+            before = if self.refined { moved } else { left };
             u.iter_mut().zip(correction).for_each(|(u, c)| *u += c);
+            if self.refined && moved <= f64::EPSILON * norm(&u) {
+                break;
+            }
         }
         Ok(u)
+    }
+
+    fn gradient(
+        &mut self,
+        lambda: &[f64],
+        r: &mut [f64],
+        _accuracy: Accuracy,
+        stop: &Stop,
+    ) -> Result<Option<Followed>, DualError> {
+        if !self.refined {
+            return Ok(None);
+        }
+        let u = self.displacement(lambda, 0.0, stop)?;
+        self.contact.mul(&u, r);
+        for (r, c) in r.iter_mut().zip(&self.offsets) {
+            *r = c - *r;
+        }
+        Ok(Some(Followed::default()))
     }
 }
 

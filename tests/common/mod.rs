@@ -8,7 +8,7 @@ use signorini::output::ContactFields;
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::quasistatic::{self, State, StepSolution};
 use signorini::sparse::{BlockCsr, Csr};
-use signorini::ssnm::{self, Settings, Solution, Status};
+use signorini::ssnm::{self, SetSizes, Settings, Solution, Status};
 use signorini::stiffness::cholesky::CholeskyDual;
 use signorini::stiffness::pcg::Preconditioner;
 use std::ops::ControlFlow;
@@ -204,6 +204,12 @@ impl Solved {
 
     pub fn solution(&self) -> &StepSolution {
         self.steps.last().expect("a case has a step")
+    }
+
+    /// The sets at the end.
+    pub fn sizes(&self) -> SetSizes {
+        let problem = &self.build.problem;
+        self.solution().sets.sizes(|i| problem.has_friction(i))
     }
 
     pub fn fields(&self) -> ContactFields {

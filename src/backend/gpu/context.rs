@@ -235,6 +235,8 @@ pub struct Context {
     pub(super) kernels: Kernels,
     fault: Fault,
     allocated: Mutex<u64>,
+    /// Submissions left until the device is lost on purpose.
+    left: Mutex<Option<usize>>,
     max_binding: u64,
     /// The adapter taken.
     pub adapter: AdapterSummary,
@@ -311,6 +313,7 @@ impl Context {
             kernels,
             fault,
             allocated: Mutex::new(0),
+            left: Mutex::new(None),
             adapter: summary,
             reason,
             precision,
@@ -397,6 +400,24 @@ impl Context {
     /// Loses the device on purpose, as a driver fault would: for tests of what happens then.
     pub fn lose_device(&self) {
         self.device.destroy();
+    }
+
+    /// As [`Context::lose_device`], after so many more submissions.
+    pub fn lose_device_after(&self, submissions: usize) {
+        *lock(&self.left) = Some(submissions);
+    }
+
+    /// Something is about to be submitted.
+    pub(super) fn submitting(&self) {
+        let mut left = lock(&self.left);
+        match &mut *left {
+            Some(0) => {
+                *left = None;
+                self.lose_device();
+            }
+            Some(left) => *left -= 1,
+            None => {}
+        }
     }
 }
 

@@ -1,0 +1,96 @@
+//! What lengths, forces and stresses are called: labels, no conversion.
+
+use serde::{Deserialize, Serialize};
+
+/// `[units]`: the units that the numbers of a case are in. Stresses and areas follow.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Units {
+    /// Of coordinates, displacements and gaps.
+    pub length: String,
+    /// Of forces.
+    pub force: String,
+}
+
+impl Default for Units {
+    fn default() -> Self {
+        Self {
+            length: "m".to_owned(),
+            force: "N".to_owned(),
+        }
+    }
+}
+
+impl Units {
+    /// That of stresses, moduli and pressures: the name of force per area where it has one.
+    pub fn stress(&self) -> String {
+        let name = match (self.force.as_str(), self.length.as_str()) {
+            ("N", "m") => "Pa",
+            ("N", "mm") | ("MN", "m") => "MPa",
+            ("kN", "m") => "kPa",
+            ("kN", "mm") | ("GN", "m") => "GPa",
+            ("N", "µm" | "um" | "μm") => "TPa",
+            ("lbf", "in") => "psi",
+            ("kip" | "kips", "in") => "ksi",
+            _ => return format!("{}/{}", self.force, self.area()),
+        };
+        name.to_owned()
+    }
+
+    /// That of areas.
+    pub fn area(&self) -> String {
+        format!("{}²", self.length)
+    }
+
+    /// What is wrong with the labels, if anything.
+    pub(super) fn fault(&self) -> Option<String> {
+        [("length", &self.length), ("force", &self.force)]
+            .into_iter()
+            .find(|(_, label)| {
+                label.trim().is_empty()
+                    || label.chars().count() > 12
+                    || label.contains(|c: char| {
+                        c.is_control() || matches!(c, ',' | '"' | '<' | '>' | '&')
+                    })
+            })
+            .map(|(name, label)| {
+                format!(
+                    "{name} = {label:?} is not the short name of a unit, such as \"mm\" or \"kN\""
+                )
+            })
+    }
+}
+
+impl Serialize for Units {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Labels<'a> {
+            length: &'a str,
+            force: &'a str,
+            stress: String,
+        }
+        let labels = Labels {
+            length: &self.length,
+            force: &self.force,
+            stress: self.stress(),
+        };
+        labels.serialize(serializer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stresses_follow() {
+        let stress = |force: &str, length: &str| {
+            let (force, length) = (force.to_owned(), length.to_owned());
+            Units { length, force }.stress()
+        };
+        assert_eq!(Units::default().stress(), "Pa");
+        assert_eq!(stress("N", "mm"), "MPa");
+        assert_eq!(stress("kN", "m"), "kPa");
+        assert_eq!(stress("kgf", "cm"), "kgf/cm²");
+    }
+}

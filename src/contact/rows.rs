@@ -1,0 +1,265 @@
+//! From contact nodes to the rows of N and T over the unknowns.
+//!
+//! A row is about the relative motion of a node and what it meets. What supports prescribe of that motion belongs to
+//! the gap and the slide of a step; the rest is the row. N and T together have full row rank: where a direction has
+//! no unknowns of its own, there is no friction along it ([`contact_rows`]).
+
+use super::{ContactError, ContactNode, SlipBound};
+use crate::elasticity::{Body, Unknowns};
+use crate::sparse::Csr;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+/// An entry of a row over the unknowns: column and value.
+type Entry = (usize, f64);
+/// What a prescribed displacement adds to a row: node, component, factor.
+type Held = (u32, usize, f64);
+
+/// N, T, d, g over the unknowns, with the contact nodes that their rows belong to.
+#[derive(Clone, Debug)]
+pub struct ContactRows {
+    /// The contact node of each row.
+    pub nodes: Vec<ContactNode>,
+    /// Which of the candidates that is.
+    pub candidate: Vec<usize>,
+    pub normal: Csr,
+    pub tangential: Csr,
+    /// Given slip bounds; 0 under Coulomb's law and where a node has no friction.
+    pub slip_bound: Vec<f64>,
+    /// μ of each row; 0 under the other laws and where a node has no friction.
+    pub coefficient: Vec<f64>,
+    /// What prescribed displacements add to N u and to T u, row by row.
+    held: [Vec<Vec<Held>>; 2],
+    /// Candidates whose normal motion is prescribed altogether: their place, gap, and that motion.
+    fixed: Vec<([f64; 2], f64, Vec<Held>)>,
+}
+
+/// Writes the rows of the contact nodes.
+///
+/// A node may stand in several contacts if their normals differ, and supports may hold it, or what it meets, in any
+/// direction: what they prescribe counts in [`ContactRows::gap`] and [`ContactRows::held_motion`]. A node whose
+/// normal motion is prescribed altogether has no row and is only checked ([`ContactRows::check`]). Friction needs a
+/// direction of its own: a node that supports or another contact keep from sliding gets an empty row in T and no
+/// friction.
+///
+/// # Errors
+/// If the normal rows are not independent.
+pub fn contact_rows(
+    body: &Body,
+    unknowns: &Unknowns,
+    candidates: &[ContactNode],
+) -> Result<ContactRows, ContactError> {
+    let place = |node: u32| body.mesh.nodes[node as usize];
+    let mut times: HashMap<u32, usize> = HashMap::new();
+    for candidate in candidates {
+        *times.entry(candidate.node).or_default() += 1;
+    }
+    let (mut nodes, mut own, mut fixed) = (Vec::new(), Vec::new(), Vec::new());
+    let mut rows: [Vec<Vec<Entry>>; 2] = Default::default();
+    let mut held: [Vec<Vec<Held>>; 2] = Default::default();
+    for (number, candidate) in candidates.iter().enumerate() {
+        let (entries, motion) = row(unknowns, candidate, candidate.normal);
+        if entries.is_empty() {
+            fixed.push((place(candidate.node), candidate.gap, motion));
+            continue;
+        }
+        rows[0].push(entries);
+        held[0].push(motion);
+        let (entries, motion) = row(unknowns, candidate, candidate.tangent());
+        rows[1].push(entries);
+        held[1].push(motion);
+        nodes.push(number);
+        // Its own unknowns belong to no other row of its kind.
+        let alone = times[&candidate.node] == 1;
+        own.push(if alone {
+            unknowns.block(candidate.node)
+        } else {
+            None
+        });
+    }
+
+    let mut independent = Independent::default();
+    for ((row, &number), own) in rows[0].iter().zip(&nodes).zip(&own) {
+        if !independent.add(row, *own) {
+            let node = candidates[number].node;
+            let [x, y] = place(node);
+            return Err(if times[&node] > 1 {
+                ContactError::Twice { x, y }
+            } else {
+                ContactError::Dependent { x, y }
+            });
+        }
+    }
+    for (row, own) in rows[1].iter_mut().zip(&own) {
+        if !independent.add(row, *own) {
+            row.clear();
+        }
+    }
+
+    let (mut slip_bound, mut coefficient) = (Vec::new(), Vec::new());
+    for (row, &number) in rows[1].iter().zip(&nodes) {
+        let (given, mu) = match candidates[number].slip_bound {
+            _ if row.is_empty() => (0.0, 0.0),
+            SlipBound::Given(bound) => (bound, 0.0),
+            SlipBound::Coulomb(mu) => (0.0, mu),
+        };
+        slip_bound.push(given);
+        coefficient.push(mu);
+    }
+    let (m, n) = (nodes.len(), 2 * unknowns.n_blocks());
+    let [normal, tangential] = rows.map(|rows| {
+        let entries = rows.into_iter().enumerate();
+        let entries = entries.flat_map(|(i, row)| row.into_iter().map(move |(j, v)| (i, j, v)));
+        Csr::from_triplets(m, n, entries.collect::<Vec<_>>())
+    });
+    Ok(ContactRows {
+        normal,
+        tangential,
+        nodes: nodes.iter().map(|&i| candidates[i].clone()).collect(),
+        candidate: nodes,
+        slip_bound,
+        coefficient,
+        held,
+        fixed,
+    })
+}
+
+/// The relative motion of a contact node along v: v at the node, −v at its partners; what is unknown of it, and what
+/// is prescribed.
+fn row(unknowns: &Unknowns, candidate: &ContactNode, v: [f64; 2]) -> (Vec<Entry>, Vec<Held>) {
+    let (mut entries, mut held) = (Vec::new(), Vec::new());
+    let partners = candidate.partners.iter().map(|&(node, w)| (node, -w));
+    for (node, factor) in [(candidate.node, 1.0)].into_iter().chain(partners) {
+        for c in 0..2 {
+            let value = factor * v[c];
+            // What is left of a cosine of a right angle is rounding.
+            if v[c].abs() < 1e-14 || value == 0.0 {
+                continue;
+            }
+            match unknowns.prescribed(node)[c] {
+                Some(_) => held.push((node, c, value)),
+                None => {
+                    let block = unknowns.block(node).expect("it has a free component");
+                    entries.push((2 * block as usize + c, value));
+                }
+            }
+        }
+    }
+    // A motion that an unknown has next to no part in is a prescribed one.
+    if !entries.iter().any(|entry| entry.1.abs() > 1e-8) {
+        entries.clear();
+    }
+    (entries, held)
+}
+
+/// Rows with full row rank, by elimination.
+#[derive(Default)]
+struct Independent {
+    /// Rows without the pivots of those before them; column and value of the pivot first.
+    rows: Vec<(Entry, Vec<Entry>)>,
+    /// The row whose pivot is in a column.
+    of_column: HashMap<usize, usize>,
+}
+
+impl Independent {
+    /// What is left of a row, relative to its largest entry, and counts as none. Normals of two contacts of a node
+    /// that differ by less would press it like a wedge.
+    const NOTHING: f64 = 1e-4;
+    /// A pivot in the node's own unknowns is taken if it is this part of the largest entry: it causes no fill.
+    const OWN: f64 = 0.1;
+
+    /// Adds a row if it does not depend on those before; `own` is the block of its node, if no other node's row has
+    /// it first.
+    fn add(&mut self, row: &[Entry], own: Option<u32>) -> bool {
+        let size = |entries: &BTreeMap<usize, f64>| {
+            entries.values().fold(0.0_f64, |max, v| max.max(v.abs()))
+        };
+        let mut left: BTreeMap<usize, f64> = BTreeMap::new();
+        for &(column, value) in row {
+            *left.entry(column).or_default() += value;
+        }
+        let before = size(&left);
+        let mut pivots: BTreeSet<usize> = (left.keys())
+            .filter_map(|column| self.of_column.get(column).copied())
+            .collect();
+        while let Some(next) = pivots.pop_first() {
+            let ((column, pivot), others) = &self.rows[next];
+            let Some(value) = left.remove(column) else {
+                continue;
+            };
+            for &(column, entry) in others {
+                *left.entry(column).or_default() -= value / pivot * entry;
+                // Rows have no pivots of those before them: only later ones come in.
+                pivots.extend(self.of_column.get(&column));
+            }
+        }
+        let after = size(&left);
+        if !(after > Self::NOTHING * before) {
+            return false;
+        }
+        let is_own = |column: usize| own.is_some_and(|block| column / 2 == block as usize);
+        let largest = |own: bool| {
+            (left.iter())
+                .filter(|&(&column, value)| {
+                    (!own || is_own(column))
+                        && value.abs() >= if own { Self::OWN * after } else { 0.0 }
+                })
+                .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+                .map(|(&column, &value)| (column, value))
+        };
+        let pivot = (largest(true).or_else(|| largest(false))).expect("something is left");
+        self.of_column.insert(pivot.0, self.rows.len());
+        left.remove(&pivot.0);
+        self.rows.push((pivot, left.into_iter().collect()));
+        true
+    }
+}
+
+impl ContactRows {
+    /// What the prescribed displacements of `unknowns` add to N u and to T u.
+    pub fn held_motion(&self, unknowns: &Unknowns) -> (Vec<f64>, Vec<f64>) {
+        let [normal, tangential] = [0, 1].map(|of: usize| {
+            let rows = self.held[of].iter();
+            rows.map(|held| motion(held, unknowns)).collect()
+        });
+        (normal, tangential)
+    }
+
+    /// d: the initial gaps, less what the prescribed displacements of `unknowns` close of them. Negative where
+    /// a prescribed motion pushes the bodies into each other.
+    pub fn gap(&self, unknowns: &Unknowns) -> Vec<f64> {
+        let (moved, _) = self.held_motion(unknowns);
+        self.nodes
+            .iter()
+            .zip(moved)
+            .map(|(node, moved)| node.gap - moved)
+            .collect()
+    }
+
+    /// Checks the nodes that have no row, since supports prescribe their whole normal motion.
+    ///
+    /// # Errors
+    /// [`ContactError::Driven`] if the prescribed displacements of `unknowns` push one of them into what it meets.
+    pub fn check(&self, unknowns: &Unknowns) -> Result<(), ContactError> {
+        for &([x, y], gap, ref held) in &self.fixed {
+            let moved = motion(held, unknowns);
+            let depth = moved - gap;
+            if depth > 1e-9 * gap.max(moved.abs()) {
+                return Err(ContactError::Driven { x, y, depth });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a law of friction acts on a row.
+    pub fn has_friction(&self, row: usize) -> bool {
+        self.slip_bound[row] > 0.0 || self.coefficient[row] > 0.0
+    }
+}
+
+/// What prescribed displacements add to a row.
+fn motion(held: &[Held], unknowns: &Unknowns) -> f64 {
+    let prescribed = |node, c: usize| unknowns.prescribed(node)[c].unwrap_or(0.0);
+    (held.iter())
+        .map(|&(node, c, factor)| factor * prescribed(node, c))
+        .sum()
+}

@@ -1,0 +1,81 @@
+//! What the figures of a step suggest to look at: nothing here is an error.
+
+use super::{ContactFields, ContactReport};
+use crate::case::{Elastic, StepData};
+use crate::quasistatic::StepSolution;
+
+/// So many nodes in contact at least, for a peak on one or two of them to be called unresolved.
+const RESOLVED: usize = 5;
+
+/// In the order of the contacts.
+pub(super) fn hints(
+    elastic: &Elastic,
+    data: &StepData,
+    solution: &StepSolution,
+    fields: &ContactFields,
+    contacts: &[ContactReport],
+) -> Vec<String> {
+    let mut hints = Vec::new();
+    let length = &elastic.units.length;
+    let displacement = data.unknowns.displacements(&solution.u);
+    let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));
+    for (number, (pair, contact)) in elastic.pairs.iter().zip(contacts).enumerate() {
+        let name = format!("contact {} / {}", pair.boundary, pair.against);
+        let rows = || (0..elastic.pair_of.len()).filter(|&i| elastic.pair_of[i] as usize == number);
+        let touching = contact.stick + contact.slip + contact.frictionless;
+        if touching == 0 {
+            let least = rows().map(|i| fields.gap[i]).fold(f64::INFINITY, f64::min);
+            hints.push(format!(
+                "{name}: no node touches; the least gap left is {least:.3e} {length}"
+            ));
+        }
+        if touching >= RESOLVED && contact.peak_nodes <= 2 {
+            hints.push(format!(
+                "{name}: the largest pressure sits on {}: the mesh does not resolve it (an edge or a corner); it \
+                 grows as the mesh is refined, the resultant does not",
+                match contact.peak_nodes {
+                    1 => "one node".to_owned(),
+                    n => format!("{n} nodes"),
+                }
+            ));
+        }
+        if contact.max_pressure > softest {
+            hints.push(format!(
+                "{name}: the pressure is above E of the softest material: are units, scale and load as meant? Strains \
+                 are taken to be small"
+            ));
+        }
+        match pair.obstacle {
+            Some(_) => {
+                let late = rows()
+                    .filter(|&i| {
+                        elastic.contact.nodes[i].gap > pair.search_distance
+                            && fields.status(i) == "contact"
+                    })
+                    .count();
+                if late > 0 && pair.friction.starts_with("Tresca") {
+                    hints.push(format!(
+                        "{name}: {late} nodes touch that were farther away than the search distance {:.3e} {length}, \
+                         and get no friction: state search_distance",
+                        pair.search_distance
+                    ));
+                }
+            }
+            None => {
+                // Both sides moving together do not come closer.
+                let both = (pair.edges.iter().chain(&pair.others).flatten())
+                    .map(|&node| displacement[node as usize]);
+                let (low, high) = crate::mesh::bounds(both);
+                let apart = (high[0] - low[0]).hypot(high[1] - low[1]);
+                if apart > pair.search_distance {
+                    hints.push(format!(
+                        "{name}: its sides move by up to {apart:.3e} {length} against each other, more than the search \
+                         distance {:.3e} {length}: what was farther apart has not been looked at; state search_distance",
+                        pair.search_distance
+                    ));
+                }
+            }
+        }
+    }
+    hints
+}
