@@ -175,16 +175,16 @@ impl Body<'_> {
         }
     }
 
-    /// Adds ∫ b·v over the elements of `region` (None: all) to the nodal forces; `force(x, density)`
+    /// Adds ∫ b·v over the elements of some regions (None: all) to the nodal forces; `force(x, density)`
     /// gives the force per volume in N/m³.
     pub fn add_body_force(
         &self,
-        region: Option<u32>,
+        regions: Option<&[u32]>,
         force: impl Fn([f64; 2], f64) -> [f64; 2],
         forces: &mut [[f64; 2]],
     ) {
         for element in &self.mesh.elements {
-            if region.is_some_and(|region| region != element.region) {
+            if regions.is_some_and(|regions| !regions.contains(&element.region)) {
                 continue;
             }
             let density = self.materials[element.region as usize].density;

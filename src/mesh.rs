@@ -47,10 +47,67 @@ pub struct Mesh {
     pub nodes: Vec<[f64; 2]>,
     /// Elements; every node belongs to at least one.
     pub elements: Vec<Element>,
-    /// Names of the regions that [`Element::region`] counts.
+    /// Names of the regions that [`Element::region`] counts: each element is in one.
     pub regions: Vec<String>,
+    /// The regions that a name stands for: every region under its own name, and groups of them that may overlap.
+    pub groups: BTreeMap<String, Vec<u32>>,
     /// Named boundaries: edges (from, to) with the body on the left, so that the outward normal points right.
+    /// Those that [`Self::faults`] names also hold edges between elements, which have no outward normal:
+    /// [`Self::outer_edges`] and [`Self::edges`] mind that.
     pub boundaries: BTreeMap<String, Vec<[u32; 2]>>,
+    /// What is wrong with the boundaries that are not on the outside of the body altogether.
+    pub faults: BTreeMap<String, Fault>,
+}
+
+/// The worst that the edges of a boundary have, and the first edge that has it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fault {
+    pub kind: FaultKind,
+    /// The coordinates of both ends.
+    pub ends: [[f64; 2]; 2],
+}
+
+/// Why an edge is no outer edge of the body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum FaultKind {
+    /// There are elements on both sides: an interface.
+    Inside,
+    /// No element has it: a construction line. It is not in [`Mesh::boundaries`].
+    Stray,
+}
+
+impl FaultKind {
+    fn remedy(self) -> &'static str {
+        match self {
+            Self::Inside => {
+                "take that curve out of the physical group or, where two bodies touch, draw it once for each"
+            }
+            Self::Stray => "take that curve out of the physical group",
+        }
+    }
+}
+
+impl std::fmt::Display for Fault {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let [[x0, y0], [x1, y1]] = self.ends;
+        let what = match self.kind {
+            FaultKind::Inside => "lies between elements, not on the outside of the body",
+            FaultKind::Stray => "is not an edge of any element",
+        };
+        write!(
+            f,
+            "its edge from ({x0:.6e}, {y0:.6e}) to ({x1:.6e}, {y1:.6e}) {what}"
+        )
+    }
+}
+
+/// Why a mesh has no such boundary for what it is wanted for.
+#[derive(Debug, thiserror::Error)]
+pub enum BoundaryError {
+    #[error("there is no boundary \"{0}\"")]
+    Unknown(String),
+    #[error("boundary \"{name}\": {fault}: {}", fault.kind.remedy())]
+    Faulty { name: String, fault: Fault },
 }
 
 /// What is wrong with a mesh.
@@ -70,16 +127,17 @@ pub enum MeshError {
         "element {element} near ({x:.6e}, {y:.6e}) has no area or folds over itself: repair it in the mesher"
     )]
     Degenerate { element: usize, x: f64, y: f64 },
-    #[error(
-        "boundary \"{name}\": its edge from ({x0:.6e}, {y0:.6e}) to ({x1:.6e}, {y1:.6e}) {problem}"
-    )]
-    BadEdge {
+    #[error("element {element} is in region {region}, but there are only {n_regions} regions")]
+    NoSuchRegion {
+        element: usize,
+        region: u32,
+        n_regions: usize,
+    },
+    #[error("boundary \"{name}\" names node {node}, but there are only {n_nodes} nodes")]
+    NoSuchBoundaryNode {
         name: String,
-        x0: f64,
-        y0: f64,
-        x1: f64,
-        y1: f64,
-        problem: &'static str,
+        node: u32,
+        n_nodes: usize,
     },
 }
 
@@ -90,7 +148,8 @@ fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
 
 impl Mesh {
     /// A mesh from its parts: checks them, turns clockwise elements around, drops nodes that no element
-    /// uses, and directs boundary edges so that the body lies on their left.
+    /// uses, and directs boundary edges so that the body lies on their left. Boundaries may have edges
+    /// that do not lie on the outside: they are noted in [`Self::faults`]. Every region is a group of its own.
     pub fn new(
         nodes: Vec<[f64; 2]>,
         mut elements: Vec<Element>,
@@ -115,57 +174,80 @@ impl Mesh {
                     n_nodes: nodes.len(),
                 });
             }
+            if element.region as usize >= regions.len() {
+                return Err(MeshError::NoSuchRegion {
+                    element: e,
+                    region: element.region,
+                    n_regions: regions.len(),
+                });
+            }
             orient(element, &nodes, e)?;
         }
+        let mut on_boundary = vec![false; nodes.len()];
+        for (name, edges) in &boundaries {
+            for &node in edges.iter().flatten() {
+                let Some(place) = on_boundary.get_mut(node as usize) else {
+                    return Err(MeshError::NoSuchBoundaryNode {
+                        name: name.clone(),
+                        node,
+                        n_nodes: nodes.len(),
+                    });
+                };
+                *place = true;
+            }
+        }
 
-        // Every edge of every element, in the element's direction; an edge of the boundary has one owner.
-        let has_boundaries = boundaries.values().any(|edges| !edges.is_empty());
+        // How many elements have an edge, in their own direction; an outer edge has one owner.
         let mut owners: HashMap<[u32; 2], u32> = HashMap::new();
-        if has_boundaries {
-            let on_boundary: std::collections::HashSet<u32> =
-                boundaries.values().flatten().flatten().copied().collect();
+        if !boundaries.is_empty() {
             for element in &elements {
                 let corners = element.nodes();
                 for (i, &a) in corners.iter().enumerate() {
                     let b = corners[(i + 1) % corners.len()];
-                    if on_boundary.contains(&a) && on_boundary.contains(&b) {
+                    if on_boundary[a as usize] && on_boundary[b as usize] {
                         *owners.entry([a, b]).or_default() += 1;
                     }
                 }
             }
         }
+        let mut faults = BTreeMap::new();
         for (name, edges) in &mut boundaries {
-            for edge in edges.iter_mut() {
+            edges.retain_mut(|edge| {
                 let forward = owners.get(&[edge[0], edge[1]]).copied().unwrap_or(0);
                 let backward = owners.get(&[edge[1], edge[0]]).copied().unwrap_or(0);
-                let problem = match (forward, backward) {
-                    (1, 0) => continue,
+                let kind = match (forward, backward) {
+                    (1, 0) => return true,
                     (0, 1) => {
                         edge.swap(0, 1);
-                        continue;
+                        return true;
                     }
-                    (0, 0) => "is not an edge of any element",
-                    _ => "lies between elements, not on the outside of the body",
+                    (0, 0) => FaultKind::Stray,
+                    _ => FaultKind::Inside,
                 };
-                let [p, q] = edge.map(|i| nodes.get(i as usize).copied().unwrap_or([f64::NAN; 2]));
-                return Err(MeshError::BadEdge {
-                    name: name.clone(),
-                    x0: p[0],
-                    y0: p[1],
-                    x1: q[0],
-                    y1: q[1],
-                    problem,
-                });
-            }
+                let ends = edge.map(|node| nodes[node as usize]);
+                let worst = faults.entry(name.clone()).or_insert(Fault { kind, ends });
+                if worst.kind < kind {
+                    *worst = Fault { kind, ends };
+                }
+                // It has no side, and must not stand twice if a file has it in both directions.
+                edge.sort_unstable();
+                kind == FaultKind::Inside
+            });
             edges.sort_unstable();
             edges.dedup();
         }
 
+        let mut groups = BTreeMap::<String, Vec<u32>>::new();
+        for (region, name) in (0..).zip(&regions) {
+            groups.entry(name.clone()).or_default().push(region);
+        }
         let mut mesh = Self {
             nodes,
             elements,
             regions,
+            groups,
             boundaries,
+            faults,
         };
         mesh.drop_unused_nodes();
         Ok(mesh)
@@ -195,6 +277,55 @@ impl Mesh {
         for edge in self.boundaries.values_mut().flatten() {
             *edge = edge.map(|node| new_number[node as usize]);
         }
+    }
+
+    /// The edges of a boundary, all on the outside of the body: for what acts on it from there.
+    pub fn outer_edges(&self, name: &str) -> Result<&[[u32; 2]], BoundaryError> {
+        self.edges_with(name, None)
+    }
+
+    /// The edges of a boundary that may lie inside the body: for what is done to its nodes.
+    pub fn edges(&self, name: &str) -> Result<&[[u32; 2]], BoundaryError> {
+        self.edges_with(name, Some(FaultKind::Inside))
+    }
+
+    fn edges_with(
+        &self,
+        name: &str,
+        allowed: Option<FaultKind>,
+    ) -> Result<&[[u32; 2]], BoundaryError> {
+        match (self.boundaries.get(name), self.faults.get(name)) {
+            (_, Some(&fault)) if allowed != Some(fault.kind) => Err(BoundaryError::Faulty {
+                name: name.to_owned(),
+                fault,
+            }),
+            (Some(edges), _) => Ok(edges),
+            (None, _) => Err(BoundaryError::Unknown(name.to_owned())),
+        }
+    }
+
+    /// Moves the mesh as a whole.
+    pub fn shift(&mut self, by: [f64; 2]) {
+        let ends = self.faults.values_mut().flat_map(|fault| &mut fault.ends);
+        for x in self.nodes.iter_mut().chain(ends) {
+            *x = [x[0] + by[0], x[1] + by[1]];
+        }
+    }
+
+    /// Gives its parts other names, which must not make different ones the same.
+    pub fn rename(&mut self, region: impl Fn(&str) -> String, boundary: impl Fn(&str) -> String) {
+        fn keys<T>(map: &mut BTreeMap<String, T>, name: impl Fn(&str) -> String) {
+            *map = std::mem::take(map)
+                .into_iter()
+                .map(|(key, value)| (name(&key), value))
+                .collect();
+        }
+        for name in &mut self.regions {
+            *name = region(name);
+        }
+        keys(&mut self.groups, region);
+        keys(&mut self.boundaries, &boundary);
+        keys(&mut self.faults, boundary);
     }
 
     /// Number of bodies: parts of the mesh that share no node. Returns the count and the body of each node.
@@ -273,38 +404,31 @@ pub(crate) fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> ([f64; 2], [
 
 /// Turns a clockwise element around and rejects one without area or with a reflex corner.
 fn orient(element: &mut Element, nodes: &[[f64; 2]], number: usize) -> Result<(), MeshError> {
-    let corners = |element: &Element| -> Vec<f64> {
-        let x: Vec<[f64; 2]> = element
-            .nodes()
-            .iter()
-            .map(|&node| nodes[node as usize])
-            .collect();
-        let n = x.len();
-        (0..n)
-            .map(|i| cross(x[i], x[(i + 1) % n], x[(i + 2) % n]))
-            .collect()
+    let len = element.len as usize;
+    let corners = |element: &Element| -> [f64; 4] {
+        let x = element.nodes.map(|node| nodes[node as usize]);
+        std::array::from_fn(|i| cross(x[i % len], x[(i + 1) % len], x[(i + 2) % len]))
     };
     let mut areas = corners(element);
-    if areas.iter().sum::<f64>() < 0.0 {
-        let len = element.len as usize;
+    if areas[..len].iter().sum::<f64>() < 0.0 {
         element.nodes[..len].reverse();
         if len == 3 {
             element.nodes[3] = element.nodes[2];
         }
         areas = corners(element);
     }
+    let [x, y] = nodes[element.nodes[0] as usize];
     let size = element
         .nodes()
         .iter()
         .map(|&node| {
-            let [a, b] = [nodes[node as usize], nodes[element.nodes[0] as usize]];
-            (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)
+            let [a, b] = nodes[node as usize];
+            (a - x).powi(2) + (b - y).powi(2)
         })
         .fold(0.0, f64::max);
-    if areas.iter().all(|&area| area > 1e-12 * size) {
+    if areas[..len].iter().all(|&area| area > 1e-12 * size) {
         return Ok(());
     }
-    let [x, y] = nodes[element.nodes[0] as usize];
     Err(MeshError::Degenerate {
         element: number,
         x,

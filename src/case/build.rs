@@ -11,7 +11,7 @@ use crate::contact::{
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble, load_vector};
 use crate::matrix_market::{self, MatrixMarketError};
 use crate::mesh::gmsh::GmshError;
-use crate::mesh::{Mesh, gmsh, structured};
+use crate::mesh::{BoundaryError, Mesh, gmsh, structured};
 use crate::problem::{ContactData, ContactProblem, FreeBody, ProblemError};
 use crate::quasistatic::Load;
 use crate::sparse::{BlockCsr, Csr, norm};
@@ -397,29 +397,22 @@ impl Case {
         for part in &table.part {
             let (span, part) = (part.span(), part.get_ref());
             let mut mesh = self.part(span.clone(), &part.file, part.scale, &part.rectangle)?;
-            for x in &mut mesh.nodes {
-                *x = [x[0] + part.shift[0], x[1] + part.shift[1]];
-            }
-            let named = |name: &String| format!("{}-{name}", part.name);
-            if part.rectangle.is_some() {
-                mesh.regions = vec![part.name.clone()];
-            } else {
-                mesh.regions = mesh.regions.iter().map(named).collect();
-            }
-            mesh.boundaries = mesh
-                .boundaries
-                .into_iter()
-                .map(|(name, edges)| (named(&name), edges))
-                .collect();
+            mesh.shift(part.shift);
+            let named = |name: &str| format!("{}-{name}", part.name);
+            let region = |name: &str| match part.rectangle {
+                Some(_) => part.name.clone(),
+                None => named(name),
+            };
+            mesh.rename(region, named);
             let twice = whole.as_ref().and_then(|whole| {
-                let regions = mesh
-                    .regions
-                    .iter()
-                    .find(|name| whole.regions.contains(name));
-                regions.or(mesh
+                let group = mesh
+                    .groups
+                    .keys()
+                    .find(|&name| whole.groups.contains_key(name));
+                group.or(mesh
                     .boundaries
                     .keys()
-                    .find(|name| whole.boundaries.contains_key(*name)))
+                    .find(|&name| whole.boundaries.contains_key(name)))
             });
             if let Some(name) = twice {
                 return Ok(self.invalid(
@@ -464,50 +457,77 @@ impl Case {
         Ok(mesh)
     }
 
+    /// A boundary for what `wanted` lets pass: [`Mesh::edges`] or [`Mesh::outer_edges`].
     fn edges<'m>(
         &self,
         mesh: &'m Mesh,
         name: &str,
         span: Range<usize>,
+        wanted: impl Fn(&'m Mesh, &str) -> Result<&'m [[u32; 2]], BoundaryError>,
     ) -> Result<&'m [[u32; 2]], CaseError> {
-        match mesh.boundaries.get(name) {
-            Some(edges) => Ok(edges),
-            None => self.invalid(
+        match wanted(mesh, name) {
+            Ok(edges) => return Ok(edges),
+            Err(BoundaryError::Unknown(_)) => {}
+            Err(error) => return self.invalid(span, error.to_string()),
+        }
+        let tables = self.tables.mesh.iter();
+        let part = tables
+            .flat_map(|mesh| &mesh.get_ref().part)
+            .map(|part| format!("{}-", part.get_ref().name))
+            .find(|part| name.starts_with(part))
+            .unwrap_or_default();
+        if !mesh.boundaries.keys().any(|known| known.starts_with(&part)) {
+            let curve = &name[part.len()..];
+            return self.invalid(
                 span,
                 format!(
-                    "there is no boundary \"{name}\"; the mesh has {}{}",
-                    listed(mesh.boundaries.keys()),
-                    meant(name, mesh.boundaries.keys())
+                    "there is no boundary \"{name}\": the mesh file has no physical curves; add \
+                     Physical Curve(\"{curve}\") = {{…}}; in Gmsh and save the mesh again"
                 ),
-            ),
+            );
         }
+        self.invalid(
+            span,
+            format!(
+                "there is no boundary \"{name}\"; the mesh has {}{}",
+                listed(mesh.boundaries.keys()),
+                meant(name, mesh.boundaries.keys())
+            ),
+        )
     }
 
     /// The edges of several boundaries as of one.
-    fn all_edges(
+    fn all_edges<'m>(
         &self,
-        mesh: &Mesh,
+        mesh: &'m Mesh,
         names: &Names,
         span: Range<usize>,
+        wanted: impl Fn(&'m Mesh, &str) -> Result<&'m [[u32; 2]], BoundaryError>,
     ) -> Result<Vec<[u32; 2]>, CaseError> {
         let mut all = Vec::new();
         for name in names.all() {
-            all.extend_from_slice(self.edges(mesh, name, span.clone())?);
+            all.extend_from_slice(self.edges(mesh, name, span.clone(), &wanted)?);
         }
         all.sort_unstable();
         all.dedup();
         Ok(all)
     }
 
-    fn region(&self, mesh: &Mesh, name: &str, span: Range<usize>) -> Result<u32, CaseError> {
-        match mesh.regions.iter().position(|r| r == name) {
-            Some(region) => Ok(region as u32),
+    /// The regions that a name stands for.
+    fn region<'m>(
+        &self,
+        mesh: &'m Mesh,
+        name: &str,
+        span: Range<usize>,
+    ) -> Result<&'m [u32], CaseError> {
+        match mesh.groups.get(name) {
+            Some(regions) => Ok(regions),
             None => self.invalid(
                 span,
                 format!(
                     "there is no region \"{name}\"; the mesh has {}{}",
-                    listed(mesh.regions.iter()),
-                    meant(name, &mesh.regions)
+                    listed(mesh.groups.keys()),
+                    meant(name, mesh.groups.keys())
                 ),
             ),
         }
@@ -515,7 +535,8 @@ impl Case {
 
     fn materials(&self, mesh: &Mesh) -> Result<Vec<Material>, CaseError> {
         let tables = &self.tables.material;
-        let mut materials = vec![None; mesh.regions.len()];
+        // With the name that has brought it.
+        let mut materials: Vec<Option<(Material, &str)>> = vec![None; mesh.regions.len()];
         for table in tables {
             let m = table.get_ref();
             let material = Material {
@@ -525,19 +546,29 @@ impl Case {
             };
             match &m.region {
                 Some(name) => {
-                    let place = &mut materials[self.region(mesh, name, table.span())? as usize];
-                    if place.replace(material).is_some() {
-                        return self
-                            .invalid(table.span(), format!("region \"{name}\" has two materials"));
+                    for &region in self.region(mesh, name, table.span())? {
+                        let place = &mut materials[region as usize];
+                        let message = match place.replace((material, name)) {
+                            Some((_, other)) if other == name => {
+                                format!("region \"{name}\" has two materials")
+                            }
+                            Some((old, other)) if old != material => format!(
+                                "regions \"{other}\" and \"{name}\" overlap: \"{}\" would have two materials; \
+                                 give both the same, or groups that share no surface",
+                                mesh.regions[region as usize]
+                            ),
+                            _ => continue,
+                        };
+                        return self.invalid(table.span(), message);
                     }
                 }
-                None if tables.len() == 1 => materials.fill(Some(material)),
+                None if tables.len() == 1 => materials.fill(Some((material, ""))),
                 None => {
                     return self.invalid(
                         table.span(),
                         format!(
                             "with several materials each needs its region: {}",
-                            listed(mesh.regions.iter())
+                            listed(mesh.groups.keys())
                         ),
                     );
                 }
@@ -547,7 +578,7 @@ impl Case {
             .iter()
             .zip(&mesh.regions)
             .map(|(material, name)| match material {
-                Some(material) => Ok(*material),
+                Some((material, _)) => Ok(*material),
                 None => self.invalid(
                     tables.last().map_or(0..0, |t| t.span()),
                     format!("region \"{name}\" has no material"),
@@ -575,7 +606,7 @@ impl Case {
             const ZERO: Quantity = Quantity::Constant(0.0);
             let nodes: Vec<u32> = match (&s.boundary, s.point) {
                 (Some(name), _) => {
-                    let edges = self.all_edges(mesh, name, span.clone())?;
+                    let edges = self.all_edges(mesh, name, span.clone(), Mesh::edges)?;
                     if s.symmetry {
                         let along = |axis: usize| {
                             edges
@@ -686,7 +717,7 @@ impl Case {
         };
         for table in &self.tables.traction {
             let t = table.get_ref();
-            let edges = self.all_edges(body.mesh, &t.boundary, table.span())?;
+            let edges = self.all_edges(body.mesh, &t.boundary, table.span(), Mesh::outer_edges)?;
             let factor = self.factor(&t.factors, step);
             body.add_traction(
                 &edges,
@@ -700,13 +731,13 @@ impl Case {
         }
         for table in &self.tables.body_force {
             let t = table.get_ref();
-            let region = match &t.region {
+            let regions = match &t.region {
                 Some(name) => Some(self.region(body.mesh, name, table.span())?),
                 None => None,
             };
             let factor = self.factor(&t.factors, step);
             let force = |x, _| [at(&t.x, x), at(&t.y, x)].map(|v| factor * v);
-            body.add_body_force(region, force, &mut forces);
+            body.add_body_force(regions, force, &mut forces);
             finite(&forces, table.span(), "body force")?;
         }
         if let Some(g) = self.tables.analysis.gravity {
@@ -730,7 +761,7 @@ impl Case {
         let (mut nodes, mut owner) = (Vec::new(), Vec::new());
         for (number, table) in self.tables.contact.iter().enumerate() {
             let (t, span) = (table.get_ref(), table.span());
-            let edges = self.all_edges(body.mesh, &t.boundary, span.clone())?;
+            let edges = self.all_edges(body.mesh, &t.boundary, span.clone(), Mesh::outer_edges)?;
             let stress = self.units().stress();
             let (quantity, friction) = match &t.friction {
                 FrictionTable::None => (None, "no friction".to_owned()),
@@ -756,7 +787,7 @@ impl Case {
             let mut others = Vec::new();
             let (found, against, search_distance) = match (&t.against, &obstacle) {
                 (Some(names), _) => {
-                    others = self.all_edges(body.mesh, names, span.clone())?;
+                    others = self.all_edges(body.mesh, names, span.clone(), Mesh::outer_edges)?;
                     let distance = options.distance_between(body, &edges, &others);
                     let found = mortar_contact(body, &edges, &others, &options);
                     (found, names.to_string(), distance)

@@ -1,6 +1,7 @@
 //! `signorini check`.
 
 use signorini::case::Case;
+use signorini::mesh::FaultKind;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -50,10 +51,28 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
                 material.young, material.poisson, material.density
             ));
         }
+        for (name, regions) in &mesh.groups {
+            let members: Vec<String> = (regions.iter())
+                .map(|&region| format!("\"{}\"", mesh.regions[region as usize]))
+                .collect();
+            if members != [format!("\"{name}\"")] {
+                say(format_args!(
+                    "group         \"{name}\": {}",
+                    members.join(", ")
+                ));
+            }
+        }
         for (name, edges) in &mesh.boundaries {
-            let extent: f64 = edges.iter().map(|&e| mesh.edge_normal(e).0).sum();
+            let extent = (edges.iter()).fold(0.0, |sum, &e| sum + mesh.edge_normal(e).0);
+            let fault = match mesh.faults.get(name) {
+                Some(fault) if fault.kind == FaultKind::Stray => {
+                    format!("; not to be used: {fault}")
+                }
+                Some(fault) => format!("; not for contact and traction: {fault}"),
+                None => String::new(),
+            };
             say(format_args!(
-                "boundary      \"{name}\": {} edges, {extent:.4e} {length}",
+                "boundary      \"{name}\": {} edges, {extent:.4e} {length}{fault}",
                 edges.len()
             ));
         }

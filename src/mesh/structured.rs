@@ -84,17 +84,18 @@ pub fn rectangle(
         nodes,
         elements,
         regions: vec![region.to_owned()],
+        groups: BTreeMap::from([(region.to_owned(), vec![0])]),
         boundaries,
+        faults: BTreeMap::new(),
     }
 }
 
 /// Two meshes as one: nodes and elements of `b` follow those of `a`; the parts share no node.
 ///
 /// # Panics
-/// If both have a region or a boundary of the same name.
+/// If both have a region, a group or a boundary of the same name.
 pub fn join(mut a: Mesh, b: Mesh) -> Mesh {
     let (nodes, regions) = (a.nodes.len() as u32, a.regions.len() as u32);
-    assert!(b.regions.iter().all(|name| !a.regions.contains(name)));
     a.nodes.extend(b.nodes);
     a.regions.extend(b.regions);
     a.elements
@@ -103,6 +104,11 @@ pub fn join(mut a: Mesh, b: Mesh) -> Mesh {
             region: element.region + regions,
             ..element
         }));
+    for (name, members) in b.groups {
+        let members = members.into_iter().map(|region| region + regions).collect();
+        assert!(a.groups.insert(name, members).is_none());
+    }
+    a.faults.extend(b.faults);
     for (name, edges) in b.boundaries {
         let edges = edges
             .into_iter()
