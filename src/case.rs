@@ -724,6 +724,15 @@ impl Case {
         if let Some(limit) = &s.time_limit {
             match humantime::parse_duration(limit.get_ref()) {
                 Ok(duration) => self.time_limit = Some(duration),
+                // Longer than can be counted is as good as no limit, if only the digits are to blame.
+                Err(humantime::DurationError::NumberOverflow)
+                    if humantime::parse_duration(
+                        &limit.get_ref().replace(|c: char| c.is_ascii_digit(), "0"),
+                    )
+                    .is_ok() =>
+                {
+                    self.time_limit = None;
+                }
                 Err(error) => {
                     return self.invalid(
                         limit.span(),

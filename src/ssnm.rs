@@ -298,7 +298,8 @@ pub fn solve(
     let start = Instant::now();
     let len = 2 * problem.m();
     let stop = Stop {
-        deadline: settings.time_limit.map(|limit| start + limit),
+        // A limit beyond what the clock can show is none.
+        deadline: (settings.time_limit).and_then(|limit| start.checked_add(limit)),
         interrupt: settings.interrupt,
     };
     let exact = settings.method == Method::Exact;

@@ -152,6 +152,38 @@ fn limits_write_what_there_is_and_exit_with_3() {
     }
 }
 
+/// A limit that no clock can show is none; what is no duration stays an error.
+#[test]
+fn absurdly_long_time_limits_are_none() {
+    let solve = |limit: &str| {
+        let out = directory();
+        let path = out.path().to_string_lossy().into_owned();
+        let setting = format!("solver.time_limit={limit}");
+        signorini(&[
+            "solve",
+            "examples/matrices/block.toml",
+            "--output",
+            &path,
+            "--set",
+            &setting,
+        ])
+    };
+    for limit in [
+        "500000000000years",
+        "584554530872years",
+        "99999999999999999999999999 years 1 day",
+        "18446744073709551615s",
+    ] {
+        let run = solve(limit);
+        assert_eq!(run.status.code(), Some(0), "{limit}: {}", text(&run.stderr));
+    }
+    for limit in ["99999999999999999999999999 yards", "0.5ns", "-1s"] {
+        let run = solve(limit);
+        assert_eq!(run.status.code(), Some(1), "{limit}");
+        assert!(text(&run.stderr).contains("is not a duration"), "{limit}");
+    }
+}
+
 #[test]
 fn wrong_usage_exits_with_2() {
     for arguments in [
