@@ -330,7 +330,7 @@ fn direct(
 }
 
 /// The memory of this machine, or of the container it runs in.
-fn memory_bytes() -> Option<usize> {
+pub(crate) fn memory_bytes() -> Option<usize> {
     let mut system = sysinfo::System::new();
     system.refresh_memory();
     let total = match system.cgroup_limits() {

@@ -1,6 +1,11 @@
 //! Matrix Market files: real (or integer) matrices in coordinate or array form, general or symmetric.
 
+use crate::engine::memory_bytes;
+use crate::sparse::{BlockCsr, Csr};
+use rayon::prelude::*;
+use std::borrow::Cow;
 use std::fmt::Write as _;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Why a file could not be read or written.
@@ -21,16 +26,36 @@ pub enum MatrixMarketError {
     Shape { path: PathBuf, message: String },
 }
 
-/// A matrix as triplets, counted from 0; both triangles of a symmetric one.
+/// A matrix as the file has it.
 #[derive(Clone, Debug)]
 pub struct Matrix {
     pub rows: usize,
     pub cols: usize,
-    pub entries: Vec<(usize, usize, f64)>,
+    /// The entries in the order of the file, counted from 0, in pieces as they were read.
+    stored: Vec<Vec<Entry>>,
+    /// Whether the entries are the lower triangle of a symmetric matrix.
+    symmetric: bool,
     path: PathBuf,
 }
 
+/// Row, column and value.
+type Entry = (u32, u32, f64);
+
 impl Matrix {
+    /// The entries (row, column, value), counted from 0, in the order of the file; both triangles of a symmetric
+    /// matrix. Repeated ones count as their sum.
+    pub fn triplets(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+        self.entries()
+            .map(|(i, j, value)| (i as usize, j as usize, value))
+    }
+
+    fn entries(&self) -> impl Iterator<Item = Entry> + '_ {
+        self.stored.iter().flatten().flat_map(|&(i, j, value)| {
+            let mirror = (self.symmetric && i != j).then_some((j, i, value));
+            std::iter::once((i, j, value)).chain(mirror)
+        })
+    }
+
     /// The entries of a matrix with one column (or one row).
     pub fn into_vector(self) -> Result<Vec<f64>, MatrixMarketError> {
         if self.rows != 1 && self.cols != 1 {
@@ -43,7 +68,7 @@ impl Matrix {
             });
         }
         let mut vector = vec![0.0; self.rows * self.cols];
-        for (i, j, value) in self.entries {
+        for (i, j, value) in self.triplets() {
             vector[i + j] += value;
         }
         Ok(vector)
@@ -58,35 +83,124 @@ impl Matrix {
             });
         }
         let mut points = vec![[0.0; 2]; self.rows];
-        for (i, j, value) in self.entries {
+        for (i, j, value) in self.triplets() {
             points[i][j] += value;
         }
         Ok(points)
     }
+
+    /// The matrix in compressed rows.
+    pub fn into_csr(self) -> Csr {
+        BlockCsr::from_passes(self.rows, self.cols, || self.entries())
+    }
+
+    /// A stiffness matrix, in blocks of the two unknowns of a node.
+    ///
+    /// # Errors
+    /// If the file has too few entries to fill the diagonal: that many rows are a slip of the pen, and they would
+    /// take memory.
+    pub fn into_stiffness(self) -> Result<BlockCsr<2>, MatrixMarketError> {
+        let count: usize = self.stored.iter().map(Vec::len).sum();
+        if count < self.rows.min(self.cols) {
+            return Err(MatrixMarketError::Shape {
+                message: format!(
+                    "a stiffness matrix has a positive diagonal, and this one has {} rows and only {count} entries",
+                    self.rows
+                ),
+                path: self.path,
+            });
+        }
+        Ok(BlockCsr::from_passes(self.rows, self.cols, || {
+            self.entries()
+        }))
+    }
 }
 
-/// Reads a file.
+/// Bytes that one task parses.
+const PIECE: usize = 1 << 18;
+
+/// Reads a file, on all threads.
+///
+/// The order of the entries is that of the file, whatever the number of threads. Memory is taken for what the file
+/// holds, not for what its header announces.
 pub fn read(path: &Path) -> Result<Matrix, MatrixMarketError> {
-    let text = std::fs::read_to_string(path).map_err(|source| MatrixMarketError::Io {
+    let text = std::fs::read(path).map_err(|source| MatrixMarketError::Io {
         path: path.to_owned(),
         source,
     })?;
-    parse(&text, path).map_err(|(line, message)| MatrixMarketError::Format {
-        path: path.to_owned(),
-        line,
-        message,
-    })
+    match parse(&text, PIECE) {
+        Ok((header, stored)) => Ok(Matrix {
+            rows: header.rows,
+            cols: header.cols,
+            symmetric: header.symmetric,
+            stored,
+            path: path.to_owned(),
+        }),
+        Err((line, message)) => Err(MatrixMarketError::Format {
+            path: path.to_owned(),
+            line,
+            message,
+        }),
+    }
 }
 
-fn parse(text: &str, path: &Path) -> Result<Matrix, (usize, String)> {
-    let mut lines = text
-        .lines()
-        .enumerate()
-        .map(|(i, line)| (i + 1, line.trim()));
-    let (_, header) = lines.next().ok_or((1, "the file is empty".to_owned()))?;
-    let words: Vec<String> = header.split_whitespace().map(str::to_lowercase).collect();
-    let words: Vec<&str> = words.iter().map(String::as_str).collect();
-    let ["%%matrixmarket", "matrix", form, field, symmetry] = words[..] else {
+/// What the lines before the entries say.
+struct Header<'a> {
+    coordinate: bool,
+    symmetric: bool,
+    rows: usize,
+    cols: usize,
+    /// Entries in the file.
+    count: u64,
+    /// The line with the sizes, counted from 1, and what comes after it.
+    line: usize,
+    body: &'a [u8],
+}
+
+/// The number of a line and what is wrong there.
+type Fault = (usize, String);
+
+/// The header and the entries of a file; of a symmetric one those of the lower triangle. `piece` bytes are parsed by
+/// one task.
+fn parse(text: &[u8], piece: usize) -> Result<(Header<'_>, Vec<Vec<Entry>>), Fault> {
+    let header = parse_header(text)?;
+    if header.coordinate {
+        let entry = |line: &str, entries: &mut Vec<Entry>| {
+            entries.push(header.entry(line)?);
+            Ok(())
+        };
+        let ended = |read| format!("the file ends after {read} of {} entries", header.count);
+        let more = format!("there are more than the {} announced entries", header.count);
+        let entries = header.gather(piece, entry, ended, &more, |_| 1)?;
+        return Ok((header, entries));
+    }
+    let words = |line: &str| line.split_ascii_whitespace().count();
+    let values = |line: &str, values: &mut Vec<f64>| {
+        for word in line.split_ascii_whitespace() {
+            values.push(number(Some(word))?);
+        }
+        Ok(())
+    };
+    let ended = |_| "the file ends before the last value".to_owned();
+    let more = "there are more values than the matrix has entries";
+    let values = header.gather(piece, values, ended, more, words)?;
+    // Column by column; of a symmetric matrix the lower triangle.
+    let rows = header.rows as u32;
+    let first = |j: u32| if header.symmetric { j } else { 0 };
+    let places = (0..header.cols as u32).flat_map(|j| (first(j)..rows).map(move |i| (i, j)));
+    let entries = places.zip(values.into_iter().flatten());
+    let entries = entries.map(|((i, j), value)| (i, j, value)).collect();
+    Ok((header, vec![entries]))
+}
+
+fn parse_header(text: &[u8]) -> Result<Header<'_>, Fault> {
+    if text.is_empty() {
+        return Err((1, "the file is empty".to_owned()));
+    }
+    let (banner, mut body) = split_line(text);
+    let banner = banner.to_lowercase();
+    let banner: Vec<&str> = banner.split_whitespace().collect();
+    let ["%%matrixmarket", "matrix", form, field, symmetry] = banner[..] else {
         return Err((
             1,
             "the first line must be: %%MatrixMarket matrix coordinate|array real general|symmetric"
@@ -114,14 +228,21 @@ fn parse(text: &str, path: &Path) -> Result<Matrix, (usize, String)> {
             ));
         }
     };
-    let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('%'));
-    let (line, sizes) = lines
-        .next()
-        .ok_or((2, "the line with the sizes is missing".to_owned()))?;
-    let parsed: Option<Vec<usize>> = sizes.split_whitespace().map(|w| w.parse().ok()).collect();
-    let (rows, cols, count) = match (parsed.as_deref(), coordinate) {
-        (Some(&[rows, cols, count]), true) => (rows, cols, count),
-        (Some(&[rows, cols]), false) => (rows, cols, rows.saturating_mul(cols)),
+    let mut line = 1;
+    let sizes = loop {
+        if body.is_empty() {
+            return Err((2, "the line with the sizes is missing".to_owned()));
+        }
+        let (sizes, rest) = split_line(body);
+        (line, body) = (line + 1, rest);
+        if !is_void(&sizes) {
+            break sizes.trim().to_owned();
+        }
+    };
+    let parsed: Option<Vec<u64>> = sizes.split_whitespace().map(|w| w.parse().ok()).collect();
+    let (rows, cols, announced) = match (parsed.as_deref(), coordinate) {
+        (Some(&[rows, cols, count]), true) => (rows, cols, Some(count)),
+        (Some(&[rows, cols]), false) => (rows, cols, None),
         _ => {
             let expected = if coordinate {
                 "rows columns entries"
@@ -137,87 +258,208 @@ fn parse(text: &str, path: &Path) -> Result<Matrix, (usize, String)> {
             format!("a symmetric matrix cannot be {rows} × {cols}"),
         ));
     }
-    if rows >= u32::MAX as usize || cols >= u32::MAX as usize {
+    let largest = rows.max(cols);
+    if largest >= u64::from(u32::MAX) {
         return Err((line, format!("{rows} × {cols} is too large")));
     }
-    let number = |line: usize, word: Option<&str>| -> Result<f64, (usize, String)> {
-        let word = word.ok_or((line, "a value is missing".to_owned()))?;
-        word.parse()
-            .map_err(|_| (line, format!("\"{word}\" is not a number")))
-    };
-    let mut entries = Vec::with_capacity(count.min(text.len() / 2) * if symmetric { 2 } else { 1 });
-    let mut push = |i: usize, j: usize, value: f64| {
-        entries.push((i, j, value));
-        if symmetric && i != j {
-            entries.push((j, i, value));
-        }
-    };
-    let mut last = line;
-    if coordinate {
-        let mut read = 0;
-        for (line, text) in lines {
-            last = line;
-            if read == count {
-                return Err((
-                    line,
-                    format!("there are more than the {count} announced entries"),
-                ));
-            }
-            let mut words = text.split_whitespace();
-            let mut index = |name: &str, limit: usize| -> Result<usize, (usize, String)> {
-                let word = words
-                    .next()
-                    .ok_or((line, format!("the {name} is missing")))?;
-                match word.parse::<usize>() {
-                    Ok(i) if (1..=limit).contains(&i) => Ok(i - 1),
-                    _ => Err((
-                        line,
-                        format!("{name} \"{word}\" is not between 1 and {limit}"),
-                    )),
-                }
-            };
-            let (i, j) = (index("row", rows)?, index("column", cols)?);
-            if symmetric && j > i {
-                return Err((
-                    line,
-                    "a symmetric file holds the lower triangle only".to_owned(),
-                ));
-            }
-            push(i, j, number(line, words.next())?);
-            read += 1;
-        }
-        if read < count {
-            return Err((
-                last,
-                format!("the file ends after {read} of {count} entries"),
-            ));
-        }
+    // Below 2⁶⁴, since both are below 2³².
+    let count = announced.unwrap_or(if symmetric {
+        rows * (rows + 1) / 2
     } else {
-        // Column by column; of a symmetric matrix the lower triangle.
-        let mut values =
-            lines.flat_map(|(line, text)| text.split_whitespace().map(move |w| (line, w)));
-        for j in 0..cols {
-            for i in if symmetric { j } else { 0 }..rows {
-                let (line, word) = values
-                    .next()
-                    .ok_or((last, "the file ends before the last value".to_owned()))?;
-                last = line;
-                push(i, j, number(line, Some(word))?);
+        rows * cols
+    });
+    // An entry takes more than a byte.
+    if count > body.len() as u64 {
+        let what = if coordinate { "entries" } else { "values" };
+        return Err((
+            line,
+            format!(
+                "\"{sizes}\" announces {count} {what}, and only {} bytes follow",
+                body.len()
+            ),
+        ));
+    }
+    // Something will be stored for each row, which a file with so few entries has not paid for.
+    if largest > text.len() as u64
+        && memory_bytes().is_some_and(|bytes| largest > bytes as u64 / BYTES_PER_ROW)
+    {
+        return Err((
+            line,
+            format!("{rows} × {cols} is too large for the memory of this machine"),
+        ));
+    }
+    Ok(Header {
+        coordinate,
+        symmetric,
+        rows: rows as usize,
+        cols: cols as usize,
+        count,
+        line,
+        body,
+    })
+}
+
+/// The first line of a text, and what follows.
+fn split_line(text: &[u8]) -> (Cow<'_, str>, &[u8]) {
+    let mut lines = text.splitn(2, |&byte| byte == b'\n');
+    let line = lines.next().unwrap_or_default();
+    let rest = lines.next().unwrap_or_default();
+    (readable(line), rest)
+}
+
+/// What a row of a matrix takes at least in the problem made of it, several matrices and vectors together.
+const BYTES_PER_ROW: u64 = 64;
+
+/// What one task has found: up to the first line that it cannot read, which has a number within the task.
+struct Piece<T> {
+    start: usize,
+    found: Vec<T>,
+    fault: Option<Fault>,
+}
+
+impl Header<'_> {
+    /// What `parse` finds in the lines of the body, a piece of it per task, in the order of the file.
+    ///
+    /// Not `count` of them is an error: `ended` says so of how many there are, `more` is about the line where, going
+    /// by `found` in each line, the first one too many stands.
+    fn gather<T: Send>(
+        &self,
+        piece: usize,
+        parse: impl Fn(&str, &mut Vec<T>) -> Result<(), String> + Sync,
+        ended: impl Fn(u64) -> String,
+        more: &str,
+        found: impl Fn(&str) -> usize,
+    ) -> Result<Vec<Vec<T>>, Fault> {
+        let pieces: Vec<Piece<T>> = (line_pieces(self.body, piece).into_par_iter())
+            .map(|range| parse_lines(self.body, range, &parse))
+            .collect();
+        // Lines are counted where there is something to say about one.
+        let lines = || {
+            (self.line + 1..)
+                .zip(self.body.split(|&byte| byte == b'\n'))
+                .map(|(number, line)| (number, readable(line)))
+                .filter(|(_, line)| !is_void(line))
+        };
+        let mut read = 0;
+        let mut all = Vec::with_capacity(pieces.len());
+        for part in pieces {
+            read += part.found.len() as u64;
+            if read + u64::from(part.fault.is_some()) > self.count {
+                let mut seen = 0;
+                let place = lines().find(|(_, line)| {
+                    seen += found(line) as u64;
+                    seen > self.count
+                });
+                return Err((place.map_or(self.line, |(line, _)| line), more.to_owned()));
             }
+            if let Some((line, message)) = part.fault {
+                return Err((
+                    self.line + newlines(&self.body[..part.start]) + line,
+                    message,
+                ));
+            }
+            all.push(part.found);
         }
-        if let Some((line, _)) = values.next() {
-            return Err((
-                line,
-                "there are more values than the matrix has entries".to_owned(),
-            ));
+        if read < self.count {
+            let last = lines().last().map_or(self.line, |(line, _)| line);
+            return Err((last, ended(read)));
+        }
+        Ok(all)
+    }
+
+    /// The entry on a line: row, column, value.
+    fn entry(&self, line: &str) -> Result<Entry, String> {
+        let mut words = line.split_ascii_whitespace();
+        let i = index(words.next(), "row", self.rows)?;
+        let j = index(words.next(), "column", self.cols)?;
+        if self.symmetric && j > i {
+            return Err("a symmetric file holds the lower triangle only".to_owned());
+        }
+        Ok((i, j, number(words.next())?))
+    }
+}
+
+/// Ranges of about `piece` bytes that end where lines end.
+fn line_pieces(text: &[u8], piece: usize) -> Vec<Range<usize>> {
+    let mut pieces = Vec::new();
+    let mut start = 0;
+    while start < text.len() {
+        let least = (start + piece).min(text.len());
+        // A piece that ends with a line does not need the next one.
+        let end = (text[least - 1..].iter().position(|&b| b == b'\n'))
+            .map_or(text.len(), |more| least + more);
+        pieces.push(start..end);
+        start = end;
+    }
+    pieces
+}
+
+/// Parses some of the lines of a text, up to the first that cannot be read.
+fn parse_lines<T>(
+    text: &[u8],
+    range: Range<usize>,
+    parse: impl Fn(&str, &mut Vec<T>) -> Result<(), String>,
+) -> Piece<T> {
+    let start = range.start;
+    let text = readable(&text[range]);
+    let mut found = Vec::with_capacity(newlines(text.as_bytes()) + 1);
+    let mut fault = None;
+    for (number, line) in text.split('\n').enumerate() {
+        if is_void(line) {
+            continue;
+        }
+        if let Err(message) = parse(line, &mut found) {
+            fault = Some((number + 1, message));
+            break;
         }
     }
-    Ok(Matrix {
-        rows,
-        cols,
-        entries,
-        path: path.to_owned(),
-    })
+    Piece {
+        start,
+        found,
+        fault,
+    }
+}
+
+/// The text, whose comments may be in any encoding.
+fn readable(text: &[u8]) -> Cow<'_, str> {
+    // Much faster than to look for what has to be replaced.
+    std::str::from_utf8(text).map_or_else(|_| String::from_utf8_lossy(text), Cow::Borrowed)
+}
+
+fn newlines(text: &[u8]) -> usize {
+    text.iter().filter(|&&byte| byte == b'\n').count()
+}
+
+/// Whether there is nothing on a line, or a comment.
+fn is_void(line: &str) -> bool {
+    let line = line.trim_ascii_start();
+    line.is_empty() || line.starts_with('%')
+}
+
+/// A row or column, counted from 0.
+fn index(word: Option<&str>, name: &str, limit: usize) -> Result<u32, String> {
+    let word = word.ok_or_else(|| format!("the {name} is missing"))?;
+    // The parser of the standard library takes three times as long, which here is felt.
+    let (mut i, mut digits) = (0, word.len() < 19);
+    for byte in word.bytes() {
+        let digit = u64::from(byte.wrapping_sub(b'0'));
+        digits &= digit < 10;
+        i = u64::wrapping_add(u64::wrapping_mul(i, 10), digit);
+    }
+    if !digits {
+        i = word.parse().unwrap_or(0);
+    }
+    if (1..=limit as u64).contains(&i) {
+        Ok((i - 1) as u32)
+    } else {
+        Err(format!("{name} \"{word}\" is not between 1 and {limit}"))
+    }
+}
+
+fn number(word: Option<&str>) -> Result<f64, String> {
+    let word = word.ok_or("a value is missing")?;
+    word.parse()
+        .map_err(|_| format!("\"{word}\" is not a number"))
 }
 
 /// A vector as the text of an array file with one column.
@@ -230,4 +472,258 @@ pub fn vector_text(values: &[f64]) -> String {
         writeln!(text, "{value:e}").expect("writing to a string cannot fail");
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::{ContactData, ContactProblem};
+    use crate::reference::{self, CASE_A, Geometry};
+    use std::time::Instant;
+
+    /// Sizes of pieces that cut lines, line ends and comments everywhere, and one that cuts nothing.
+    fn pieces() -> impl Iterator<Item = usize> {
+        (1..=50).chain([PIECE])
+    }
+
+    fn parsed(text: &str, piece: usize) -> Result<Vec<Entry>, Fault> {
+        parse(text.as_bytes(), piece).map(|(_, stored)| stored.concat())
+    }
+
+    #[test]
+    fn pieces_may_end_anywhere() {
+        let coordinate = "%%MatrixMarket matrix coordinate real symmetric\n% sizes\n\n3 3 5\n\
+                          1 1 2.5\n% between\n\n  2\t1 -1e-3 \n3 1 +7\n   % 1 1 1\n3 3 inf\n+2 002 .5\n\n%\n";
+        let entries = vec![
+            (0, 0, 2.5),
+            (1, 0, -1e-3),
+            (2, 0, 7.0),
+            (2, 2, f64::INFINITY),
+            (1, 1, 0.5),
+        ];
+        let array = "%%MatrixMarket matrix array integer general\n2 3\n1 2\n3\n%\n4 5\n\n6\n";
+        let values = vec![
+            (0, 0, 1.0),
+            (1, 0, 2.0),
+            (0, 1, 3.0),
+            (1, 1, 4.0),
+            (0, 2, 5.0),
+            (1, 2, 6.0),
+        ];
+        let triangle = "%%MatrixMarket matrix array real symmetric\n2 2\n1\n2\n3";
+        let lower = vec![(0, 0, 1.0), (1, 0, 2.0), (1, 1, 3.0)];
+        let empty = "%%MatrixMarket matrix coordinate real general\n0 7 0";
+        for (text, expected) in [
+            (coordinate, entries),
+            (array, values),
+            (triangle, lower),
+            (empty, vec![]),
+        ] {
+            for text in [
+                text.to_owned(),
+                text.replace('\n', "\r\n"),
+                text.trim_end().to_owned(),
+            ] {
+                for piece in pieces() {
+                    assert_eq!(
+                        parsed(&text, piece),
+                        Ok(expected.clone()),
+                        "{piece}: {text}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn comments_may_be_in_any_encoding() {
+        let text =
+            b"%%MatrixMarket matrix coordinate real general\n% \xfcber\n1 1 1\n% \xe9\n1 1 3\n";
+        for piece in pieces() {
+            let stored = parse(text, piece).map(|(_, stored)| stored.concat());
+            assert_eq!(stored, Ok(vec![(0, 0, 3.0)]));
+        }
+    }
+
+    #[test]
+    fn errors_name_their_line_in_every_piece() {
+        let lines = |count: usize| "7 7 1e0\n% comment\n\n".repeat(count);
+        let coordinate = |entries: usize, rest: &str| {
+            format!(
+                "%%MatrixMarket matrix coordinate real symmetric\n7 7 {entries}\n{}{rest}",
+                lines(5)
+            )
+        };
+        let array = |rest: &str| {
+            format!("%%MatrixMarket matrix array real general\n2 3\n1 2\n3\n% 4\n{rest}")
+        };
+        // The five entries end at line 17, of which the last two hold none.
+        let cases = [
+            (
+                coordinate(7, "1 1 1\n2 1 x\n3 y z\n"),
+                19,
+                "\"x\" is not a number",
+            ),
+            (
+                coordinate(9, "1 8 1\n"),
+                18,
+                "column \"8\" is not between 1 and 7",
+            ),
+            (coordinate(9, "0 1 1\n"), 18, "row \"0\" is not"),
+            (coordinate(9, "-1 1 1\n"), 18, "row \"-1\" is not"),
+            (
+                coordinate(9, "18446744073709551617 1 1\n"),
+                18,
+                "row \"18446744073709551617\" is not",
+            ),
+            (coordinate(9, "1\n"), 18, "the column is missing"),
+            (coordinate(9, "% 1\n\n1 1"), 20, "a value is missing"),
+            (coordinate(9, "1 2 1\n"), 18, "lower triangle only"),
+            (
+                coordinate(5, "\n1 1 1\n1 1 x"),
+                19,
+                "more than the 5 announced",
+            ),
+            // What is one too many is not looked at.
+            (coordinate(5, "\nx"), 19, "more than the 5 announced"),
+            (coordinate(3, "\nx"), 12, "more than the 3 announced"),
+            (coordinate(0, ""), 3, "more than the 0 announced"),
+            (coordinate(6, ""), 15, "ends after 5 of 6 entries"),
+            (coordinate(7, "1 1 1\n\n%"), 18, "ends after 6 of 7 entries"),
+            (array("4 5\n6 x"), 7, "more values than"),
+            (array("4 5 6 x"), 6, "more values than"),
+            (array("4\n5 x 6"), 7, "\"x\" is not a number"),
+            (array("4\n5\n\n%"), 7, "ends before the last value"),
+            (array(""), 4, "ends before the last value"),
+        ];
+        for (text, line, message) in cases {
+            for text in [text.clone(), text.replace('\n', "\r\n")] {
+                for piece in pieces() {
+                    match parsed(&text, piece) {
+                        Err((at, said)) if at == line && said.contains(message) => {}
+                        other => panic!("{piece}: {other:?}, not {line}: {message}, in\n{text}"),
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn headers_do_not_take_memory() {
+        let cases = [
+            (
+                "coordinate real general\n2 2 1000000000000000000",
+                "only 6 bytes follow",
+            ),
+            (
+                "coordinate real general\n2 2 18446744073709551615",
+                "only 6 bytes follow",
+            ),
+            (
+                "coordinate real general\n2 2 18446744073709551616",
+                "is not: rows columns entries",
+            ),
+            ("coordinate real general\n5000000000 2 1", "is too large"),
+            ("coordinate real general\n2 4294967295 1", "is too large"),
+            (
+                "coordinate real general\n4294967294 4294967294 1",
+                "for the memory of this machine",
+            ),
+            (
+                "array real general\n4294967294 4294967294",
+                "announces 18446744056529682436 values",
+            ),
+            (
+                "array real symmetric\n4294967294 4294967294",
+                "announces 9223372030412324865 values",
+            ),
+            ("array real general\n18446744073709551615 2", "is too large"),
+            ("array real general\n4000000000 1", "only 6 bytes follow"),
+        ];
+        for (sizes, message) in cases {
+            let text = format!("%%MatrixMarket matrix {sizes}\n1 1 1\n");
+            match parsed(&text, PIECE) {
+                Err((2, said)) if said.contains(message) => {}
+                other => panic!("{other:?}, not {message}, in\n{text}"),
+            }
+        }
+    }
+
+    /// Reads a text by way of a file.
+    fn of_file(text: &str) -> Matrix {
+        let file = tempfile::NamedTempFile::new().unwrap_or_else(|error| panic!("{error}"));
+        std::fs::write(&file, text).unwrap_or_else(|error| panic!("{error}"));
+        read(file.path()).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    #[test]
+    fn a_stiffness_matrix_has_entries_for_its_diagonal() {
+        let header = "%%MatrixMarket matrix coordinate real symmetric\n";
+        let tall = of_file(&format!("{header}100000 100000 1\n1 1 1\n"));
+        match tall.into_stiffness() {
+            Err(error) => assert!(error.to_string().contains("100000 rows and only 1 entries")),
+            Ok(k) => panic!("{} rows", k.n_rows()),
+        }
+        let sound = of_file(&format!("{header}2 2 4\n1 1 1\n2 1 -3\n2 1 1\n2 2 5\n"));
+        let entries: Vec<_> = sound.triplets().collect();
+        assert_eq!(entries.len(), 6);
+        let k = sound
+            .into_stiffness()
+            .unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(k.row(0).1, [[[1.0, -2.0], [-2.0, 5.0]]]);
+    }
+
+    /// What a user waits for before the solver starts, at n = 204 360.
+    #[test]
+    #[ignore = "prints times"]
+    fn times_of_a_large_matrix() {
+        let mesh = reference::mesh(Geometry::OneBody, 13);
+        let problem = reference::problem(Geometry::OneBody, &mesh, &CASE_A)
+            .unwrap_or_else(|error| panic!("{error}"));
+        let (k, n) = (problem.stiffness(), problem.n());
+        let lower: Vec<_> = k
+            .triplets()
+            .filter(|&(i, j, v)| i >= j && v != 0.0)
+            .collect();
+        let mut text = format!(
+            "%%MatrixMarket matrix coordinate real symmetric\n{n} {n} {}\n",
+            lower.len()
+        );
+        for (i, j, v) in lower {
+            writeln!(text, "{} {} {v:.16e}", i + 1, j + 1)
+                .unwrap_or_else(|error| panic!("{error}"));
+        }
+        let file = tempfile::NamedTempFile::new().unwrap_or_else(|error| panic!("{error}"));
+        std::fs::write(&file, text).unwrap_or_else(|error| panic!("{error}"));
+        for _ in 0..3 {
+            let mut last = Instant::now();
+            let mut lap = |what: &str| {
+                println!("{what:>10} {:7.1} ms", 1e3 * last.elapsed().as_secs_f64());
+                last = Instant::now();
+            };
+            let bytes = std::fs::read(file.path()).map(|bytes| bytes.len());
+            lap("bytes");
+            let matrix = read(file.path()).unwrap_or_else(|error| panic!("{error}"));
+            lap("read");
+            let stiffness = matrix
+                .into_stiffness()
+                .unwrap_or_else(|error| panic!("{error}"));
+            lap("blocks");
+            // The same but for blocks that hold nothing.
+            assert_eq!(stiffness.diagonal(), k.diagonal());
+            lap("(check)");
+            let again = ContactProblem::new(ContactData {
+                stiffness,
+                load: problem.load().to_vec(),
+                normal: problem.normal().clone(),
+                tangential: problem.tangential().clone(),
+                gap: problem.gap().to_vec(),
+                slip_bound: problem.slip_bound().to_vec(),
+                coordinates: problem.coordinates().map(<[_]>::to_vec),
+            });
+            lap("problem");
+            assert_eq!(again.map(|again| again.n()), Ok(n));
+            println!("{bytes:?} bytes, n = {n}\n");
+        }
+    }
 }

@@ -218,9 +218,7 @@ impl ContactProblem {
             .stiffness
             .values()
             .par_iter()
-            .flatten_iter()
-            .flatten()
-            .any(|v| !v.is_finite())
+            .any(|block| block.as_flattened().iter().any(|v| !v.is_finite()))
         {
             matrix_entry(
                 "the stiffness matrix K",
@@ -259,11 +257,11 @@ impl ContactProblem {
             });
         }
         check_rows(&data, n)?;
+        let (count, parts) = data.stiffness.components();
         let free = match &data.coordinates {
-            Some(points) => FreeBodies::find(&data.stiffness, points),
+            Some(points) => FreeBodies::among(&data.stiffness, points, count, &parts),
             None => FreeBodies::default(),
         };
-        let (_, parts) = data.stiffness.components();
         let compliance = compliance(&data);
         Ok(Self {
             n,

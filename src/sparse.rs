@@ -27,7 +27,8 @@ pub type Csr = BlockCsr<1>;
 pub(crate) const ROWS_PER_TASK: usize = 4096;
 
 impl<const B: usize> BlockCsr<B> {
-    /// A matrix of `n_rows × n_cols` scalars from triplets (row, column, value); repeated entries add up.
+    /// A matrix of `n_rows × n_cols` scalars from triplets (row, column, value); repeated entries add up, in their
+    /// order.
     ///
     /// Sizes are rounded up to whole blocks.
     ///
@@ -38,33 +39,72 @@ impl<const B: usize> BlockCsr<B> {
         n_cols: usize,
         triplets: impl IntoIterator<Item = (usize, usize, f64)>,
     ) -> Self {
-        let (n_block_rows, n_block_cols) = (n_rows.div_ceil(B), n_cols.div_ceil(B));
-        let mut entries: Vec<(u32, u32, u8, f64)> = triplets
+        let entries: Vec<(u32, u32, f64)> = triplets
             .into_iter()
             .map(|(i, j, v)| {
                 assert!(i < n_rows && j < n_cols, "entry ({i}, {j}) out of range");
-                let place = (i % B * B + j % B) as u8;
-                ((i / B) as u32, (j / B) as u32, place, v)
+                (i as u32, j as u32, v)
             })
             .collect();
-        entries.par_sort_by_key(|&(i, j, place, _)| (i, j, place));
-        let mut row_ptr = vec![0; n_block_rows + 1];
-        let mut col_idx: Vec<u32> = Vec::new();
-        let mut values: Vec<[[f64; B]; B]> = Vec::new();
-        let mut last = None;
-        for (i, j, place, v) in entries {
-            if last != Some((i, j)) {
-                row_ptr[i as usize + 1] += 1;
-                col_idx.push(j);
-                values.push([[0.0; B]; B]);
-                last = Some((i, j));
-            }
-            let block = values.last_mut().expect("a block was pushed above");
-            block[place as usize / B][place as usize % B] += v;
+        Self::from_passes(n_rows, n_cols, || entries.iter().copied())
+    }
+
+    /// The same from entries that are looked through twice: in counting those of each row, and in putting them
+    /// there. Rows are then sorted by themselves.
+    pub(crate) fn from_passes<I: Iterator<Item = (u32, u32, f64)>>(
+        n_rows: usize,
+        n_cols: usize,
+        entries: impl Fn() -> I,
+    ) -> Self {
+        assert!(
+            n_rows.max(n_cols) <= u32::MAX as usize,
+            "indices are 32 bits"
+        );
+        let (n_block_rows, n_block_cols) = (n_rows.div_ceil(B), n_cols.div_ceil(B));
+        let b = B as u32;
+        // Where the next entry of each row goes: once all are there, where the row ends.
+        let mut ends = vec![0; n_block_rows + 1];
+        entries().for_each(|(i, _, _)| ends[(i / b) as usize + 1] += 1);
+        for i in 0..n_block_rows {
+            ends[i + 1] += ends[i];
         }
+        // Block column, place within the block, value.
+        let mut filled = vec![(0, 0, 0.0); ends[n_block_rows]];
+        entries().for_each(|(i, j, v)| {
+            let next = &mut ends[(i / b) as usize];
+            filled[*next] = (j / b, (i % b * b + j % b) as u8, v);
+            *next += 1;
+        });
+        ends.truncate(n_block_rows);
+        let mut row_ptr = vec![0; n_block_rows + 1];
+        (split_rows(&mut filled, &ends).into_par_iter())
+            .zip(row_ptr[1..].par_chunks_mut(ROWS_PER_TASK))
+            .for_each(|(rows, counts)| {
+                for (row, count) in rows.into_iter().zip(counts) {
+                    // Entries of one place keep their order.
+                    row.sort_by_key(|&(j, _, _)| j);
+                    *count = row.chunk_by(|(j, _, _), (k, _, _)| j == k).count();
+                }
+            });
         for i in 0..n_block_rows {
             row_ptr[i + 1] += row_ptr[i];
         }
+        let mut col_idx = vec![0; row_ptr[n_block_rows]];
+        let mut values = vec![[[0.0; B]; B]; col_idx.len()];
+        (split_rows(&mut filled, &ends).into_par_iter())
+            .zip(split_rows(&mut col_idx, &row_ptr[1..]))
+            .zip(split_rows(&mut values, &row_ptr[1..]))
+            .for_each(|((rows, cols), blocks)| {
+                for ((row, cols), blocks) in rows.into_iter().zip(cols).zip(blocks) {
+                    let same = row.chunk_by(|(j, _, _), (k, _, _)| j == k);
+                    for ((entries, col), block) in same.zip(cols).zip(blocks) {
+                        *col = entries[0].0;
+                        for &(_, place, v) in entries {
+                            block[place as usize / B][place as usize % B] += v;
+                        }
+                    }
+                }
+            });
         Self::from_parts(n_block_rows, n_block_cols, row_ptr, col_idx, values)
     }
 
@@ -297,6 +337,19 @@ impl<const R: usize, const C: usize> BlockCsr<R, C> {
     }
 }
 
+/// The rows that end at `ends`, in groups of [`ROWS_PER_TASK`].
+fn split_rows<'a, T>(mut all: &'a mut [T], ends: &[usize]) -> Vec<Vec<&'a mut [T]>> {
+    let mut start = 0;
+    let mut next = |&end: &usize| {
+        let (row, rest) = std::mem::take(&mut all).split_at_mut(end - start);
+        (all, start) = (rest, end);
+        row
+    };
+    (ends.chunks(ROWS_PER_TASK))
+        .map(|ends| ends.iter().map(&mut next).collect())
+        .collect()
+}
+
 /// Euclidean norm, scaled against overflow and underflow so that the unit of `x` does not matter.
 pub fn norm(x: &[f64]) -> f64 {
     let scale = norm_max(x);
@@ -366,6 +419,53 @@ mod tests {
         m.mul_transpose_add(2.0, &[1.0, 0.0, 1.0, 0.0], &mut z);
         assert_eq!(z, [6.0, 10.0, 0.0, 0.0]);
         assert_eq!(m.diagonal(), [3.0, 0.0, 0.0, 0.0]);
+    }
+
+    /// In every place the sum is that of the entries in their order, to the last bit.
+    #[test]
+    fn triplets_add_up_in_their_order() {
+        let (n, mut state) = (3 * ROWS_PER_TASK + 5, 1_u64);
+        let mut random = |below: usize| {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (state >> 33) as usize % below
+        };
+        let entries: Vec<_> = (0..40 * n)
+            .map(|_| {
+                let i = random(n);
+                let j = (i + random(7) * 11) % n;
+                (i, j, [1e16, 1.0, -1e16, 0.3][random(4)])
+            })
+            .collect();
+        let mut expected = std::collections::HashMap::new();
+        for &(i, j, v) in &entries {
+            *expected.entry((i, j)).or_insert(0.0) += v;
+        }
+        fn check<const B: usize>(
+            n: usize,
+            entries: &[(usize, usize, f64)],
+            expected: &std::collections::HashMap<(usize, usize), f64>,
+        ) {
+            let m = BlockCsr::<B>::from_triplets(n, n, entries.iter().copied());
+            let mut found = 0;
+            for i in 0..m.n_block_rows() {
+                assert!(m.row(i).0.is_sorted_by(|j, k| j < k));
+            }
+            for (i, j, v) in m.triplets() {
+                match expected.get(&(i, j)) {
+                    Some(sum) => {
+                        found += 1;
+                        assert_eq!(v.to_bits(), sum.to_bits(), "({i}, {j})");
+                    }
+                    None => assert_eq!(v, 0.0),
+                }
+            }
+            assert_eq!(found, expected.len());
+        }
+        check::<1>(n, &entries, &expected);
+        check::<2>(n, &entries, &expected);
+        check::<3>(n, &entries, &expected);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::mesh::gmsh::GmshError;
 use crate::mesh::{BoundaryError, Mesh, gmsh, structured};
 use crate::problem::{ContactData, ContactProblem, FreeBody, ProblemError};
 use crate::quasistatic::Load;
-use crate::sparse::{BlockCsr, Csr, norm};
+use crate::sparse::norm;
 use std::collections::HashSet;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -186,16 +186,15 @@ impl Case {
         let vector = |path| matrix(path)?.into_vector();
         let stiffness = matrix(&table.stiffness)?;
         let (rows, cols) = (stiffness.rows, stiffness.cols);
-        let csr = |m: matrix_market::Matrix| Csr::from_triplets(m.rows, m.cols, m.entries);
         let coefficient = match &table.friction_coefficient {
             Some(path) => vector(path)?,
             None => Vec::new(),
         };
         let data = ContactData {
-            stiffness: BlockCsr::from_triplets(rows, cols, stiffness.entries),
+            stiffness: stiffness.into_stiffness()?,
             load: vector(&table.load)?,
-            normal: csr(matrix(&table.normal)?),
-            tangential: csr(matrix(&table.tangential)?),
+            normal: matrix(&table.normal)?.into_csr(),
+            tangential: matrix(&table.tangential)?.into_csr(),
             gap: vector(&table.gap)?,
             slip_bound: match &table.slip_bound {
                 Some(path) => vector(path)?,

@@ -92,9 +92,14 @@ pub struct FreeBodies {
 impl FreeBodies {
     /// Finds them from K and the points that its pairs of unknowns belong to.
     pub fn find(k: &BlockCsr<2>, points: &[[f64; 2]]) -> Self {
-        let (count, component) = k.components();
+        let (count, parts) = k.components();
+        Self::among(k, points, count, &parts)
+    }
+
+    /// The same where the connected parts of K are known.
+    pub(super) fn among(k: &BlockCsr<2>, points: &[[f64; 2]], count: usize, parts: &[u32]) -> Self {
         let mut nodes: Vec<Vec<u32>> = vec![Vec::new(); count];
-        for (node, &c) in component.iter().enumerate() {
+        for (node, &c) in parts.iter().enumerate() {
             nodes[c as usize].push(node as u32);
         }
         let bodies = nodes
