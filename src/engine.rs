@@ -448,6 +448,39 @@ mod tests {
     use crate::reference::{self, CASE_B, Geometry};
 
     #[test]
+    fn without_its_gpu_it_goes_where_it_would_have_begun() {
+        let mesh = reference::mesh(Geometry::OneBody, 1);
+        let problem = reference::problem(Geometry::OneBody, &mesh, &CASE_B).expect("valid");
+        for (place, stiffness, expected) in [
+            (Place::Auto, Stiffness::Auto, Some("cholesky")),
+            (Place::Auto, Stiffness::Pcg, Some("pcg")),
+            (Place::Gpu, Stiffness::Pcg, None),
+        ] {
+            let options = Options {
+                place,
+                stiffness,
+                ..Default::default()
+            };
+            let mut engine = Engine {
+                problem: &problem,
+                path: on_cpu(&problem, &options).expect("no GPU is needed"),
+                data: None,
+                options,
+                log: Box::new(|_| {}),
+            };
+            let lost = GpuError::Lost {
+                adapter: "some".to_owned(),
+                reason: "pulled out".to_owned(),
+            };
+            let way = engine.way_back(PcgError::Gpu(lost)).ok().map(|path| {
+                engine.path = path;
+                engine.stiffness()
+            });
+            assert_eq!(way, expected);
+        }
+    }
+
+    #[test]
     fn the_factor_is_made_where_it_fits_and_gains() {
         let mesh = reference::mesh(Geometry::OneBody, 7);
         let problem = reference::problem(Geometry::OneBody, &mesh, &CASE_B).expect("valid");

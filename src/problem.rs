@@ -71,6 +71,8 @@ pub struct ContactProblem {
     parts: Arc<Vec<u32>>,
     /// Σⱼ Bᵢⱼ²/Kⱼⱼ, length 2m.
     compliance: Arc<Vec<f64>>,
+    /// The same with the share that each row has of the unknowns of several.
+    own_compliance: Arc<Vec<f64>>,
 }
 
 /// A claim of [`ContactProblem::new`] that the data breaks. Rows and columns count from 1.
@@ -262,7 +264,7 @@ impl ContactProblem {
             Some(points) => FreeBodies::among(&data.stiffness, points, count, &parts),
             None => FreeBodies::default(),
         };
-        let compliance = compliance(&data);
+        let (compliance, own_compliance) = compliances(&data);
         Ok(Self {
             n,
             n_free: n,
@@ -273,6 +275,7 @@ impl ContactProblem {
             free: Arc::new(free),
             parts: Arc::new(parts),
             compliance: Arc::new(compliance),
+            own_compliance: Arc::new(own_compliance),
             stiffness: Arc::new(data.stiffness),
             load: data.load,
             normal: data.normal,
@@ -453,6 +456,12 @@ impl ContactProblem {
         &self.compliance
     }
 
+    /// Σⱼ Bᵢⱼ²/Kⱼⱼ with what each row has of the unknowns that several share: by about so much a force of its own closes a
+    /// gap that is the difference of neighbours, length 2m.
+    pub(crate) fn own_compliance(&self) -> &[f64] {
+        &self.own_compliance
+    }
+
     /// N.
     pub fn normal(&self) -> &Csr {
         &self.normal
@@ -536,22 +545,31 @@ fn is_coupled(k: &BlockCsr<2>, unknown: usize) -> bool {
         .any(|(&j, block)| (0..2).any(|b| 2 * j as usize + b != unknown && block[a][b] != 0.0))
 }
 
-/// Σⱼ Bᵢⱼ²/Kⱼⱼ for each row of B = (N; T).
-fn compliance(data: &ContactData) -> Vec<f64> {
+/// Σⱼ Bᵢⱼ²/Kⱼⱼ for each row i of B, and Σⱼ sᵢⱼ Bᵢⱼ²/Kⱼⱼ with the share sᵢⱼ = Bᵢⱼ²/Σₖ Bₖⱼ² of row i among those of N,
+/// or of T, that have an entry in column j.
+fn compliances(data: &ContactData) -> (Vec<f64>, Vec<f64>) {
     let diagonal = data.stiffness.diagonal();
-    let mut sums = Vec::with_capacity(2 * data.gap.len());
+    let (mut whole, mut own) = (Vec::new(), Vec::new());
     for matrix in [&data.normal, &data.tangential] {
+        let mut columns = vec![0.0; diagonal.len()];
+        for (_, j, v) in matrix.triplets() {
+            columns[j] += v * v;
+        }
         for i in 0..data.gap.len() {
             let (cols, values) = matrix.row(i);
-            let terms = cols.iter().zip(values);
-            sums.push(
-                terms
-                    .map(|(&j, v)| v[0][0] * v[0][0] / diagonal[j as usize])
-                    .sum(),
-            );
+            let (mut sum, mut shared) = (0.0, 0.0);
+            for (&j, v) in cols.iter().zip(values) {
+                let (j, square) = (j as usize, v[0][0] * v[0][0]);
+                if square > 0.0 {
+                    sum += square / diagonal[j];
+                    shared += square / diagonal[j] * (square / columns[j]);
+                }
+            }
+            whole.push(sum);
+            own.push(shared);
         }
     }
-    sums
+    (whole, own)
 }
 
 /// Completes the last block for odd n: a decoupled unknown with the equation 1 · u = 0.

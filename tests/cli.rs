@@ -733,3 +733,113 @@ fn plots_and_a_page_that_stands_alone() {
     let outside = page.replace("http://www.w3.org/2000/svg", "");
     assert!(!outside.contains("http") && !outside.contains("<script"));
 }
+
+/// Labels follow the case; without friction nothing sticks or slips.
+#[test]
+fn units_are_named_and_frictionless_nodes_are_in_contact() {
+    let out = directory();
+    let case = out.path().join("case.toml");
+    write(
+        &case,
+        "[units]\nlength = \"mm\"\nforce = \"kN\"\n[mesh.rectangle]\nsize = [40, 10]\ncells = [16, 4]\n\
+         [[material]]\nyoung = 210\npoisson = 0.3\n[[support]]\nboundary = \"left\"\nx = 0\n\
+         [[traction]]\nboundary = \"top\"\npressure = \"0.1 * max(0, 1 - x / 20)\"\n\
+         [[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n\
+         [[contact]]\nboundary = \"right\"\nobstacle = { half_plane = { point = [41, 0], normal = [-1, 0] } }\n",
+    );
+    let (path, results) = (case.to_string_lossy().into_owned(), out.path().join("out"));
+    let checked = signorini(&["check", &path]);
+    assert_eq!(checked.status.code(), Some(0), "{}", text(&checked.stderr));
+    let checked = text(&checked.stdout);
+    for part in [
+        "E = 2.1000e2 GPa",
+        "mm²",
+        "total load    (0.000000e0,",
+        ") kN",
+        "search distance",
+    ] {
+        assert!(checked.contains(part), "{part}: {checked}");
+    }
+    let run = signorini(&[
+        "solve",
+        &path,
+        "--output",
+        &results.to_string_lossy(),
+        "--plots",
+    ]);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    let summary = text(&run.stdout);
+    assert!(
+        summary.contains(" kN, pressure up to ") && summary.contains(" GPa"),
+        "{summary}"
+    );
+    assert!(
+        summary.contains("without friction") && !summary.contains("stick"),
+        "{summary}"
+    );
+    assert!(
+        summary.contains("no node touches; the least gap left is"),
+        "{summary}"
+    );
+    let csv = read(&results.join("contact.csv"));
+    let head = "x [mm],y [mm],gap [mm],normal_pressure [GPa],tangential_traction [GPa],slip [mm],status,contact";
+    assert_eq!(csv.lines().next(), Some(head));
+    assert!(csv.contains(",contact,bottom") && csv.contains(",separated,right"));
+    assert!(!csv.contains(",stick,") && !csv.contains(",slip,bottom"));
+    let report = report(&results);
+    assert_eq!(report["units"]["stress"], "GPa");
+    let sets = &report["sets"];
+    assert_eq!(
+        (&sets["stick"], &sets["slip_plus"], &sets["frictionless"]),
+        (&0.into(), &0.into(), &22.into())
+    );
+    let contact = &report["steps"][0]["contacts"][0];
+    assert!(contact["frictionless"].as_u64().is_some_and(|n| n > 3));
+    assert_eq!(contact["stick"], 0);
+    assert!(
+        report["hints"][0]
+            .as_str()
+            .is_some_and(|hint| hint.contains("no node touches"))
+    );
+    for name in ["report.html", "contact-1.svg", "deformed.svg"] {
+        assert!(read(&results.join(name)).contains("GPa"), "{name}");
+    }
+}
+
+#[test]
+fn hints_name_what_looks_wrong() {
+    let hints = |case: &str, settings: &[&str]| {
+        let out = directory();
+        let path = out.path().join("case.toml");
+        write(&path, case);
+        let (path, results) = (path.to_string_lossy().into_owned(), out.path().join("out"));
+        let results = results.to_string_lossy().into_owned();
+        let mut arguments = vec!["solve", &path, "--output", &results, "--quiet"];
+        settings
+            .iter()
+            .for_each(|setting| arguments.extend(["--set", setting]));
+        let run = signorini(&arguments);
+        assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+        report(Path::new(&results))["hints"].to_string()
+    };
+    let punch = "[[mesh.part]]\nname = \"die\"\nrectangle = { size = [3, 1], cells = [30, 10] }\n\
+        [[mesh.part]]\nname = \"punch\"\nrectangle = { size = [0.8, 0.5], cells = [24, 15] }\nshift = [1.1, 1]\n\
+        [[material]]\nregion = \"die\"\nyoung = 1e9\npoisson = 0.3\n\
+        [[material]]\nregion = \"punch\"\nyoung = 1e13\npoisson = 0.3\n\
+        [[support]]\nboundary = \"die-bottom\"\nx = 0\ny = 0\n[[support]]\nboundary = \"punch-top\"\nx = 0\ny = -1e-3\n\
+        [[contact]]\nboundary = \"punch-bottom\"\nagainst = \"die-top\"\n";
+    let edge = hints(punch, &[]);
+    assert!(edge.contains("the mesh does not resolve it"), "{edge}");
+    let hard = hints(punch, &["support.1.y=-0.9"]);
+    assert!(hard.contains("above E of the softest material"), "{hard}");
+    let far = hints(
+        punch,
+        &["support.1.y=-0.3", "contact.0.search_distance=0.1"],
+    );
+    assert!(far.contains("state search_distance"), "{far}");
+    // A pressure that the mesh resolves needs no word.
+    let block = "[mesh.rectangle]\nsize = [1, 1]\ncells = [8, 8]\n[[material]]\nyoung = 1e9\npoisson = 0.3\n\
+        [[support]]\nboundary = \"left\"\nx = 0\n[[traction]]\nboundary = \"top\"\npressure = 1e6\n\
+        [[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
+    assert_eq!(hints(block, &[]), "[]");
+}

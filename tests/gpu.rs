@@ -792,6 +792,44 @@ fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
     }
 }
 
+/// Wherever the device is lost, setting up included, the CPU goes on as `auto` would have begun there.
+#[test]
+fn a_device_lost_at_any_submission() {
+    let problem = one_body(1);
+    let settings = Settings::default();
+    let (expected, _) = solve(&problem, &EngineOptions::default(), &settings);
+    let adapter = gpu::adapters().first().map(|adapter| adapter.name.clone());
+    let mut lost = 0;
+    for k in 0..20_usize {
+        let options = EngineOptions {
+            place: Place::Auto,
+            stiffness: Stiffness::Pcg,
+            gpu: GpuOptions {
+                adapter: adapter.clone(),
+                ..Default::default()
+            },
+            ..Default::default()
+        };
+        let mut engine =
+            Engine::new(&problem, options, |_| {}).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(engine.backend(), "gpu");
+        let context = Arc::clone(engine.context().expect("a GPU has a context"));
+        // Some of them beyond the end.
+        context.lose_device_after(k * k * 3);
+        let found = ssnm::solve(&problem, &mut engine, &settings, |_| {
+            ControlFlow::Continue(())
+        })
+        .unwrap_or_else(|error| panic!("after {}: {error}", k * k * 3));
+        assert_eq!(found.status, Status::Converged);
+        assert!(common::distance(&found.u, &expected.u) < 1e-5);
+        if engine.backend() == "cpu" {
+            lost += 1;
+            assert_eq!(engine.stiffness(), "pcg");
+        }
+    }
+    assert!(lost >= 10, "{lost}");
+}
+
 #[test]
 fn a_device_that_is_lost_before_or_while_setting_up() {
     let context = context(Precision::F64, None);

@@ -103,6 +103,15 @@ impl<B: Backend> NestedDual<B> {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Followed, DualError> {
+        if let Some(there) = &mut self.on_backend {
+            // Without a load λ alone says how large u is; what is far from one is lost in f32.
+            let size = norm(lambda);
+            let far = !(1e-6..1e6).contains(&(size / self.unit));
+            if far && size > 0.0 && self.load.iter().all(|&f| f == 0.0) {
+                self.unit = power_of_two_below(size);
+                self.pcg.backend.clear(&mut there.u);
+            }
+        }
         let Some(there) = &mut self.on_backend else {
             let mut load = self.load.clone();
             self.b.mul_transpose_add(-1.0, lambda, &mut load);

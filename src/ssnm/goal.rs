@@ -75,24 +75,26 @@ pub(super) fn inner_forces_met(
 /// What the gradient r could still move a pressure or a traction by, relative to the largest pressure (without
 /// pressure, to the largest traction).
 ///
-/// A gap rᵢ in what ought to be closed is closed by a force of rᵢ/cᵢ if it is that of a single node,
-/// cᵢ = Σⱼ Bᵢⱼ²/Kⱼⱼ ≤ Aᵢᵢ. No gap is known better than to the rounding of what it is the difference of.
+/// A gap rᵢ in what ought to be closed is closed by a force of rᵢ/cᵢ if it is that of a single node: cᵢ is
+/// Σⱼ Bᵢⱼ²/Kⱼⱼ ≤ Aᵢᵢ, where nodes share what they meet (many of them on one large element) with their shares. No gap is
+/// known better than to the rounding of what it is the difference of, and a force that closes less is none.
 fn force_error(problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
     let m = problem.m();
-    let (areas, compliance) = (problem.areas(), problem.compliance());
+    let (areas, compliance) = (problem.areas(), problem.own_compliance());
     let (bounds, offsets) = (problem.bounds(lambda), problem.offsets());
     let terms = offsets
         .iter()
         .zip(r)
         .map(|(c, r)| c.abs().max((c - r).abs()));
     let rounding = ROUNDING * terms.fold(problem.reach(), f64::max);
-    let (mut pressure, mut traction, mut closed) = (0.0_f64, 0.0_f64, 0.0_f64);
+    let (mut pressure, mut traction) = (0.0_f64, 0.0_f64);
     let mut off = 0.0_f64;
     for i in 0..2 * m {
         let (l, c, area) = (lambda[i], compliance[i], areas[i % m]);
-        let largest = if i < m { &mut pressure } else { &mut traction };
-        *largest = largest.max(l.abs() / area);
-        closed = closed.max(c * l.abs());
+        if problem.compliance()[i] * l.abs() > TOUCHING * rounding {
+            let largest = if i < m { &mut pressure } else { &mut traction };
+            *largest = largest.max(l.abs() / area);
+        }
         if !(c > 0.0) {
             continue;
         }
@@ -113,7 +115,7 @@ fn force_error(problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
         }
     }
     let largest = if pressure > 0.0 { pressure } else { traction };
-    if closed <= TOUCHING * rounding || off == 0.0 {
+    if largest == 0.0 || off == 0.0 {
         0.0
     } else {
         off / largest

@@ -1,0 +1,252 @@
+//! What is left behind when things go wrong around a solve: signals, limits, full discs, errors in a late step.
+
+#![cfg(unix)]
+
+use std::path::Path;
+use std::process::{Command, ExitStatus, Stdio};
+use std::time::Duration;
+
+/// Two load steps and more, a second or so in all.
+const PROCESS: &str = "title = \"process\"\n[mesh.rectangle]\nsize = [4, 1]\ncells = [120, 30]\n\
+    [[material]]\nyoung = 2e11\npoisson = 0.3\n[[support]]\nboundary = \"left\"\nx = 0\n\
+    [[traction]]\nboundary = \"top\"\npressure = \"1e7 * (1 + x)\"\n\
+    [[traction]]\nboundary = \"right\"\nx = 2e6\n\
+    [[contact]]\nboundary = \"bottom\"\nfriction = { coulomb = 0.3 }\n\
+    obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n\
+    [steps]\nfactors = [0.2, 0.4, 0.6, 0.8, 1.0, 0.5, 0.25]\n";
+
+struct Outcome {
+    status: ExitStatus,
+    errors: String,
+    report: Option<serde_json::Value>,
+    files: Vec<String>,
+}
+
+/// What lies in a directory.
+fn names(directory: &Path) -> Vec<String> {
+    let Ok(entries) = std::fs::read_dir(directory) else {
+        return Vec::new();
+    };
+    let mut names: Vec<String> = entries
+        .filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()))
+        .collect();
+    names.sort();
+    names
+}
+
+/// Runs a case in a directory of its own, under a shell that does `before` first; `signal` comes after so many
+/// milliseconds.
+fn run(text: &str, before: &str, signal: Option<(&str, u64)>) -> Outcome {
+    let directory = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+    let (case, out) = (
+        directory.path().join("case.toml"),
+        directory.path().join("out"),
+    );
+    std::fs::write(&case, text).unwrap_or_else(|error| panic!("{error}"));
+    let child = Command::new("sh")
+        .arg("-c")
+        .arg(format!(
+            "{before} exec \"$0\" solve \"$1\" --output \"$2\" --plots"
+        ))
+        .arg(env!("CARGO_BIN_EXE_signorini"))
+        .args([&case, &out])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap_or_else(|error| panic!("{error}"));
+    if let Some((name, after)) = signal {
+        std::thread::sleep(Duration::from_millis(after));
+        let _ = Command::new("kill")
+            .args(["-s", name, &child.id().to_string()])
+            .stderr(Stdio::null())
+            .status();
+    }
+    let ended = child
+        .wait_with_output()
+        .unwrap_or_else(|error| panic!("{error}"));
+    let report = std::fs::read_to_string(out.join("report.json")).ok();
+    Outcome {
+        status: ended.status,
+        errors: String::from_utf8_lossy(&ended.stderr).into_owned(),
+        report: report.map(|text| {
+            serde_json::from_str(&text).unwrap_or_else(|e| panic!("half a report: {e}"))
+        }),
+        files: names(&out),
+    }
+}
+
+/// Files that every run leaves whole: what is there must be complete, and nothing is there in part.
+fn check_files(outcome: &Outcome) {
+    for name in &outcome.files {
+        assert!(!name.ends_with(".part"), "{:?}", outcome.files);
+    }
+}
+
+#[test]
+fn a_signal_at_any_time_leaves_a_report() {
+    let mut interrupted = 0;
+    for (k, name) in ["INT", "TERM"].into_iter().cycle().take(16).enumerate() {
+        // From the first milliseconds on, over about the time of a run.
+        let after = 15 + (k as u64 * 7919) % 500;
+        let outcome = run(PROCESS, "", Some((name, after)));
+        check_files(&outcome);
+        let Some(code) = outcome.status.code() else {
+            // Before the program has begun to listen.
+            assert!(after < 100, "killed after {after} ms");
+            continue;
+        };
+        let report = outcome
+            .report
+            .unwrap_or_else(|| panic!("no report: {}", outcome.errors));
+        let steps = report["steps"].as_array().map_or(0, Vec::len);
+        match code {
+            0 => assert_eq!((report["status"].as_str(), steps), (Some("converged"), 7)),
+            3 => {
+                assert_eq!(report["status"], "interrupted");
+                interrupted += 1;
+            }
+            _ => panic!("exit code {code} after {after} ms: {}", outcome.errors),
+        }
+        for step in 1..=steps {
+            let name = format!("solution-{step:03}.vtu");
+            assert!(outcome.files.contains(&name), "{name} after {after} ms");
+        }
+    }
+    assert!(interrupted > 0, "no signal came in time");
+}
+
+#[test]
+fn a_time_limit_at_any_time_leaves_a_report() {
+    for limit in ["0s", "1ms", "20ms", "100ms", "200ms"] {
+        let outcome = run(
+            &format!("{PROCESS}[solver]\ntime_limit = \"{limit}\"\n"),
+            "",
+            None,
+        );
+        check_files(&outcome);
+        let report = outcome
+            .report
+            .unwrap_or_else(|| panic!("no report: {}", outcome.errors));
+        let expected = match outcome.status.code() {
+            Some(0) => "converged",
+            Some(3) => "time_limit",
+            code => panic!("{limit}: {code:?}: {}", outcome.errors),
+        };
+        assert_eq!(report["status"], expected, "{limit}");
+    }
+}
+
+#[test]
+fn a_full_disc_is_an_error_that_leaves_no_half_files() {
+    // Files may grow to so many blocks of 512 bytes; what is larger fails as on a full disc.
+    for blocks in [1, 8, 64, 256, 1024] {
+        let limit = format!("trap '' XFSZ; ulimit -f {blocks};");
+        let outcome = run(PROCESS, &limit, None);
+        check_files(&outcome);
+        assert_eq!(
+            outcome.status.code(),
+            Some(1),
+            "{blocks}: {}",
+            outcome.errors
+        );
+        assert!(
+            outcome.errors.contains("cannot write"),
+            "{}",
+            outcome.errors
+        );
+        // There was room for the report, if for anything.
+        if blocks >= 64 {
+            let report = outcome
+                .report
+                .unwrap_or_else(|| panic!("no report: {blocks}"));
+            assert_eq!(report["status"], "error");
+        }
+    }
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_told_before_the_solve() {
+    let directory = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+    let (case, out) = (
+        directory.path().join("case.toml"),
+        directory.path().join("out"),
+    );
+    std::fs::write(&case, PROCESS).unwrap_or_else(|error| panic!("{error}"));
+    std::fs::write(&out, "in the way").unwrap_or_else(|error| panic!("{error}"));
+    for place in [out.clone(), "/proc/nowhere".into()] {
+        let run = Command::new(env!("CARGO_BIN_EXE_signorini"))
+            .arg("solve")
+            .args([&case, Path::new("--output"), &place])
+            .output()
+            .unwrap_or_else(|error| panic!("{error}"));
+        let errors = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert_eq!(run.status.code(), Some(1), "{errors}");
+        assert!(errors.contains("cannot write"), "{errors}");
+        assert!(!errors.contains("step 1"), "it was told too late: {errors}");
+    }
+}
+
+#[test]
+fn an_error_in_a_late_step_keeps_the_steps_before() {
+    // The load of the third step is beyond all numbers.
+    let text = PROCESS.replace("factors = [0.2, 0.4, 0.6,", "factors = [0.2, 0.4, 1e305,");
+    let outcome = run(&text, "", None);
+    check_files(&outcome);
+    assert_eq!(outcome.status.code(), Some(1), "{}", outcome.errors);
+    assert!(
+        outcome.errors.contains("no finite value"),
+        "{}",
+        outcome.errors
+    );
+    let report = outcome.report.unwrap_or_else(|| panic!("no report"));
+    assert_eq!(report["status"], "error");
+    assert!(
+        report["error"]
+            .as_str()
+            .is_some_and(|text| text.contains("no finite value"))
+    );
+    assert_eq!(report["steps"].as_array().map(Vec::len), Some(2));
+    for name in [
+        "solution-001.vtu",
+        "solution-002.vtu",
+        "contact-002.csv",
+        "report.html",
+        "deformed-002.svg",
+    ] {
+        assert!(
+            outcome.files.iter().any(|file| file == name),
+            "{name}: {:?}",
+            outcome.files
+        );
+    }
+}
+
+#[test]
+fn files_are_replaced_whole() {
+    use signorini::output::write_whole;
+    let directory = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+    let file = directory.path().join("a.json");
+    let write = |path: &Path, text: &str| {
+        write_whole(path, text.as_bytes()).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let read = |path: &Path| std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{e}"));
+    write(&file, "one");
+    write(&file, "two");
+    assert_eq!(read(&file), "two");
+    // A link stays a link, a device a device.
+    let link = directory.path().join("link");
+    std::os::unix::fs::symlink(&file, &link).unwrap_or_else(|e| panic!("{e}"));
+    write(&link, "three");
+    assert_eq!(read(&file), "three");
+    assert!(
+        link.symlink_metadata()
+            .is_ok_and(|there| there.is_symlink())
+    );
+    write(Path::new("/dev/null"), "nothing");
+    assert!(!Path::new("/dev/null").is_file());
+    // What cannot be put in its place leaves nothing beside it.
+    let folder = directory.path().join("folder");
+    std::fs::create_dir(&folder).unwrap_or_else(|e| panic!("{e}"));
+    assert!(write_whole(&folder, b"x").is_err());
+    assert_eq!(names(directory.path()), ["a.json", "folder", "link"]);
+}
