@@ -1,6 +1,9 @@
 //! What several test files need.
 #![allow(dead_code)]
 
+pub mod cases;
+pub mod checker;
+
 use signorini::backend::cpu::Cpu;
 use signorini::case::{Build, Case, Elastic, StepData};
 use signorini::dual::{Costs, DualOperator, NestedDual};
