@@ -101,7 +101,8 @@ impl Matrix {
     /// take memory.
     pub fn into_stiffness(self) -> Result<BlockCsr<2>, MatrixMarketError> {
         let count: usize = self.stored.iter().map(Vec::len).sum();
-        if count < self.rows.min(self.cols) {
+        // That it has to be square is for others to say.
+        if self.rows == self.cols && count < self.rows {
             return Err(MatrixMarketError::Shape {
                 message: format!(
                     "a stiffness matrix has a positive diagonal, and this one has {} rows and only {count} entries",
