@@ -175,6 +175,7 @@ pub mod backend;
 pub mod bench;
 pub mod case;
 pub mod contact;
+mod dense;
 pub mod dual;
 pub mod elasticity;
 pub mod engine;

@@ -4,7 +4,6 @@
 //! see [`Csr`]) and the coarse matrices and prolongations of multigrid (3 × 3 and 2 × 3). Column indices
 //! are `u32` and sorted within a row.
 
-use faer::Mat;
 use rayon::prelude::*;
 
 /// A sparse matrix of `R × C` blocks in compressed block rows; square blocks if C is left out.
@@ -374,34 +373,6 @@ pub fn norm_max(x: &[f64]) -> f64 {
 pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     debug_assert_eq!(x.len(), y.len());
     x.iter().zip(y).map(|(a, b)| a * b).sum()
-}
-
-/// Eigenvalues and eigenvectors (columns) of a small symmetric matrix; None if an entry is not finite.
-pub(crate) fn symmetric_eigen(matrix: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)> {
-    let eigen = matrix.self_adjoint_eigen(faer::Side::Lower).ok()?;
-    let values = eigen.S().column_vector().iter().copied().collect();
-    Some((values, eigen.U().to_owned()))
-}
-
-/// The pseudo-inverse of a small symmetric positive semidefinite matrix: eigenvalues up to `dependent` times the
-/// largest count as zero. Zero if an entry is not finite.
-pub(crate) fn pseudo_inverse(matrix: &Mat<f64>, dependent: f64) -> Mat<f64> {
-    let n = matrix.nrows();
-    let mut inverse = Mat::<f64>::zeros(n, n);
-    let Some((values, vectors)) = symmetric_eigen(matrix) else {
-        return inverse;
-    };
-    let largest = values.iter().copied().fold(0.0, f64::max);
-    for (c, &value) in values.iter().enumerate() {
-        if value > dependent * largest && value > 0.0 {
-            for p in 0..n {
-                for q in 0..n {
-                    inverse[(p, q)] += vectors[(p, c)] * vectors[(q, c)] / value;
-                }
-            }
-        }
-    }
-    inverse
 }
 
 #[cfg(test)]

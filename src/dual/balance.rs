@@ -6,8 +6,9 @@
 //! gradient is Gλ − e. Newton's method with a line search finds them in finitely many steps; where φ has no
 //! minimum no λ ∈ Λ balances the bodies, and the gradient that is left tells which body is pushed where.
 
+use crate::dense::{pseudo_inverse, symmetric_eigen};
 use crate::problem::FreeBodies;
-use crate::sparse::{Csr, norm_max, pseudo_inverse, symmetric_eigen};
+use crate::sparse::{Csr, norm_max};
 use faer::Mat;
 use std::rc::Rc;
 

@@ -12,7 +12,8 @@
 //! Horák and Kučera 2006).
 
 use super::is_coupled;
-use crate::sparse::{BlockCsr, Csr, dot, norm, symmetric_eigen};
+use crate::dense::{right_singular, symmetric_eigen};
+use crate::sparse::{BlockCsr, Csr, dot, norm};
 use faer::Mat;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -397,11 +398,10 @@ fn free_body(k: &BlockCsr<2>, points: &[[f64; 2]], nodes: Vec<u32>) -> Option<Fr
         let matrix = Mat::from_fn(rows, independent, |i, j| {
             pulled.get(i).map_or(0.0, |row| row[j])
         });
-        let svd = matrix.thin_svd().ok()?;
-        let values = svd.S().column_vector();
+        let (values, right) = right_singular(&matrix)?;
         (0..independent)
             .filter(|&k| !(values[k] > STIFFLESS * 10.0))
-            .map(|k| (0..independent).map(|a| svd.V()[(a, k)]).collect())
+            .map(|k| (0..independent).map(|a| right[(a, k)]).collect())
             .collect()
     };
     if combinations.is_empty() {

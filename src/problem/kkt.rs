@@ -11,7 +11,8 @@
 //! holds nothing smaller.
 
 use super::ContactProblem;
-use crate::sparse::{Csr, ROWS_PER_TASK, dot, norm, norm_max, pseudo_inverse};
+use crate::dense::pseudo_inverse;
+use crate::sparse::{Csr, ROWS_PER_TASK, dot, norm, norm_max};
 use faer::Mat;
 use rayon::prelude::*;
 

@@ -10,12 +10,12 @@
 //! projection tells which way they are pushed.
 
 use super::{Event, Process, difference};
+use crate::dense::least_squares;
 use crate::dual::DualOperator;
 use crate::dual::balance::{Balance, Nearest, interval, lawful};
 use crate::problem::ContactProblem;
 use crate::sparse::norm;
 use crate::ssnm::{Solution, SolveError, Status};
-use faer::linalg::solvers::SolveLstsqCore as _;
 use std::ops::ControlFlow;
 
 /// The tolerance of the problem of a round beside the change of the slip bounds in the round before.
@@ -249,11 +249,7 @@ impl Anderson {
         if columns > 0 && columns < x.len() {
             // The combination of the differences that comes closest to r.
             let matrix = faer::Mat::from_fn(x.len(), columns, |i, j| self.steps[j].1[i]);
-            let mut gamma = faer::Mat::from_fn(x.len(), 1, |i, _| r[i]);
-            matrix
-                .col_piv_qr()
-                .solve_lstsq_in_place_with_conj(faer::Conj::No, gamma.as_mut());
-            let gamma: Vec<f64> = (0..columns).map(|j| gamma[(j, 0)]).collect();
+            let gamma = least_squares(matrix, r);
             if gamma.iter().all(|g| g.is_finite() && g.abs() < 1e3) {
                 for (g, (dx, dr)) in gamma.iter().zip(&self.steps) {
                     for i in 0..next.len() {

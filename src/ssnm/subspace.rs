@@ -1,6 +1,7 @@
 //! The span of all directions whose product with A is known, and what of it fits the present sets.
 
 use super::face::Face;
+use crate::dense::right_singular;
 use crate::sparse::{dot, norm};
 use faer::Mat;
 
@@ -122,16 +123,9 @@ impl Subspace {
             Some(&i) => own(i, &self.directions[j]),
             None => moved[j][i - held.len()],
         });
-        // A few rows leave a null space that only the full set of right singular vectors shows.
-        let made = if n_rows >= count {
-            rows.thin_svd()
-        } else {
-            rows.svd()
-        };
-        let Ok(svd) = made else {
+        let Some((values, right)) = right_singular(&rows) else {
             return Vec::new();
         };
-        let (values, right) = (svd.S().column_vector(), svd.V());
         // Directions that all leave the bodies in balance make rows of nothing but rounding.
         let mut largest = values[0];
         if face.has_balance() {

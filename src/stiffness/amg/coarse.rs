@@ -1,9 +1,9 @@
 //! The inverse on the coarsest level.
 
 use super::{AmgError, Dense, Real};
+use crate::dense::{self, cholesky};
 use crate::sparse::BlockCsr;
-use faer::linalg::solvers::DenseSolveCore;
-use faer::{Mat, Side};
+use faer::Mat;
 
 /// A pivot below this part of its diagonal entry means a singular matrix.
 const PIVOT_LIMIT: f64 = 1e-13;
@@ -22,23 +22,20 @@ pub(super) fn inverse<const B: usize, S: Real>(
     for (i, j, value) in a.triplets() {
         dense[(i, j)] = scale * value;
     }
-    let llt = dense.llt(Side::Lower).map_err(|_| AmgError::Singular)?;
-    let l = llt.L();
+    let l = cholesky(dense.clone()).ok_or(AmgError::Singular)?;
     if !(0..n).all(|i| l[(i, i)] * l[(i, i)] > PIVOT_LIMIT * dense[(i, i)]) {
         return Err(AmgError::Singular);
     }
     for i in 0..n {
         dense[(i, i)] *= 1.0 + SHIFT;
     }
-    let inverse = dense
-        .llt(Side::Lower)
-        .map_err(|_| AmgError::Singular)?
-        .inverse();
+    let factor = cholesky(dense).ok_or(AmgError::Singular)?;
+    let lower = dense::inverse(&factor);
     Ok(Dense {
         n,
         values: (0..n * n)
             .map(|k| (k / n, k % n))
-            .map(|(i, j)| S::from_f64(0.5 * (inverse[(i, j)] + inverse[(j, i)])))
+            .map(|(i, j)| S::from_f64(lower[(i.max(j), i.min(j))]))
             .collect(),
     })
 }

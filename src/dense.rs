@@ -1,0 +1,220 @@
+//! Decompositions of small dense matrices, by faer in the calling thread.
+//!
+//! faer's short forms take as many threads as there are and split sums accordingly: results would depend on the
+//! number of threads in their last digits.
+
+use faer::diag::Diag;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt;
+use faer::linalg::evd::{self, ComputeEigenvectors};
+use faer::linalg::qr::{col_pivoting, no_pivoting};
+use faer::linalg::svd::{self, ComputeSvdVectors};
+use faer::{Conj, Mat, Par};
+
+const PAR: Par = Par::Seq;
+
+/// Eigenvalues, the least first, and eigenvectors (columns) of a symmetric matrix, of which the lower triangle is
+/// read; None if an entry is not finite.
+pub(crate) fn symmetric_eigen(matrix: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)> {
+    let n = matrix.nrows();
+    if !is_finite(matrix) {
+        return None;
+    }
+    let mut values = Diag::zeros(n);
+    let mut vectors = Mat::zeros(n, n);
+    let with = ComputeEigenvectors::Yes;
+    let scratch = evd::self_adjoint_evd_scratch::<f64>(n, with, PAR, Default::default());
+    evd::self_adjoint_evd(
+        matrix.as_ref(),
+        values.as_mut(),
+        Some(vectors.as_mut()),
+        PAR,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+        Default::default(),
+    )
+    .ok()?;
+    Some((values.column_vector().iter().copied().collect(), vectors))
+}
+
+/// Singular values, the largest first, and all right singular vectors (columns): those of a matrix with few rows,
+/// too, that have no singular value. None if an entry is not finite.
+pub(crate) fn right_singular(matrix: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)> {
+    let (m, n) = (matrix.nrows(), matrix.ncols());
+    if !is_finite(matrix) {
+        return None;
+    }
+    let mut values = Diag::zeros(m.min(n));
+    let mut left = Mat::zeros(m, m.min(n));
+    let mut vectors = Mat::zeros(n, n);
+    let (thin, full) = (ComputeSvdVectors::Thin, ComputeSvdVectors::Full);
+    let scratch = svd::svd_scratch::<f64>(m, n, thin, full, PAR, Default::default());
+    svd::svd(
+        matrix.as_ref(),
+        values.as_mut(),
+        Some(left.as_mut()),
+        Some(vectors.as_mut()),
+        PAR,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+        Default::default(),
+    )
+    .ok()?;
+    Some((values.column_vector().iter().copied().collect(), vectors))
+}
+
+/// The x with the least ‖M x − b‖, for a matrix with no fewer rows than columns.
+pub(crate) fn least_squares(mut matrix: Mat<f64>, b: &[f64]) -> Vec<f64> {
+    let (m, n) = (matrix.nrows(), matrix.ncols());
+    let block = no_pivoting::factor::recommended_block_size::<f64>(m, n);
+    let mut coefficients = Mat::zeros(block, n);
+    let (mut forward, mut back) = (vec![0_usize; n], vec![0; n]);
+    let scratch = col_pivoting::factor::qr_in_place_scratch::<usize, f64>(
+        m,
+        n,
+        block,
+        PAR,
+        Default::default(),
+    );
+    let (_, permutation) = col_pivoting::factor::qr_in_place(
+        matrix.as_mut(),
+        coefficients.as_mut(),
+        &mut forward,
+        &mut back,
+        PAR,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+        Default::default(),
+    );
+    let mut x = Mat::from_fn(m, 1, |i, _| b[i]);
+    let scratch =
+        col_pivoting::solve::solve_lstsq_in_place_scratch::<usize, f64>(m, n, block, 1, PAR);
+    // The reflections are below the diagonal, R is the rest.
+    col_pivoting::solve::solve_lstsq_in_place_with_conj(
+        matrix.as_ref(),
+        coefficients.as_ref(),
+        matrix.get(..n, ..),
+        permutation,
+        Conj::No,
+        x.as_mut(),
+        PAR,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+    );
+    (0..n).map(|i| x[(i, 0)]).collect()
+}
+
+/// The Cholesky factor L of a symmetric matrix, of which the lower triangle is read; None if it is not positive
+/// definite.
+pub(crate) fn cholesky(mut matrix: Mat<f64>) -> Option<Mat<f64>> {
+    let n = matrix.nrows();
+    let scratch = llt::factor::cholesky_in_place_scratch::<f64>(n, PAR, Default::default());
+    llt::factor::cholesky_in_place(
+        matrix.as_mut(),
+        Default::default(),
+        PAR,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+        Default::default(),
+    )
+    .ok()?;
+    Some(matrix)
+}
+
+/// The lower triangle of (L Lᵀ)⁻¹, of a factor made by [`cholesky`].
+pub(crate) fn inverse(factor: &Mat<f64>) -> Mat<f64> {
+    let n = factor.nrows();
+    let mut inverse = Mat::zeros(n, n);
+    let scratch = llt::inverse::inverse_scratch::<f64>(n, PAR);
+    llt::inverse::inverse(
+        inverse.as_mut(),
+        factor.as_ref(),
+        PAR,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+    );
+    inverse
+}
+
+/// The pseudo-inverse of a small symmetric positive semidefinite matrix: eigenvalues up to `dependent` times the
+/// largest count as zero. Zero if an entry is not finite.
+pub(crate) fn pseudo_inverse(matrix: &Mat<f64>, dependent: f64) -> Mat<f64> {
+    let n = matrix.nrows();
+    let mut inverse = Mat::<f64>::zeros(n, n);
+    let Some((values, vectors)) = symmetric_eigen(matrix) else {
+        return inverse;
+    };
+    let largest = values.iter().copied().fold(0.0, f64::max);
+    for (c, &value) in values.iter().enumerate() {
+        if value > dependent * largest && value > 0.0 {
+            for p in 0..n {
+                for q in 0..n {
+                    inverse[(p, q)] += vectors[(p, c)] * vectors[(q, c)] / value;
+                }
+            }
+        }
+    }
+    inverse
+}
+
+fn is_finite(matrix: &Mat<f64>) -> bool {
+    matrix
+        .col_iter()
+        .all(|column| column.iter().all(|v| v.is_finite()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Entries without any pattern.
+    fn arbitrary(rows: usize, cols: usize) -> Mat<f64> {
+        Mat::from_fn(rows, cols, |i, j| {
+            ((7 * i + 13 * j + i * j + 1) as f64).sin()
+        })
+    }
+
+    #[test]
+    fn decompositions_are_what_they_say() {
+        for n in [1, 2, 5, 40, 150] {
+            let m = arbitrary(n + 3, n);
+            let gram = m.transpose() * &m;
+            let close = |a: &Mat<f64>, b: &Mat<f64>| {
+                assert!((a - b).norm_max() < 1e-10 * b.norm_max(), "{n}");
+            };
+            let (values, vectors) =
+                symmetric_eigen(&gram).unwrap_or_else(|| panic!("no eigenvalues"));
+            let scaled = Mat::from_fn(n, n, |i, j| vectors[(i, j)] * values[j]);
+            close(&(scaled * vectors.transpose()), &gram);
+            assert!(values.is_sorted());
+
+            let (values, right) = right_singular(&m).unwrap_or_else(|| panic!("no values"));
+            let scaled = Mat::from_fn(n, n, |i, j| right[(i, j)] * values[j] * values[j]);
+            close(&(scaled * right.transpose()), &gram);
+
+            let x = arbitrary(n, 1);
+            let b: Vec<f64> = (&m * &x).col(0).iter().copied().collect();
+            let found = least_squares(m.clone(), &b);
+            close(&Mat::from_fn(n, 1, |i, _| found[i]), &x);
+
+            let mut shifted = gram.clone();
+            for i in 0..n {
+                shifted[(i, i)] += 1.0;
+                for j in 0..i {
+                    // What is above the diagonal is not read.
+                    shifted[(j, i)] = f64::NAN;
+                }
+            }
+            let factor = cholesky(shifted).unwrap_or_else(|| panic!("not definite"));
+            let lower = inverse(&factor);
+            let inverse = Mat::from_fn(n, n, |i, j| lower[(i.max(j), i.min(j))]);
+            let one = Mat::<f64>::identity(n, n);
+            close(&(inverse * (&gram + &one)), &one);
+        }
+        assert!(cholesky(Mat::from_fn(2, 2, |_, _| -1.0)).is_none());
+    }
+
+    #[test]
+    fn few_rows_leave_a_null_space() {
+        let m = arbitrary(3, 9);
+        let (values, right) = right_singular(&m).unwrap_or_else(|| panic!("no values"));
+        assert_eq!((values.len(), right.ncols()), (3, 9));
+        assert!((&m * right.get(.., 3..)).norm_max() < 1e-13 && values[2] > 0.1);
+        assert!(right_singular(&Mat::from_fn(2, 2, |_, _| f64::NAN)).is_none());
+        assert!(symmetric_eigen(&Mat::from_fn(2, 2, |_, _| f64::INFINITY)).is_none());
+    }
+}
