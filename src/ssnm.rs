@@ -80,7 +80,7 @@ pub enum Method {
 pub struct Settings<'a> {
     /// ε: what the answer may be off by. The error err = ‖r̃_ρ(P_Λ(λ))‖ is reached relative to err⁰, that at λ = 0
     /// (or, where bodies can move as a whole, at the least forces that balance them); beside it what the rest of
-    /// the gradient could still move is made so small that nodal pressures are right to 1000 ε of the largest.
+    /// the gradient could still move is made so small that nodal pressures are right to 3000 ε of the largest.
     pub tolerance: f64,
     /// β: ρ = β / σ_max.
     pub beta: f64,

@@ -646,7 +646,7 @@ fn broken_cases_are_explained_with_their_line() {
         (
             "[[contact]]\nboundary = \"bottom\"",
             "[[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n[[contact]]\nboundary = \"bottom\"",
-            "belongs to two contacts",
+            "normals are not independent",
         ),
     ];
     let sound = Case::parse(Path::new("case.toml"), SOUND.to_owned(), &[])
@@ -822,8 +822,8 @@ fn hints_name_what_looks_wrong() {
         assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
         report(Path::new(&results))["hints"].to_string()
     };
-    let punch = "[[mesh.part]]\nname = \"die\"\nrectangle = { size = [3, 1], cells = [30, 10] }\n\
-        [[mesh.part]]\nname = \"punch\"\nrectangle = { size = [0.8, 0.5], cells = [24, 15] }\nshift = [1.1, 1]\n\
+    let punch = "[[mesh.part]]\nname = \"die\"\nrectangle = { size = [3, 1], cells = [60, 20] }\n\
+        [[mesh.part]]\nname = \"punch\"\nrectangle = { size = [0.8, 0.5], cells = [16, 10] }\nshift = [1.1, 1]\n\
         [[material]]\nregion = \"die\"\nyoung = 1e9\npoisson = 0.3\n\
         [[material]]\nregion = \"punch\"\nyoung = 1e13\npoisson = 0.3\n\
         [[support]]\nboundary = \"die-bottom\"\nx = 0\ny = 0\n[[support]]\nboundary = \"punch-top\"\nx = 0\ny = -1e-3\n\

@@ -399,6 +399,7 @@ fn judge(trial: &Trial, checker: &Checker, run: &Run) -> Option<(Status, GivenUp
 struct Tally {
     problems: usize,
     refused: Vec<String>,
+    driven: usize,
     steps: [usize; 2],
     ends: [BTreeMap<String, usize>; 2],
     seconds: [f64; 2],
@@ -432,6 +433,11 @@ impl Tally {
         self.problems += 1;
         let trial = match trial(seed) {
             Ok(trial) => trial,
+            // Right: a motion prescribed into an obstacle has no solution.
+            Err(error) if error.contains("supports drive the node") => {
+                self.driven += 1;
+                return;
+            }
             Err(error) => {
                 self.refused.push(format!("{seed}: {error}"));
                 return;
@@ -593,9 +599,10 @@ impl Tally {
         };
         println!("\n== {} ==", way.name());
         println!(
-            "problems {}, of which refused {}",
+            "problems {}, of which refused {} and {} driven into obstacles",
             self.problems,
-            self.refused.len()
+            self.refused.len(),
+            self.driven
         );
         for k in 0..2 {
             let ends: Vec<String> = self.ends[k]

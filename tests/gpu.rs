@@ -814,12 +814,11 @@ fn a_device_lost_at_any_submission() {
             Engine::new(&problem, options, |_| {}).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(engine.backend(), "gpu");
         let context = Arc::clone(engine.context().expect("a GPU has a context"));
-        // Some of them beyond the end.
-        context.lose_device_after(k * k * 3);
+        context.lose_device_after(3 * k);
         let found = ssnm::solve(&problem, &mut engine, &settings, |_| {
             ControlFlow::Continue(())
         })
-        .unwrap_or_else(|error| panic!("after {}: {error}", k * k * 3));
+        .unwrap_or_else(|error| panic!("after {}: {error}", 3 * k));
         assert_eq!(found.status, Status::Converged);
         assert!(common::distance(&found.u, &expected.u) < 1e-5);
         if engine.backend() == "cpu" {

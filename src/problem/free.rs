@@ -13,9 +13,10 @@
 
 use super::is_coupled;
 use crate::dense::{right_singular, symmetric_eigen};
-use crate::sparse::{BlockCsr, Csr, dot, norm};
+use crate::sparse::{BlockCsr, Csr, dot, norm, norm_max};
 use faer::Mat;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Rigid motions of a body in the plane at most.
@@ -23,6 +24,8 @@ const MOTIONS: usize = 3;
 /// A motion counts as one without stiffness where no unknown is pulled back by more than this part of what its
 /// own row of K could: rounding of K, and nothing that a real support or spring would do.
 const STIFFLESS: f64 = 1e-11;
+/// An entry of G below this part of what it could be is rounding.
+const DUST: f64 = 1e-12;
 /// Columns of a basis are dependent below this part of the largest.
 const DEPENDENT: f64 = 1e-10;
 /// Unknowns without contact are fixed where that costs no more than this of the condition.
@@ -183,7 +186,8 @@ impl FreeBodies {
         }
     }
 
-    /// Gᵀ = B R: a row for each multiplier, a column for each motion.
+    /// Gᵀ = B R: a row for each multiplier, a column for each motion. What is rounding in it is left out: a tangential
+    /// force that is at a right angle to a motion but for 1e-17 must not be asked to balance it.
     pub fn contact_motions(&self, b: &Csr) -> Csr {
         let mut place: Vec<Option<(u32, u32)>> = vec![None; b.n_cols().div_ceil(2)];
         for (number, body) in self.bodies.iter().enumerate() {
@@ -192,19 +196,27 @@ impl FreeBodies {
             }
         }
         let first: Vec<usize> = self.columns().map(|(first, _)| first).collect();
-        let mut entries = Vec::new();
+        let largest = |mode: &Vec<[f64; 2]>| norm_max(mode.as_flattened());
+        let sizes: Vec<f64> = (self.bodies.iter())
+            .flat_map(|body| body.modes.iter().map(largest))
+            .collect();
+        // Each entry beside what it could be.
+        let mut entries: BTreeMap<(usize, usize), [f64; 2]> = BTreeMap::new();
         for (row, column, value) in b.triplets() {
             let Some((number, i)) = place[column / 2] else {
                 continue;
             };
             let body = &self.bodies[number as usize];
             for (k, mode) in body.modes.iter().enumerate() {
-                let m = mode[i as usize][column % 2];
-                if m != 0.0 {
-                    entries.push((row, first[number as usize] + k, value * m));
-                }
+                let motion = first[number as usize] + k;
+                let [sum, most] = entries.entry((row, motion)).or_default();
+                *sum += value * mode[i as usize][column % 2];
+                *most += value.abs() * sizes[motion];
             }
         }
+        let entries = (entries.into_iter())
+            .filter(|(_, [sum, most])| sum.abs() > DUST * most)
+            .map(|((row, motion), [sum, _])| (row, motion, sum));
         Csr::from_triplets(b.n_rows(), self.n_motions(), entries)
     }
 
