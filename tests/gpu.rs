@@ -829,6 +829,35 @@ fn a_device_lost_at_any_submission() {
     assert!(lost >= 10, "{lost}");
 }
 
+/// Every new load makes buffers of its own: what was bound to those before must not pile up over thousands of rounds.
+#[test]
+fn what_was_bound_to_dropped_buffers_is_forgotten() {
+    let problem = one_body(1);
+    let context = context(Precision::F64, None);
+    let gpu = Gpu::new(&context).unwrap_or_else(|error| panic!("{error}"));
+    let mut dual = NestedDual::new(&problem, gpu, Preconditioner::Multigrid)
+        .unwrap_or_else(|error| panic!("{error}"));
+    let lambda = vec![0.0; 2 * problem.m()];
+    let mut r = lambda.clone();
+    let accuracy = Accuracy::Energy {
+        absolute: 0.0,
+        relative: 0.1,
+    };
+    let mut kept = Vec::new();
+    for round in 0..60 {
+        let load: Vec<f64> = problem
+            .load()
+            .iter()
+            .map(|f| f * f64::from(round + 1))
+            .collect();
+        dual.set_data(&load, &problem.offsets())
+            .and_then(|()| dual.gradient(&lambda, &mut r, accuracy, &Stop::default()))
+            .unwrap_or_else(|error| panic!("{error}"));
+        kept.push(dual.backend().kept());
+    }
+    assert!(kept[59] <= kept[9] + 2, "{kept:?}");
+}
+
 #[test]
 fn a_device_that_is_lost_before_or_while_setting_up() {
     let context = context(Precision::F64, None);

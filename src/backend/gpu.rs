@@ -319,6 +319,11 @@ impl Gpu {
         Ok((2 * bytes * REPEATS) as f64 / best)
     }
 
+    /// Bind groups and parameters that are kept for later: no more of them than there are buffers to bind.
+    pub fn kept(&self) -> usize {
+        self.bind_groups.len() + self.uniforms.len()
+    }
+
     /// The context it computes on.
     pub fn context(&self) -> &Arc<Context> {
         &self.context

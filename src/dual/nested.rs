@@ -89,6 +89,11 @@ impl<B: Backend> NestedDual<B> {
         })
     }
 
+    /// What it computes on.
+    pub fn backend(&self) -> &B {
+        &self.pcg.backend
+    }
+
     /// The levels of multigrid, for a log.
     pub fn hierarchy(&self) -> Option<&str> {
         self.pcg.hierarchy.as_deref()

@@ -53,13 +53,23 @@ impl Goal {
 
     /// Whether the forces are as accurate as ε asks for.
     pub fn forces_met(&self, problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> bool {
-        force_error(problem, lambda, r) <= FORCES * part(problem) * self.tolerance
+        forces_met(self.tolerance, problem, lambda, r)
     }
 
     /// The part of err that would do for the forces; 1 where they are accurate enough.
     pub fn part_for_forces(&self, problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
         (FORCES * part(problem) * self.tolerance / force_error(problem, lambda, r)).min(1.0)
     }
+}
+
+/// Whether the forces at a point with gradient r are as accurate as ε asks for.
+pub(super) fn forces_met(
+    tolerance: f64,
+    problem: &ContactProblem,
+    lambda: &[f64],
+    r: &[f64],
+) -> bool {
+    force_error(problem, lambda, r) <= FORCES * part(problem) * tolerance
 }
 
 /// Whether an inner problem with the residual r on its free multipliers leaves forces accurate enough for ε.
