@@ -722,17 +722,8 @@ impl Case {
             );
         }
         if let Some(limit) = &s.time_limit {
-            match humantime::parse_duration(limit.get_ref()) {
-                Ok(duration) => self.time_limit = Some(duration),
-                // Longer than can be counted is as good as no limit, if only the digits are to blame.
-                Err(humantime::DurationError::NumberOverflow)
-                    if humantime::parse_duration(
-                        &limit.get_ref().replace(|c: char| c.is_ascii_digit(), "0"),
-                    )
-                    .is_ok() =>
-                {
-                    self.time_limit = None;
-                }
+            match duration(limit.get_ref()) {
+                Ok(duration) => self.time_limit = duration,
                 Err(error) => {
                     return self.invalid(
                         limit.span(),
@@ -824,6 +815,38 @@ impl Case {
             ..Default::default()
         }
     }
+}
+
+/// A duration such as "2h 30min"; None where it is longer than can be counted, which is as good as no limit.
+fn duration(text: &str) -> Result<Option<Duration>, humantime::DurationError> {
+    // Piece by piece: humantime itself panics where a sum of several overflows.
+    let mut pieces = vec![String::new()];
+    let mut before = ' ';
+    for c in text.chars() {
+        if c.is_ascii_digit() && before.is_alphabetic() {
+            pieces.push(String::new());
+        }
+        if !c.is_whitespace() {
+            before = c;
+        }
+        pieces.last_mut().expect("there is one").push(c);
+    }
+    let mut sum = Some(Duration::ZERO);
+    for piece in &pieces {
+        let part = match humantime::parse_duration(piece) {
+            Ok(part) => Some(part),
+            // If only the digits are to blame.
+            Err(humantime::DurationError::NumberOverflow)
+                if humantime::parse_duration(&piece.replace(|c: char| c.is_ascii_digit(), "0"))
+                    .is_ok() =>
+            {
+                None
+            }
+            Err(error) => return Err(error),
+        };
+        sum = sum.zip(part).and_then(|(sum, part)| sum.checked_add(part));
+    }
+    Ok(sum)
 }
 
 /// A message of the parser, with the known key that an unknown one may have meant.
