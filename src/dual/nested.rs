@@ -8,6 +8,9 @@ use crate::stiffness::pcg::{Accuracy, Gather, Pcg, PcgError, Preconditioner};
 
 /// Times that a displacement is made more accurate for the sake of its ties.
 const MOST_PASSES: usize = 4;
+/// Load and forces together are this far from the unit they are computed in at most: without a load, or beside forces that a
+/// step has sent far away, what is small is lost in f32.
+const FAR: f64 = 1e12;
 
 /// B, Bᵀ and u on the backend.
 struct OnBackend<B: Backend> {
@@ -99,6 +102,20 @@ impl<B: Backend> NestedDual<B> {
         self.pcg.hierarchy.as_deref()
     }
 
+    /// Hands the load to the backend in another unit; the u there starts from zero.
+    fn scale_to(&mut self, unit: f64) -> Result<(), PcgError> {
+        self.unit = unit;
+        if let Some(there) = &mut self.on_backend {
+            let backend = &mut self.pcg.backend;
+            let scaled: Vec<f64> = self.load.iter().map(|f| f / unit).collect();
+            backend.upload(&scaled, &mut there.f);
+            backend.clear(&mut there.u);
+            let loads = loads(&self.b.transposed(), &scaled);
+            there.loads = backend.rows(&loads, &there.lambda, &self.pcg.x)?;
+        }
+        Ok(())
+    }
+
     /// Solves K u = f − Bᵀλ from the u of the last time; and y = B u. A residual is meant as it is, not relative
     /// to the right-hand side.
     fn follow(
@@ -108,14 +125,9 @@ impl<B: Backend> NestedDual<B> {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Followed, DualError> {
-        if let Some(there) = &mut self.on_backend {
-            // Without a load λ alone says how large u is; what is far from one is lost in f32.
-            let size = norm(lambda);
-            let far = !(1e-6..1e6).contains(&(size / self.unit));
-            if far && size > 0.0 && self.load.iter().all(|&f| f == 0.0) {
-                self.unit = power_of_two_below(size);
-                self.pcg.backend.clear(&mut there.u);
-            }
+        let unit = power_of_two_below(norm(&self.load).max(norm(lambda)));
+        if !(1.0 / FAR..FAR).contains(&(unit / self.unit)) {
+            self.scale_to(unit)?;
         }
         let Some(there) = &mut self.on_backend else {
             let mut load = self.load.clone();
@@ -183,19 +195,8 @@ impl<B: Backend> DualOperator for NestedDual<B> {
             return Ok(());
         }
         self.load.copy_from_slice(load);
-        self.unit = power_of_two_below(norm(load));
         self.u.fill(0.0);
-        if let Some(there) = &mut self.on_backend {
-            let backend = &mut self.pcg.backend;
-            let scaled: Vec<f64> = load.iter().map(|f| f / self.unit).collect();
-            backend.upload(&scaled, &mut there.f);
-            backend.clear(&mut there.u);
-            let loads = loads(&self.b.transposed(), &scaled);
-            there.loads = backend
-                .rows(&loads, &there.lambda, &self.pcg.x)
-                .map_err(PcgError::from)?;
-        }
-        Ok(())
+        Ok(self.scale_to(power_of_two_below(norm(load)))?)
     }
 
     fn apply(
