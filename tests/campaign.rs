@@ -286,9 +286,12 @@ impl Oracle {
                     p.max(lambda[i].abs() / self.areas[i % self.m])
                 })
         };
-        match of(0..self.m) {
-            0.0 => of(self.m..2 * self.m),
-            pressure => pressure,
+        // Under given bounds tractions may be all there is.
+        let (pressure, traction) = (of(0..self.m), of(self.m..2 * self.m));
+        if pressure > 1e-9 * traction {
+            pressure
+        } else {
+            traction
         }
     }
 

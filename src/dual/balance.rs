@@ -17,6 +17,10 @@ use std::rc::Rc;
 /// the forces are small.
 const CURVATURE: f64 = 1e-8;
 const FAR_AWAY: f64 = 1e-14;
+/// Where that much curvature hides that the bodies can be balanced, as by forces with a tiny arm, it is made so much
+/// smaller, so many times.
+const LESS: f64 = 1e-3;
+const TIMES: usize = 2;
 /// Passes at most; each lowers what the added curvature leaves of the imbalance.
 const PASSES: usize = 12;
 /// Newton steps of a pass at most.
@@ -50,6 +54,8 @@ pub(crate) struct Balance {
     body: Vec<usize>,
     /// e where no multiplier resists, as it is.
     without_contact: Vec<f64>,
+    /// [`CURVATURE`], or less where that is what it takes to balance the bodies.
+    curvature: f64,
 }
 
 /// The nearest point of Λₑ.
@@ -100,6 +106,7 @@ impl Balance {
             acting,
             body,
             lengths,
+            curvature: CURVATURE,
         }
     }
 
@@ -166,7 +173,7 @@ impl Balance {
         let mut z = x.to_vec();
         let mut lambda = all(&z);
         let acting = norm_max(&self.rounding(&vec![0.0; x.len()]));
-        let curvature = CURVATURE * (acting / norm_max(x).max(acting)).max(FAR_AWAY);
+        let curvature = self.curvature * (acting / norm_max(x).max(acting)).max(FAR_AWAY);
         let mut before = f64::INFINITY;
         for _ in 0..PASSES {
             let anchor = eta.clone();
@@ -293,10 +300,20 @@ impl Balance {
     /// The least forces that balance the bodies. What of an imbalance none can remove is given up: from here on the
     /// rest is to be balanced.
     pub fn least(&mut self, project: impl Fn(usize, [f64; 2]) -> Projected) -> Nearest {
-        let near = self.nearest(&vec![0.0; self.motions.n_rows()], project);
-        if !near.balanced {
-            self.give_up(&near.imbalance);
+        let zero = vec![0.0; self.motions.n_rows()];
+        let near = self.nearest(&zero, &project);
+        if near.balanced {
+            return near;
         }
+        for _ in 0..TIMES {
+            self.curvature *= LESS;
+            let closer = self.nearest(&zero, &project);
+            if closer.balanced {
+                return closer;
+            }
+        }
+        self.curvature = CURVATURE;
+        self.give_up(&near.imbalance);
         near
     }
 
@@ -556,6 +573,28 @@ mod tests {
                     .map(|i| (near.lambda[i] - x[i]) * (other[i] - near.lambda[i]))
                     .sum();
                 assert!(slope > -1e-10, "{slope}");
+            }
+        }
+    }
+
+    /// A lever on nodes beyond its pin, but for one that is this little on the other side: a large force there holds it.
+    #[test]
+    fn a_tiny_arm_is_an_arm() {
+        for arm in [1e-3, 1e-4, 1e-5, 0.0, -1e-5] {
+            let m = 8;
+            let arms = (0..m).map(|i| (i, 0, if i == 0 { -arm } else { i as f64 / m as f64 }));
+            let g = Csr::from_triplets(2 * m, 1, arms);
+            let mut balance = Balance::from_parts(&g, &[-1e-3], vec![1.0], vec![0]);
+            let least = balance.least(|_, z| interval(0.0, z));
+            assert_eq!(least.balanced, arm > 0.0, "{arm}: {:?}", least.imbalance);
+            if least.balanced {
+                assert!((least.lambda[0] * arm / 1e-3 - 1.0).abs() < 1e-6, "{arm}");
+                // And so it is from elsewhere.
+                assert!(
+                    balance
+                        .nearest(&vec![1.0; 2 * m], |_, z| interval(0.0, z))
+                        .balanced
+                );
             }
         }
     }

@@ -12,6 +12,8 @@ const INNER_FORCES: f64 = 1000.0;
 /// The part of both that is asked for under Coulomb's law: GCR makes the residual least, not the energy, and leaves more
 /// of what a force on a single node does.
 const COULOMB: f64 = 0.25;
+/// Pressures below this part of the tractions are none.
+const NO_PRESSURE: f64 = 1e-9;
 /// Forces that close less than this multiple of what rounding leaves of a gap are no contact.
 const TOUCHING: f64 = 10.0;
 
@@ -124,7 +126,12 @@ fn force_error(problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
             off = off.max(rounding / c / area);
         }
     }
-    let largest = if pressure > 0.0 { pressure } else { traction };
+    // Under given bounds tractions may be all there is.
+    let largest = if pressure > NO_PRESSURE * traction {
+        pressure
+    } else {
+        traction
+    };
     if largest == 0.0 || off == 0.0 {
         0.0
     } else {
