@@ -951,6 +951,16 @@ fn set(document: &mut toml_edit::DocumentMut, setting: &str) -> Result<(), Strin
             }
         };
     }
+    if let (Ok(index), Some(list)) = (last.parse::<usize>(), item.as_array_mut()) {
+        let length = list.len();
+        if index >= length {
+            return Err(format!(
+                "there is no entry {index} (they count from 0, and there are {length})"
+            ));
+        }
+        list.replace(index, value);
+        return Ok(());
+    }
     let table = item
         .as_table_like_mut()
         .ok_or_else(|| format!("\"{last}\" would lie in something that is no table"))?;

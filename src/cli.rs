@@ -199,6 +199,7 @@ enum GeometryArgument {
 
 /// Runs the program.
 pub fn run() -> ExitCode {
+    hear_file_limits();
     let outcome = match Cli::parse().command {
         Command::Solve(arguments) => solve::run(&arguments),
         Command::Check { case, settings } => check::run(&case, &settings),
@@ -216,7 +217,24 @@ pub fn run() -> ExitCode {
 }
 
 /// Writes to standard output; a reader that has gone away (`| head`) is no error.
-fn print(text: &str) {
+fn print(text: &str) -> Result<(), String> {
     use std::io::Write as _;
-    let _ = std::io::stdout().write_all(text.as_bytes());
+    let mut out = std::io::stdout();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(format!("cannot write to standard output: {error}"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Lets a file that grows beyond a limit of the system (`ulimit -f`) be an error like a full disc: unheard, the signal
+/// would end the program in the middle of it.
+fn hear_file_limits() {
+    #[cfg(unix)]
+    {
+        // Without it files fail as they did.
+        let heard = std::sync::Arc::default();
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, heard);
+    }
 }

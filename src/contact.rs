@@ -131,6 +131,14 @@ pub struct ContactNode {
     pub slip_bound: SlipBound,
 }
 
+impl SlipBound {
+    /// Whether it allows any friction.
+    pub fn is_any(&self) -> bool {
+        let (Self::Given(figure) | Self::Coulomb(figure)) = *self;
+        figure > 0.0
+    }
+}
+
 impl ContactNode {
     /// The unit tangent: ν turned counter-clockwise by a right angle.
     pub fn tangent(&self) -> [f64; 2] {
@@ -152,13 +160,14 @@ pub enum ContactError {
     )]
     BodiesOverlap { x: f64, y: f64, depth: f64 },
     #[error(
-        "the node at ({x:.6e}, {y:.6e}) would belong to several contacts whose normals are not independent: \
-         name each boundary in one contact only, or let what it meets there differ in direction"
+        "the node at ({x:.6e}, {y:.6e}) would belong to several contacts whose normals are not independent in what \
+         supports leave it of its freedom (on rigid obstacles two directions at most, clearly different): name the \
+         boundary in fewer contacts, let what it meets there differ in direction, or free the node"
     )]
     Twice { x: f64, y: f64 },
     #[error(
         "the node at ({x:.6e}, {y:.6e}) is held by a support, and what it meets has too few unknowns of its own left \
-         for a contact force there: name the other boundary first"
+         for a contact force or friction there: name the other boundary first"
     )]
     Dependent { x: f64, y: f64 },
     #[error(
@@ -173,8 +182,8 @@ pub enum ContactError {
     )]
     FacesAway,
     #[error(
-        "all of it lies inside the circle: the obstacle is the disc itself, which the body must lie outside of; a \
-         hole around a body is no obstacle of this kind (mesh its wall, hold it, and let the body meet that boundary)"
+        "no part of it faces the circle from outside: the obstacle is the disc itself, which the body must lie \
+         outside of; a hole around a body is no obstacle of this kind (mesh its wall, hold it, and let the body meet that boundary)"
     )]
     InsideCircle,
     #[error(
@@ -271,11 +280,16 @@ pub fn obstacle_contact(
         !(outward[0] * towards[0] + outward[1] * towards[1] <= 0.0)
     };
     let inside = |&node: &u32| obstacle.distance(mesh.nodes[node as usize]).0 < -rounding;
-    if matches!(obstacle, Obstacle::Circle { .. }) && nodes.iter().all(inside) {
+    let circle = matches!(obstacle, Obstacle::Circle { .. });
+    if circle && nodes.iter().all(inside) {
         return Err(ContactError::InsideCircle);
     }
     if !edges.iter().any(faces) {
-        return Err(ContactError::FacesAway);
+        return Err(if circle {
+            ContactError::InsideCircle
+        } else {
+            ContactError::FacesAway
+        });
     }
     let near = options.distance_to(body, edges, obstacle);
     let mut area = vec![0.0; mesh.nodes.len()];

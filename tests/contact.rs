@@ -223,6 +223,52 @@ fn contacts_of_a_node_need_normals_that_differ() {
 }
 
 #[test]
+fn friction_is_never_dropped_in_silence() {
+    // All of a boundary between two rigid obstacles, one of them far away: its friction would have no direction.
+    let ramp = "[[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [-1, 0], normal = [0.3, 1] } }\n";
+    let driven = support("\"top\"", Some(1e-3), Some(-1e-4));
+    for friction in ["{ coulomb = 0.3 }", "{ tresca = 1e4 }"] {
+        let floor = on_floor("\"bottom\"", 0.0, &format!("friction = {friction}\n"));
+        let message = error(&block(&driven, &(floor.clone() + ramp)));
+        assert!(
+            message.contains("line 11") && message.contains("several rigid obstacles"),
+            "{message}"
+        );
+        assert!(resultant(&run(&block(&driven, &floor)))[0] < -1e3);
+    }
+    // A side held along the contact with the finer mesh: more tangential forces than the other side has unknowns.
+    let text = |first: &str, second: &str| {
+        format!(
+            "[[mesh.part]]\nname = \"punch\"\nrectangle = {{ origin = [0.25, 1], size = [0.5, 0.5], cells = [6, 6] }}\n\
+             [[mesh.part]]\nname = \"die\"\nrectangle = {{ size = [1, 1], cells = [25, 10] }}\n{ROCK}{}{}{}\
+             [[contact]]\nboundary = \"{first}\"\nagainst = \"{second}\"\nfriction = {{ coulomb = 0.3 }}\n",
+            support("\"die-top\"", Some(0.0), None),
+            support("\"punch-top\"", Some(1e-2), Some(-1e-3)),
+            support("\"die-bottom\"", Some(0.0), Some(0.0)),
+        )
+    };
+    let message = error(&text("die-top", "punch-bottom"));
+    assert!(
+        message.contains("name the other boundary first"),
+        "{message}"
+    );
+    let [x, y] = resultant(&run(&text("punch-bottom", "die-top")));
+    assert!((x / y + 0.3).abs() < 1e-3, "{x} {y}");
+}
+
+#[test]
+fn symmetry_takes_sides_one_by_one() {
+    let text = |supports: &str| block(supports, "[[traction]]\nboundary = \"right\"\nx = 1e6\n");
+    let list = run(&text(
+        "[[support]]\nboundary = [\"left\", \"bottom\"]\nsymmetry = true\n",
+    ));
+    let single = run(&text(
+        &(support("\"left\"", Some(0.0), None) + &support("\"bottom\"", None, Some(0.0))),
+    ));
+    assert_eq!(list.displacement(), single.displacement());
+}
+
+#[test]
 fn boundaries_in_a_list_are_one() {
     let text = |contacts: &str, traction: &str| {
         format!(
@@ -318,7 +364,7 @@ fn tresca_rubs_only_within_the_search_distance() {
 fn what_cannot_be_meant_says_so() {
     let circle = "[[contact]]\nboundary = \"bottom\"\nobstacle = { circle = { center = [0.5, 0.2], radius = 3 } }\n";
     let message = error(&block(&support("\"top\"", Some(0.0), Some(0.0)), circle));
-    assert!(message.contains("inside the circle"), "{message}");
+    assert!(message.contains("circle from outside"), "{message}");
     let parse = |text: &str| match signorini::case::Case::parse(
         std::path::Path::new("c.toml"),
         text.to_owned(),

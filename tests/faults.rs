@@ -140,7 +140,7 @@ fn a_time_limit_at_any_time_leaves_a_report() {
 fn a_full_disc_is_an_error_that_leaves_no_half_files() {
     // Files may grow to so many blocks of 512 bytes; what is larger fails as on a full disc.
     for blocks in [1, 8, 64, 256, 1024] {
-        let limit = format!("trap '' XFSZ; ulimit -f {blocks};");
+        let limit = format!("ulimit -f {blocks};");
         let outcome = run(PROCESS, &limit, None);
         check_files(&outcome);
         assert_eq!(
@@ -162,6 +162,22 @@ fn a_full_disc_is_an_error_that_leaves_no_half_files() {
             assert_eq!(report["status"], "error");
         }
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_standard_output_does_not_take_is_an_error() {
+    let full = || {
+        let file = std::fs::OpenOptions::new().write(true).open("/dev/full");
+        Stdio::from(file.unwrap_or_else(|error| panic!("{error}")))
+    };
+    let run = Command::new(env!("CARGO_BIN_EXE_signorini"))
+        .args(["check", "examples/press.toml"])
+        .stdout(full())
+        .output()
+        .unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(run.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&run.stderr).contains("cannot write to standard output"));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use super::{
     Units, nearest,
 };
 use crate::contact::{
-    ContactNode, ContactRows, Friction, Obstacle, PairOptions, SlipBound, contact_rows,
+    ContactError, ContactNode, ContactRows, Friction, Obstacle, PairOptions, contact_rows,
     mortar_contact, obstacle_contact,
 };
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble, load_vector};
@@ -601,29 +601,31 @@ impl Case {
         for (number, table) in self.tables.support.iter().enumerate() {
             let (s, span) = (table.get_ref(), table.span());
             let factor = self.factor(&s.factors, step);
-            let mut components: [Option<&Quantity>; 2] = [s.x.as_ref(), s.y.as_ref()];
+            let stated: [Option<&Quantity>; 2] = [s.x.as_ref(), s.y.as_ref()];
             const ZERO: Quantity = Quantity::Constant(0.0);
-            let nodes: Vec<u32> = match (&s.boundary, s.point) {
-                (Some(name), _) => {
-                    let edges = self.all_edges(mesh, name, span.clone(), Mesh::edges)?;
-                    if s.symmetry {
+            let mut nodes: Vec<(u32, [Option<&Quantity>; 2])> = Vec::new();
+            match (&s.boundary, s.point) {
+                (Some(names), _) => {
+                    for name in names.all() {
+                        let edges = self.edges(mesh, name, span.clone(), Mesh::edges)?;
                         let along = |axis: usize| {
                             edges
                                 .iter()
                                 .all(|&e| mesh.edge_normal(e).1[axis].abs() > 1.0 - 1e-9)
                         };
-                        components = match (along(0), along(1)) {
-                            (true, _) => [Some(&ZERO), None],
-                            (_, true) => [None, Some(&ZERO)],
-                            _ => {
+                        let components = match s.symmetry {
+                            false => stated,
+                            true if along(0) => [Some(&ZERO), None],
+                            true if along(1) => [None, Some(&ZERO)],
+                            true => {
                                 return self.invalid(
                                     span,
                                     format!("boundary \"{name}\" is not parallel to an axis: symmetry needs one that is"),
                                 );
                             }
                         };
+                        nodes.extend(edges.iter().flatten().map(|&node| (node, components)));
                     }
-                    edges.iter().flatten().copied().collect()
                 }
                 (None, Some(point)) => {
                     let distance = |x: &[f64; 2]| (x[0] - point[0]).hypot(x[1] - point[1]);
@@ -639,11 +641,11 @@ impl Case {
                             format!("the node nearest to ({}, {}) is {far:.3e} away: is the point on the body?", point[0], point[1]),
                         );
                     }
-                    vec![nearest as u32]
+                    nodes.push((nearest as u32, stated));
                 }
                 (None, None) => unreachable!("checked when it was read"),
-            };
-            for node in nodes {
+            }
+            for (node, components) in nodes {
                 let x = mesh.nodes[node as usize];
                 for (c, quantity) in components.iter().enumerate() {
                     let Some(quantity) = quantity else { continue };
@@ -835,15 +837,34 @@ impl Case {
     ) -> Result<(), CaseError> {
         for (i, (node, &pair)) in contact.nodes.iter().zip(pair_of).enumerate() {
             let pair = &mut pairs[pair as usize];
-            let stated = match candidates[contact.candidate[i]].slip_bound {
-                SlipBound::Given(bound) => bound,
-                SlipBound::Coulomb(mu) => mu,
-            };
+            let stated = candidates[contact.candidate[i]].slip_bound;
             pair.nodes += 1;
             pair.within += usize::from(node.gap <= pair.search_distance);
-            pair.kept += usize::from(stated > 0.0 && !contact.has_friction(i));
+            pair.kept += usize::from(stated.is_any() && !contact.has_friction(i));
             pair.area += node.area;
             pair.gap = [pair.gap[0].min(node.gap), pair.gap[1].max(node.gap)];
+        }
+        // A corner between two obstacles is a matter of one node; all of a boundary without friction is not.
+        for (i, &pair) in pair_of.iter().enumerate() {
+            let node = contact.nodes[i].node;
+            if contact.has_friction(i) || !candidates[contact.candidate[i]].slip_bound.is_any() {
+                continue;
+            }
+            let here = &pairs[pair as usize].edges;
+            let shared = (pairs.iter().enumerate()).any(|(other, there)| {
+                let mut common = there.edges.iter().filter(|edge| here.contains(edge));
+                other != pair as usize && common.any(|edge| edge.contains(&node))
+            });
+            if shared {
+                return self.invalid(
+                    self.tables.contact[pair as usize].span(),
+                    format!(
+                        "contact on \"{}\": where the same part of a boundary meets several rigid obstacles there \
+                         can be no friction: split the boundary so that each part meets one, or state none",
+                        pairs[pair as usize].boundary
+                    ),
+                );
+            }
         }
         for (pair, table) in pairs.iter().zip(&self.tables.contact) {
             if pair.nodes == 0 {
@@ -870,9 +891,23 @@ impl Case {
             if !seen.insert(factors.collect::<Vec<_>>()) {
                 continue;
             }
-            let unknowns = Unknowns::new(self.prescribed(mesh, step)?.0);
+            let (prescribed, held) = self.prescribed(mesh, step)?;
+            let unknowns = Unknowns::new(prescribed);
             if let Err(error) = contact.check(&unknowns) {
-                let span = supports.first().map_or(0..0, |s| s.span());
+                // The support that moves the node most.
+                let driving = match error {
+                    ContactError::Driven { x, y, .. } => (held.iter())
+                        .filter(|(node, ..)| mesh.nodes[*node as usize] == [x, y])
+                        .max_by(|a, b| {
+                            let by = |&(node, c, _): &(u32, usize, usize)| {
+                                unknowns.prescribed(node)[c].unwrap_or(0.0).abs()
+                            };
+                            by(a).total_cmp(&by(b))
+                        }),
+                    _ => None,
+                };
+                let number = driving.map_or(0, |&(_, _, number)| number);
+                let span = supports.get(number).map_or(0..0, |s| s.span());
                 let when = match self.n_steps() {
                     1 => String::new(),
                     _ => format!("load step {}: ", step + 1),

@@ -47,10 +47,12 @@ impl Units {
         [("length", &self.length), ("force", &self.force)]
             .into_iter()
             .find(|(_, label)| {
-                label.trim().is_empty()
+                label.is_empty()
                     || label.chars().count() > 12
                     || label.contains(|c: char| {
-                        c.is_control() || matches!(c, ',' | '"' | '<' | '>' | '&')
+                        c.is_control()
+                            || c.is_whitespace()
+                            || matches!(c, ',' | '"' | '<' | '>' | '&' | '[' | ']')
                     })
             })
             .map(|(name, label)| {

@@ -9,7 +9,7 @@ pub fn run() -> Result<u8, String> {
             "no adapter: everything runs on the CPU.\n\
              A GPU needs its Vulkan, Metal or DX12 driver; a software adapter for trying things out comes\n\
              with the packages mesa-vulkan-drivers and libvulkan1 (Debian, Ubuntu).\n",
-        );
+        )?;
         return Ok(0);
     }
     for (number, adapter) in adapters.iter().enumerate() {
@@ -32,7 +32,7 @@ pub fn run() -> Result<u8, String> {
             yes_no(adapter.timestamps),
             adapter.max_binding >> 20,
             adapter.max_buffer >> 20,
-        ));
+        ))?;
     }
     Ok(0)
 }

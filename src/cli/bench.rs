@@ -20,19 +20,19 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
     let contexts = contexts(arguments)?;
     let software = contexts.first().is_some_and(|c| c.adapter.is_software);
     match contexts.first() {
-        None => print("No adapter: only the CPU is measured.\n\n"),
+        None => print("No adapter: only the CPU is measured.\n\n")?,
         Some(context) => {
             print(&format!(
                 "GPU: {}, {}\n",
                 context.adapter, context.adapter.driver
-            ));
+            ))?;
             if software {
                 print(
                     "This is a software adapter: its rows test the kernels and measure NO GPU; they say \
                      nothing about the speed of one.\n",
-                );
+                )?;
             }
-            print("\n");
+            print("\n")?;
         }
     }
     let terminal = std::io::stderr().is_terminal();
@@ -72,19 +72,19 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
     }
     progress("");
 
-    print(&speeds_table(&speeds));
-    print(&rows_table(&rows));
+    print(&speeds_table(&speeds))?;
+    print(&rows_table(&rows))?;
     let fits = fits(&rows);
     if !fits.is_empty() {
-        print("Seconds grow with n to the power of:\n");
+        print("Seconds grow with n to the power of:\n")?;
         for (path, [set_up, solve]) in &fits {
             print(&format!(
                 "  {path:14} set-up {set_up:.2}, solve {solve:.2}\n"
-            ));
+            ))?;
         }
-        print("\n");
+        print("\n")?;
     }
-    print(&format!("{threads} threads.\n"));
+    print(&format!("{threads} threads.\n"))?;
     if let Some(path) = &arguments.json {
         let document = serde_json::json!({
             "version": env!("CARGO_PKG_VERSION"),
@@ -104,7 +104,7 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
     Ok(if rows.iter().all(sound) {
         0
     } else {
-        print("NOT all paths agree: see the columns status and difference.\n");
+        print("NOT all paths agree: see the columns status and difference.\n")?;
         NOT_CONVERGED
     })
 }

@@ -138,7 +138,7 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
             ));
             if pair.kept > 0 {
                 say(format_args!(
-                    "              {} of them get no friction: supports or another contact keep them from sliding freely",
+                    "              {} of them get no friction: supports, or another contact at a corner, keep them from sliding freely",
                     pair.kept
                 ));
             }
@@ -169,6 +169,6 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
         problem.m(),
         (factor + 3.0 * matrix) / (1 << 20) as f64 + 20.0
     ));
-    super::print(&text);
+    super::print(&text)?;
     Ok(0)
 }

@@ -73,7 +73,7 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     solved?;
     written?;
     if !arguments.quiet {
-        super::print(&summary(&run.report, &run.files));
+        super::print(&summary(&run.report, &run.files))?;
     }
     Ok(if run.report.status == Some(Status::Converged) {
         0
@@ -232,6 +232,9 @@ impl Run<'_> {
         if self.arguments.plots {
             self.drawn.extend(pictures(&self.report));
             drawn = write_pictures(self.output, &self.report, &self.drawn);
+        }
+        if let Err(error) = &drawn {
+            self.report.fail(&error.to_string());
         }
         // Whether or not there was room for pictures.
         let report = write_report(self.output, &self.report).map_err(|e| e.to_string())?;

@@ -28,11 +28,11 @@ pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
     print(&format!(
         "Table 1, {name}; ISSNM with ρ = β/σ_max: paper | ours (ours with the final check)\n\n{:>12}",
         "n/m"
-    ));
+    ))?;
     for beta in &arguments.beta {
-        print(&format!("  {:>23}", format!("β = {beta}")));
+        print(&format!("  {:>23}", format!("β = {beta}")))?;
     }
-    print("\n");
+    print("\n")?;
     let mut cells: Vec<Cell> = Vec::new();
     let mut said = String::new();
     for k in SIZES.into_iter().filter(|&k| k <= arguments.max_k) {
@@ -59,7 +59,7 @@ pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
                 Geometry::OneBody => first.contact_nodes,
                 Geometry::TwoBodies => 2 * first.contact_nodes,
             };
-            print(&format!("{:>12}", format!("{}/{m}", first.n)));
+            print(&format!("{:>12}", format!("{}/{m}", first.n)))?;
         }
         for cell in &found {
             let paper = cell
@@ -73,9 +73,9 @@ pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
             print(&format!(
                 "  {paper} | {:2}/{:3} ({:2}/{:3}){mark}",
                 cell.iter, cell.n_a, cell.iter_checked, cell.n_a_checked
-            ));
+            ))?;
         }
-        print("\n");
+        print("\n")?;
         cells.extend(found);
     }
     let failed = cells
@@ -90,7 +90,7 @@ pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
         "\n{} of {} cells converged; n_A is above the paper's figure in {above}.\n\n{ASSUMPTIONS}\n",
         cells.len() - failed,
         cells.len()
-    ));
+    ))?;
     if let Some(path) = &arguments.json {
         let document = serde_json::json!({
             "geometry": match geometry { Geometry::OneBody => "one-body", Geometry::TwoBodies => "two-body" },

@@ -157,7 +157,8 @@ pub fn mortar_contact(
         let [x, y] = place(node);
         return Err(ContactError::Shared { x, y });
     }
-    let distance = options.distance_between(body, edges, others);
+    // What lies just at the distance is within it.
+    let distance = options.distance_between(body, edges, others) * (1.0 + 1e-9);
     let rounding = rounding(body);
 
     // Averaged normals.

@@ -38,11 +38,11 @@ pub struct ContactRows {
 /// A node may stand in several contacts if their normals differ, and supports may hold it, or what it meets, in any
 /// direction: what they prescribe counts in [`ContactRows::gap`] and [`ContactRows::held_motion`]. A node whose
 /// normal motion is prescribed altogether has no row and is only checked ([`ContactRows::check`]). Friction needs a
-/// direction of its own: a node that supports or another contact keep from sliding gets an empty row in T and no
-/// friction.
+/// direction of its own: on a rigid obstacle a node that supports or another contact keep from sliding gets an empty
+/// row in T and no friction.
 ///
 /// # Errors
-/// If the normal rows are not independent.
+/// If the normal rows are not independent, or the tangential ones of nodes with friction that meet another body.
 pub fn contact_rows(
     body: &Body,
     unknowns: &Unknowns,
@@ -89,9 +89,15 @@ pub fn contact_rows(
             });
         }
     }
-    for (row, own) in rows[1].iter_mut().zip(&own) {
-        if !independent.add(row, *own) {
+    for ((row, &number), own) in rows[1].iter_mut().zip(&nodes).zip(&own) {
+        if !row.is_empty() && !independent.add(row, *own) {
             row.clear();
+            let candidate = &candidates[number];
+            // What it meets could slide, but has too few unknowns for all that it meets.
+            if candidate.slip_bound.is_any() && !candidate.partners.is_empty() {
+                let [x, y] = place(candidate.node);
+                return Err(ContactError::Dependent { x, y });
+            }
         }
     }
 

@@ -7,6 +7,9 @@ use crate::quasistatic::StepSolution;
 /// So many nodes in contact at least, for a peak on one or two of them to be called unresolved.
 const RESOLVED: usize = 5;
 
+/// So many nodes without friction are corners and nothing to speak of.
+const CORNERS: usize = 2;
+
 /// In the order of the contacts.
 pub(super) fn hints(
     elastic: &Elastic,
@@ -18,6 +21,8 @@ pub(super) fn hints(
     let mut hints = Vec::new();
     let length = &elastic.units.length;
     let displacement = data.unknowns.displacements(&solution.u);
+    let (low, high) = elastic.mesh.bounding_box();
+    let size = (high[0] - low[0]).hypot(high[1] - low[1]);
     let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));
     for (number, (pair, contact)) in elastic.pairs.iter().zip(contacts).enumerate() {
         let name = format!("contact {} / {}", pair.boundary, pair.against);
@@ -25,9 +30,11 @@ pub(super) fn hints(
         let touching = contact.stick + contact.slip + contact.frictionless;
         if touching == 0 {
             let least = rows().map(|i| fields.gap[i]).fold(f64::INFINITY, f64::min);
-            hints.push(format!(
-                "{name}: no node touches; the least gap left is {least:.3e} {length}"
-            ));
+            hints.push(if least > 1e-12 * size {
+                format!("{name}: no node touches; the least gap left is {least:.3e} {length}")
+            } else {
+                format!("{name}: nothing is pressed, though some of it touches")
+            });
         }
         if touching >= RESOLVED && contact.peak_nodes <= 2 {
             hints.push(format!(
@@ -43,6 +50,13 @@ pub(super) fn hints(
             hints.push(format!(
                 "{name}: the pressure is above E of the softest material: are units, scale and load as meant? Strains \
                  are taken to be small"
+            ));
+        }
+        if pair.kept > CORNERS {
+            hints.push(format!(
+                "{name}: {} nodes get no friction, as supports keep them from sliding freely; what they would carry is \
+                 missing in the forces of the contact and of the supports",
+                pair.kept
             ));
         }
         match pair.obstacle {

@@ -43,8 +43,7 @@ pub enum FactorError {
     #[error(
         "the Cholesky factor failed its check: x of K x = f is off by {error:.1e} of its size (at most {limit:.0e} is \
          accepted), residual {backward:.1e} of |K| |x| + |f|; the stiffness matrix is too badly conditioned: look for \
-         slivers, extreme ratios of the moduli, or a nearly unsupported body; for slender bodies take fewer elements \
-         across, or longer ones"
+         slivers, extreme ratios of the moduli, or a nearly unsupported body; mesh very slender bodies with fewer elements"
     )]
     BadFactor {
         error: f64,
