@@ -104,7 +104,7 @@ pub struct ContactReport {
     pub slip: usize,
     /// In contact, without a law of friction.
     pub frictionless: usize,
-    /// Nodes with a pressure near the largest ([`PEAK`]).
+    /// Nodes with a pressure near the largest: above 0.7 of it.
     #[serde(skip)]
     pub peak_nodes: usize,
 }
