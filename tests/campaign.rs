@@ -27,7 +27,8 @@
 //!   multipliers to 3000 ε of the largest pressure. For the known answer, what rounding of f and, of matrices with
 //!   contrasts of stiffness, what the condition of A makes of violations as small as promised come on top. Without a known
 //!   answer that is not known, and such matrices are only told. So are they where the paths
-//!   differ by more than twice that.
+//!   differ by more than twice that. As the solver estimates these errors, one comparison in a thousand may be off by
+//!   more.
 //!
 //! Rounding allowed: 32 units in the last place of the terms of a difference, as the documentation says. Where bodies
 //! have moved far, that may be more than the forces; such answers are counted as *blind*. Contact forces that close no
@@ -80,6 +81,8 @@ const TIGHT: f64 = 1e-10;
 const MET: f64 = 10.0 * TOLERANCE;
 /// What is told of forces that are off by more, where the condition of A explains it or may explain it.
 const CONDITIONED: &str = "forces of matrices off by more than 3000 ε, as A is conditioned";
+/// Nodal forces are estimated from the gradient: no more than one comparison in so many may be off by more.
+const RARE: usize = 1000;
 /// What the resultants on a body may be off by.
 const RESULTANT: f64 = 100.0 * TOLERANCE;
 /// What a nodal force may be off by, relative to the largest …
@@ -1676,6 +1679,8 @@ struct Tally {
     blind: usize,
     /// Steps compared with a known answer, with one at a finer tolerance, and with the other path.
     compared: [usize; 3],
+    /// Those of them that were off by more than promised.
+    beyond: [usize; 3],
 }
 
 impl Tally {
@@ -1706,8 +1711,9 @@ impl Tally {
         self.compared[which] += 1;
         self.worst(NAMES[which], apart / allowed, seed);
         if !(apart <= allowed) {
+            self.beyond[which] += 1;
             let line = format!("off by {apart:.1e} of the largest, {line}");
-            self.fail(NAMES[which], seed, line);
+            self.remark(NAMES[which], seed, line);
         }
     }
 
@@ -1878,6 +1884,9 @@ impl Tally {
         self.seconds += other.seconds;
         self.blind += other.blind;
         for (sum, more) in self.compared.iter_mut().zip(other.compared) {
+            *sum += more;
+        }
+        for (sum, more) in self.beyond.iter_mut().zip(other.beyond) {
             *sum += more;
         }
         if other.slowest.0 > self.slowest.0 {
@@ -2148,9 +2157,19 @@ fn tell(seed: u64, ways: &[Way]) {
 /// What must not be, over all paths.
 fn failures(tallies: &[Tally]) -> Vec<String> {
     let notes = tallies.iter().flat_map(|tally| &tally.failures);
-    notes
+    let mut failures: Vec<String> = notes
         .map(|(what, lines)| format!("{what}: {} (first seed {})", lines.len(), lines[0].0))
-        .collect()
+        .collect();
+    for tally in tallies {
+        for (beyond, compared) in tally.beyond.iter().zip(tally.compared) {
+            if beyond * RARE > compared {
+                failures.push(format!(
+                    "forces off by more than promised: {beyond} of {compared}"
+                ));
+            }
+        }
+    }
+    failures
 }
 
 #[test]
