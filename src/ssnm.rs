@@ -887,7 +887,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 inner,
                 n_a: self.products.n_a,
                 err: err / err0,
-                sets: sets.sizes(|i| self.law.has_friction(i)),
+                sets: sets.sizes(|i| self.problem.has_friction(i)),
                 changes: previous.map_or(0, |old| old.differences(&sets)),
                 safeguarded,
             });

@@ -56,22 +56,17 @@ use common::cases::{
     Laws, Range, Trial, Written, chance, decade, elastic, generator, half_plane, list, one_body,
     pick, stack,
 };
-use common::checker::{Checker, Entries, eliminate, has_solution, largest, length, rigid_motions};
-use signorini::backend::cpu::Cpu;
-use signorini::dual::{DualOperator, NestedDual};
+use common::checker::{Checker, Entries, eliminate, has_solution, largest, length};
+use common::runs::{Run, TIME_LIMIT, Way, name_of, print_step};
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::quasistatic::{self, Load, Settings, State, StepSolution};
 use signorini::sparse::{BlockCsr, Csr};
 use signorini::ssnm::Status;
-use signorini::stiffness::cholesky::CholeskyDual;
-use signorini::stiffness::pcg::Preconditioner;
-use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant};
 
 /// ε, the default of a case file.
 const TOLERANCE: f64 = 1e-6;
@@ -99,8 +94,6 @@ const BALANCED: f64 = 1e-12;
 const UNBALANCED: f64 = 1e-10;
 /// Forces that close this many times what rounding leaves of a gap are none.
 const DUST: f64 = 100.0;
-/// What a run may take.
-const TIME_LIMIT: Duration = Duration::from_secs(20);
 
 // ---------------------------------------------------------------------------------------------------------
 // Sums
@@ -163,19 +156,9 @@ struct Free {
 
 /// The conditions (1)–(3), from the matrices alone.
 struct Oracle {
-    k: Entries,
-    normal: Entries,
-    tangential: Entries,
-    mu: Vec<f64>,
-    given: Vec<f64>,
-    areas: Vec<f64>,
-    n: usize,
-    m: usize,
-    /// Rigid motions of each connected part of K, orthonormal.
-    motions: Vec<Vec<(usize, f64)>>,
+    /// K, N, T and what follows from them.
+    of: Checker,
     free: Vec<Free>,
-    /// How far a unit force of a multiplier moves its own node at least.
-    compliance: Vec<f64>,
 }
 
 /// What an answer is off by in one respect, relative to what is allowed.
@@ -188,51 +171,21 @@ struct Deviation {
 
 impl Oracle {
     fn new(problem: &ContactProblem) -> Self {
-        let k: Entries = problem.stiffness().triplets().collect();
-        let normal: Entries = problem.normal().triplets().collect();
-        let tangential: Entries = problem.tangential().triplets().collect();
-        let (n, m) = (problem.stiffness().n_rows(), problem.m());
-        let mut mu = problem.friction_coefficient().to_vec();
-        mu.resize(m, 0.0);
-        let mut diagonal = vec![0.0; n];
-        for &(i, j, v) in &k {
-            if i == j {
-                diagonal[i] = v;
-            }
-        }
-        let mut compliance = vec![0.0; 2 * m];
-        for (shift, rows) in [(0, &normal), (m, &tangential)] {
-            for &(i, j, v) in rows {
-                compliance[i + shift] += v * v / diagonal[j];
-            }
-        }
-        let motions = match problem.coordinates() {
-            Some(points) => rigid_motions(&k, n, points),
-            None => Vec::new(),
-        };
+        let of = Checker::new(problem);
         Self {
-            free: free_bodies(&k, n, &motions),
-            mu,
-            given: problem.slip_bound().to_vec(),
-            areas: problem.areas().to_vec(),
-            n,
-            m,
-            motions,
-            compliance,
-            k,
-            normal,
-            tangential,
+            free: free_bodies(&of.k, of.n, &of.motions),
+            of,
         }
     }
 
     fn has_coulomb(&self) -> bool {
-        self.mu.iter().any(|&mu| mu > 0.0)
+        self.of.mu.iter().any(|&mu| mu > 0.0)
     }
 
     /// u less the mean rigid motion of each body.
     fn deformed(&self, u: &[f64]) -> Vec<f64> {
         let mut rest = u.to_vec();
-        for motion in &self.motions {
+        for motion in &self.of.motions {
             let part = along(motion, u);
             for &(i, v) in motion {
                 rest[i] -= part * v;
@@ -243,9 +196,9 @@ impl Oracle {
 
     /// Bᵀλ.
     fn contact_forces(&self, lambda: &[f64]) -> Vec<f64> {
-        let (ln, lt) = lambda.split_at(self.m);
-        let mut sums = vec![Sum::default(); self.n];
-        for (rows, l) in [(&self.normal, ln), (&self.tangential, lt)] {
+        let (ln, lt) = lambda.split_at(self.of.m);
+        let mut sums = vec![Sum::default(); self.of.n];
+        for (rows, l) in [(&self.of.normal, ln), (&self.of.tangential, lt)] {
             for &(i, j, v) in rows {
                 sums[j].add_product(v, l[i]);
             }
@@ -255,9 +208,9 @@ impl Oracle {
 
     /// The slip bounds that go with these multipliers.
     fn bounds(&self, lambda: &[f64]) -> Vec<f64> {
-        (0..self.m)
-            .map(|i| match self.mu[i] {
-                0.0 => self.given[i],
+        (0..self.of.m)
+            .map(|i| match self.of.mu[i] {
+                0.0 => self.of.given[i],
                 mu => mu * lambda[i].max(0.0),
             })
             .collect()
@@ -269,7 +222,7 @@ impl Oracle {
             .max(largest(&start.u))
             .max(largest(&load.gap))
             .max(largest(&load.slide));
-        (self.compliance.iter())
+        (self.of.compliance.iter())
             .map(|&c| {
                 if c > 0.0 {
                     DUST * ROUNDING * reach / c
@@ -286,11 +239,11 @@ impl Oracle {
             which
                 .filter(|&i| lambda[i].abs() > dust[i])
                 .fold(0.0, |p: f64, i| {
-                    p.max(lambda[i].abs() / self.areas[i % self.m])
+                    p.max(lambda[i].abs() / self.of.areas[i % self.of.m])
                 })
         };
         // Under given bounds tractions may be all there is.
-        let (pressure, traction) = (of(0..self.m), of(self.m..2 * self.m));
+        let (pressure, traction) = (of(0..self.of.m), of(self.of.m..2 * self.of.m));
         if pressure > 1e-9 * traction {
             pressure
         } else {
@@ -303,7 +256,7 @@ impl Oracle {
         let mut off = 0.0_f64;
         for i in 0..lambda.len() {
             let apart = (lambda[i] - other[i]).abs() - dust[i];
-            off = off.max(apart / self.areas[i % self.m]);
+            off = off.max(apart / self.of.areas[i % self.of.m]);
         }
         if off == 0.0 { 0.0 } else { off / pressure }
     }
@@ -316,7 +269,7 @@ impl Oracle {
         u: &[f64],
         lambda: &[f64],
     ) -> (Vec<Deviation>, bool) {
-        let (n, m) = (self.n, self.m);
+        let (n, m) = (self.of.n, self.of.m);
         let (ln, lt) = lambda.split_at(m);
         let mut all = Vec::new();
         let mut note = |name: &'static str, place: usize, value: f64, allowed: f64| {
@@ -327,7 +280,7 @@ impl Oracle {
             };
             all.push(Deviation { name, place, times });
         };
-        let (before, _) = product(&self.tangential, m, &start.u);
+        let (before, _) = product(&self.of.tangential, m, &start.u);
         let origin: Vec<f64> = (0..m)
             .map(|i| before[i] - (load.slide[i] - start.slide[i]))
             .collect();
@@ -337,9 +290,9 @@ impl Oracle {
 
         // (1) and the balance of each body.
         let contact = self.contact_forces(lambda);
-        let (inner, _) = product(&self.k, n, u);
+        let (inner, _) = product(&self.of.k, n, u);
         let far: Vec<f64> = u.iter().map(|u| u.abs() + reach).collect();
-        let (_, mut terms) = product(&self.k, n, &far);
+        let (_, mut terms) = product(&self.of.k, n, &far);
         let mut rest = vec![0.0; n];
         for i in 0..n {
             let mut sum = Sum::default();
@@ -358,7 +311,10 @@ impl Oracle {
         note("equilibrium", 0, length(&rest), MET * force + rounding);
         let dust = self.dust(load, start, u);
         let mut none = vec![0.0; n];
-        for (rows, dust) in [(&self.normal, &dust[..m]), (&self.tangential, &dust[m..])] {
+        for (rows, dust) in [
+            (&self.of.normal, &dust[..m]),
+            (&self.of.tangential, &dust[m..]),
+        ] {
             for &(i, j, v) in rows {
                 none[j] += v.abs() * dust[i];
             }
@@ -379,13 +335,13 @@ impl Oracle {
 
         // (2)
         let deformed = self.deformed(u);
-        let own: Vec<f64> = (self.compliance.iter().zip(lambda))
+        let own: Vec<f64> = (self.of.compliance.iter().zip(lambda))
             .map(|(c, l)| c * l)
             .collect();
         let size = largest(&deformed).max(largest(&own));
         let whole = length(&deformed).max(length(&own));
         let rounding = ROUNDING * (largest(u) + reach);
-        let (closing, _) = product(&self.normal, m, u);
+        let (closing, _) = product(&self.of.normal, m, u);
         let gap: Vec<f64> = load.gap.iter().zip(&closing).map(|(d, c)| d - c).collect();
         let bound = self.bounds(lambda);
         let reference = self.largest_pressure(lambda, &dust);
@@ -397,7 +353,7 @@ impl Oracle {
             note("tension", i, -ln[i], MET * most);
             work.add_product(ln[i], gap[i]);
             work_rounding += ln[i].abs() * rounding;
-            let c = self.compliance[i];
+            let c = self.of.compliance[i];
             // What closes no more than rounding is no pressure.
             let pressed = ln[i] - dust[i];
             let local = pressed.min((gap[i] - rounding) / c);
@@ -405,7 +361,7 @@ impl Oracle {
                 "pressed and apart",
                 i,
                 local.max(0.0),
-                LOCAL * reference * self.areas[i] + dust[i],
+                LOCAL * reference * self.of.areas[i] + dust[i],
             );
             if gap[i] < 0.0 {
                 let local = (-gap[i] - rounding).max(0.0) / c;
@@ -413,7 +369,7 @@ impl Oracle {
                     "not pressed enough",
                     i,
                     local,
-                    LOCAL * reference * self.areas[i] + dust[i],
+                    LOCAL * reference * self.of.areas[i] + dust[i],
                 );
             }
         }
@@ -425,7 +381,7 @@ impl Oracle {
         );
 
         // (3)
-        let (now, _) = product(&self.tangential, m, u);
+        let (now, _) = product(&self.of.tangential, m, u);
         let friction = largest(&bound);
         for i in 0..m {
             note(
@@ -434,7 +390,7 @@ impl Oracle {
                 lt[i].abs() - bound[i],
                 MET * friction + f64::MIN_POSITIVE,
             );
-            let c = self.compliance[m + i];
+            let c = self.of.compliance[m + i];
             if c == 0.0 {
                 continue;
             }
@@ -453,7 +409,7 @@ impl Oracle {
                 "friction of a node",
                 i,
                 local,
-                LOCAL * reference * self.areas[i] + dust[m + i] + ROUNDING * bound[i],
+                LOCAL * reference * self.of.areas[i] + dust[m + i] + ROUNDING * bound[i],
             );
         }
         (all, blind)
@@ -553,7 +509,7 @@ struct Balance {
 /// min ‖e − G λ‖ over Coulomb's cones and the given bounds, by an active-set method (Stark and Parker 1995). With
 /// the rest as a motion y: no λ resists it more than Σ max (yᵀGλ), the loads drive it by yᵀe.
 fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
-    let (n, m) = (oracle.n, oracle.m);
+    let (n, m) = (oracle.of.n, oracle.of.m);
     let motions: Vec<&Vec<(usize, f64)>> = oracle.free.iter().flat_map(|b| &b.motions).collect();
     let rows = motions.len();
     let mut wanted: Vec<f64> = motions.iter().map(|r| along(r, &load.force)).collect();
@@ -595,18 +551,18 @@ fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
         }
         columns
     };
-    let (normal, tangential) = (columns(&oracle.normal), columns(&oracle.tangential));
+    let (normal, tangential) = (columns(&oracle.of.normal), columns(&oracle.of.tangential));
     // Each with factors from 0 to a limit; what goes from −g to g is moved by g.
     let mut generators: Vec<(Vec<f64>, f64)> = Vec::new();
     for i in 0..m {
-        if oracle.mu[i] > 0.0 {
-            for mu in [oracle.mu[i], -oracle.mu[i]] {
+        if oracle.of.mu[i] > 0.0 {
+            for mu in [oracle.of.mu[i], -oracle.of.mu[i]] {
                 let edge = normal[i].iter().zip(&tangential[i]);
                 generators.push((edge.map(|(n, t)| n + mu * t).collect(), f64::INFINITY));
             }
         } else {
             generators.push((normal[i].clone(), f64::INFINITY));
-            let g = oracle.given[i];
+            let g = oracle.of.given[i];
             if g > 0.0 {
                 for (w, t) in wanted.iter_mut().zip(&tangential[i]) {
                     *w += g * t;
@@ -1538,45 +1494,6 @@ fn matrices(random: &mut Random) -> Trial {
 // ---------------------------------------------------------------------------------------------------------
 // Runs
 
-#[derive(Clone, Copy, PartialEq)]
-enum Way {
-    Cholesky,
-    Pcg,
-}
-
-const WAYS: [&str; 2] = ["cholesky", "pcg"];
-
-impl Way {
-    fn dual(self, problem: &ContactProblem) -> Result<Box<dyn DualOperator>, String> {
-        Ok(match self {
-            Self::Cholesky => Box::new(CholeskyDual::new(problem).map_err(|e| e.to_string())?),
-            Self::Pcg => Box::new(
-                NestedDual::new(problem, Cpu::<f32>::default(), Preconditioner::Multigrid)
-                    .map_err(|e| e.to_string())?,
-            ),
-        })
-    }
-}
-
-/// All load steps up to the first that does not converge.
-struct Run {
-    steps: Vec<StepSolution>,
-    /// The status of the last step, or what went wrong.
-    end: String,
-    seconds: f64,
-}
-
-fn name_of(status: Status) -> &'static str {
-    match status {
-        Status::Converged => "converged",
-        Status::IterationLimit => "iteration_limit",
-        Status::Stagnated => "stagnated",
-        Status::NotHeld => "not_held",
-        Status::TimeLimit => "time_limit",
-        Status::Interrupted => "interrupted",
-    }
-}
-
 fn settings(tolerance: f64) -> Settings<'static> {
     let mut settings = Settings::default();
     settings.ssnm.time_limit = Some(TIME_LIMIT);
@@ -1585,56 +1502,13 @@ fn settings(tolerance: f64) -> Settings<'static> {
 }
 
 fn run(trial: &Trial, way: Way) -> Run {
-    let begin = Instant::now();
-    let mut steps: Vec<StepSolution> = Vec::new();
-    let ended = catch_unwind(AssertUnwindSafe(|| {
-        let problem = &trial.problem;
-        let mut dual = way.dual(problem)?;
-        let memory = RefCell::default();
-        let mut settings = settings(TOLERANCE);
-        settings.ssnm.memory = Some(&memory);
-        let mut state = State::at_rest(problem);
-        for load in &trial.loads {
-            let solution =
-                quasistatic::solve_step(problem, load, &state, &mut *dual, &settings, |_| {
-                    ControlFlow::Continue(())
-                })
-                .map_err(|e| e.to_string())?;
-            let status = solution.status;
-            state = solution.state(load);
-            steps.push(solution);
-            if status != Status::Converged {
-                break;
-            }
-        }
-        Ok::<(), String>(())
-    }));
-    let end = match ended {
-        Ok(Ok(())) => name_of(steps.last().expect("there is a step").status).to_owned(),
-        Ok(Err(error)) => {
-            // Without figures, so that the same errors are counted together.
-            let words: String = error.chars().filter(|c| !c.is_ascii_digit()).collect();
-            format!("error: {}", words.chars().take(100).collect::<String>())
-        }
-        Err(cause) => {
-            let said = (cause.downcast_ref::<String>().map(String::as_str))
-                .or_else(|| cause.downcast_ref::<&str>().copied());
-            format!("panic: {}", said.unwrap_or("without words"))
-        }
-    };
-    Run {
-        steps,
-        end,
-        seconds: begin.elapsed().as_secs_f64(),
+    let mut run = Run::new(trial, way, settings(TOLERANCE));
+    if let Some(error) = run.end.strip_prefix("error: ") {
+        // Without figures, so that the same errors are counted together.
+        let words = error.chars().filter(|c| !c.is_ascii_digit()).take(100);
+        run.end = format!("error: {}", words.collect::<String>());
     }
-}
-
-/// The start of a step of a run.
-fn start_of(trial: &Trial, run: &Run, step: usize) -> State {
-    match step {
-        0 => State::at_rest(&trial.problem),
-        _ => run.steps[step - 1].state(&trial.loads[step - 1]),
-    }
+    run
 }
 
 /// A step once more, at a much finer tolerance, on the direct path.
@@ -1737,7 +1611,7 @@ impl Tally {
         }
         for (number, step) in run.steps.iter().enumerate() {
             let load = &trial.loads[number];
-            let start = start_of(trial, run, number);
+            let start = run.start(trial, number);
             let place = format!(
                 "step {} of {} [{}]",
                 number + 1,
@@ -1818,7 +1692,7 @@ impl Tally {
         let unique = !oracle.has_coulomb();
         if unique
             && !blind
-            && oracle.n <= 600
+            && oracle.of.n <= 600
             && let Some(fine) = tight(&problem.trial, load, start)
         {
             let pressure = oracle.largest_pressure(&fine.lambda, &dust);
@@ -1977,7 +1851,7 @@ fn campaign(ways: &[Way], first: u64, problems: u64) -> Vec<Tally> {
     });
     let mut tallies = tallies.into_inner().expect("no worker has panicked");
     for (way, tally) in ways.iter().zip(&mut tallies) {
-        tally.print(WAYS[*way as usize]);
+        tally.print(way.name());
     }
     tallies
 }
@@ -2012,13 +1886,13 @@ fn one(ways: &[Way], seed: u64) -> Vec<Tally> {
     // Both paths, as long as their histories are the same.
     if let ([a, b], [_, tally]) = (&runs[..], &mut tallies[..]) {
         // Each step starts from the end of the one before, with its errors.
-        let (mut pressure, mut dust) = (0.0_f64, vec![0.0_f64; 2 * oracle.m]);
+        let (mut pressure, mut dust) = (0.0_f64, vec![0.0_f64; 2 * oracle.of.m]);
         for (number, (a, b)) in a.steps.iter().zip(&b.steps).enumerate() {
             if a.status != Status::Converged || b.status != Status::Converged {
                 break;
             }
             let load = &problem.trial.loads[number];
-            let start = start_of(&problem.trial, &runs[0], number);
+            let start = runs[0].start(&problem.trial, number);
             let now = oracle.dust(load, &start, &a.u);
             dust.iter_mut()
                 .zip(now)
@@ -2064,44 +1938,10 @@ fn tell(seed: u64, ways: &[Way]) {
     let oracle = Oracle::new(&trial.problem);
     for &way in ways {
         let run = run(trial, way);
-        println!(
-            "---- {}: {} in {:.2} s",
-            WAYS[way as usize], run.end, run.seconds
-        );
+        println!("---- {}: {} in {:.2} s", way.name(), run.end, run.seconds);
         for (number, step) in run.steps.iter().enumerate() {
-            let (load, start) = (&trial.loads[number], start_of(trial, &run, number));
-            println!(
-                "step {}: {}, {} products, {:?}",
-                number + 1,
-                name_of(step.status),
-                step.n_a(),
-                step.kkt
-            );
-            for body in &step.not_held {
-                println!("  not held: {body:?}");
-            }
-            for round in &step.rounds {
-                println!(
-                    "  solve {}{}: {} steps, err {:.2e}, tolerance {:.0e}",
-                    round.round,
-                    if round.frozen { " (frozen)" } else { "" },
-                    round.info.iter,
-                    round.info.err_relative,
-                    round.tolerance
-                );
-                for row in &round.info.history {
-                    println!(
-                        "    {:3} inner {:3} products {:4} err {:.3e} {:?} changes {}{}",
-                        row.iter,
-                        row.inner,
-                        row.n_a,
-                        row.err,
-                        row.sets,
-                        row.changes,
-                        if row.safeguarded { " safeguard" } else { "" }
-                    );
-                }
-            }
+            let (load, start) = (&trial.loads[number], run.start(trial, number));
+            print_step(number, step);
             let balance = least_imbalance(&oracle, load);
             println!(
                 "  least imbalance {:.2e}{}",
@@ -2204,7 +2044,7 @@ fn the_oracle_tells_what_is_wrong() {
     for seed in 1..=120 {
         let Ok(problem) = problem(seed) else { continue };
         let oracle = Oracle::new(&problem.trial.problem);
-        let (n, m) = (oracle.n, oracle.m);
+        let (n, m) = (oracle.of.n, oracle.of.m);
         if n > 200 {
             continue;
         }
@@ -2212,7 +2052,7 @@ fn the_oracle_tells_what_is_wrong() {
         let Some(step) = run.steps.first().filter(|s| s.status == Status::Converged) else {
             continue;
         };
-        let (load, start) = (&problem.trial.loads[0], start_of(&problem.trial, &run, 0));
+        let (load, start) = (&problem.trial.loads[0], run.start(&problem.trial, 0));
         let wrong = |u: &[f64], lambda: &[f64]| {
             let (deviations, blind) = oracle.judge(load, &start, u, lambda);
             assert!(!blind, "{seed}: {}", problem.trial.name);
@@ -2225,7 +2065,7 @@ fn the_oracle_tells_what_is_wrong() {
         );
         // The multiplier with the largest force, among some of them.
         let mut weight = vec![0.0; 2 * m];
-        for (shift, rows) in [(0, &oracle.normal), (m, &oracle.tangential)] {
+        for (shift, rows) in [(0, &oracle.of.normal), (m, &oracle.of.tangential)] {
             for &(i, _, v) in rows {
                 weight[i + shift] += v * v;
             }
@@ -2258,7 +2098,7 @@ fn the_oracle_tells_what_is_wrong() {
         }
         // A node that is moved so far that it takes a thousandth of the forces.
         let force = length(&oracle.contact_forces(&step.lambda)).max(load.acting);
-        let diagonal = oracle.k.iter().filter(|e| e.0 == e.1);
+        let diagonal = oracle.of.k.iter().filter(|e| e.0 == e.1);
         let stiffest = diagonal.max_by(|a, b| a.2.total_cmp(&b.2));
         if let (Some(&(i, _, k)), true) = (stiffest, force > 0.0) {
             let mut u = step.u.clone();

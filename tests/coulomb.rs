@@ -28,22 +28,14 @@ use common::cases::{
     Range, Trial, chance, coefficient, decade, elastic, generator, one_body, pick, stack,
 };
 use common::checker::{BALANCE, CLEARLY, Checker, has_solution, largest, unbalanced};
-use signorini::backend::cpu::Cpu;
-use signorini::dual::{DualOperator, NestedDual};
+use common::runs::{Run, TIME_LIMIT, Way, name_of, print_step};
 use signorini::problem::{ContactData, ContactProblem};
-use signorini::quasistatic::{self, Load, Settings, State, StepSolution};
+use signorini::quasistatic::{self, Load, Settings, State};
 use signorini::sparse::{BlockCsr, Csr};
 use signorini::ssnm::Status;
 use signorini::stiffness::cholesky::CholeskyDual;
-use signorini::stiffness::pcg::Preconditioner;
-use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::time::{Duration, Instant};
-
-/// What a run may take.
-const TIME_LIMIT: Duration = Duration::from_secs(20);
 
 // ---------------------------------------------------------------------------------------------------------
 // Random problems
@@ -217,114 +209,12 @@ fn algebraic(random: &mut Random) -> Trial {
 // ---------------------------------------------------------------------------------------------------------
 // Runs
 
-#[derive(Clone, Copy, PartialEq)]
-enum Way {
-    Cholesky,
-    Pcg,
-}
-
-impl Way {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Cholesky => "cholesky",
-            Self::Pcg => "pcg",
-        }
-    }
-}
-
-/// All load steps up to the first that does not converge.
-struct Run {
-    steps: Vec<StepSolution>,
-    /// The status of the last step, or what went wrong.
-    end: String,
-    /// Iterations of PCG.
-    iterations: usize,
-    seconds: f64,
-}
-
-impl Run {
-    fn solved(&self) -> bool {
-        self.end == "converged"
-    }
-
-    fn products(&self) -> usize {
-        self.steps.iter().map(StepSolution::n_a).sum()
-    }
-
-    /// Whether a step has converged; None where it was not reached.
-    fn status(&self, step: usize) -> Option<Status> {
-        self.steps.get(step).map(|s| s.status)
-    }
-}
-
-fn name_of(status: Status) -> &'static str {
-    match status {
-        Status::Converged => "converged",
-        Status::IterationLimit => "iteration_limit",
-        Status::Stagnated => "stagnated",
-        Status::NotHeld => "not_held",
-        Status::TimeLimit => "time_limit",
-        Status::Interrupted => "interrupted",
-    }
-}
-
 fn run(trial: &Trial, way: Way, coupled: bool) -> Run {
-    let begin = Instant::now();
-    let mut steps = Vec::new();
-    let ended = catch_unwind(AssertUnwindSafe(|| {
-        let problem = &trial.problem;
-        let mut dual: Box<dyn DualOperator> = match way {
-            Way::Cholesky => Box::new(CholeskyDual::new(problem).map_err(|e| e.to_string())?),
-            Way::Pcg => Box::new(
-                NestedDual::new(problem, Cpu::<f32>::default(), Preconditioner::Multigrid)
-                    .map_err(|e| e.to_string())?,
-            ),
-        };
-        let memory = RefCell::default();
-        let mut settings = Settings {
-            coupled,
-            ..Settings::default()
-        };
-        settings.ssnm.time_limit = Some(TIME_LIMIT);
-        settings.ssnm.memory = Some(&memory);
-        let mut state = State::at_rest(problem);
-        for load in &trial.loads {
-            let solution =
-                quasistatic::solve_step(problem, load, &state, &mut *dual, &settings, |_| {
-                    ControlFlow::Continue(())
-                })
-                .map_err(|e| e.to_string())?;
-            let status = solution.status;
-            state = solution.state(load);
-            steps.push(solution);
-            if status != Status::Converged {
-                break;
-            }
-        }
-        Ok(dual.costs().map_or(0, |costs| costs.solves.iterations))
-    }));
-    let (end, iterations) = match ended {
-        Ok(Ok(iterations)) => {
-            let last = steps.last().expect("there is a step").status;
-            (name_of(last).to_owned(), iterations)
-        }
-        Ok(Err::<usize, String>(error)) => (format!("error: {error}"), 0),
-        Err(_) => ("panic".to_owned(), 0),
+    let settings = Settings {
+        coupled,
+        ..Settings::default()
     };
-    Run {
-        steps,
-        end,
-        iterations,
-        seconds: begin.elapsed().as_secs_f64(),
-    }
-}
-
-/// The start of a step of a run.
-fn start_of(trial: &Trial, run: &Run, step: usize) -> State {
-    match step {
-        0 => State::at_rest(&trial.problem),
-        _ => run.steps[step - 1].state(&trial.loads[step - 1]),
-    }
+    Run::new(trial, way, settings)
 }
 
 /// What is wrong with the steps of a run that say `converged`. What is right, but close to its limit,
@@ -341,7 +231,7 @@ fn wrong_steps(
         if step.status != Status::Converged {
             continue;
         }
-        let start = start_of(trial, run, number);
+        let start = run.start(trial, number);
         let conditions = checker.conditions(load, &start, &step.u, &step.lambda);
         let wrong: Vec<_> = conditions.iter().filter(|c| !(c.2 <= 1.0)).collect();
         for &(name, _, times) in conditions.iter().filter(|c| c.2 <= 1.0) {
@@ -379,7 +269,7 @@ fn judge(trial: &Trial, checker: &Checker, run: &Run) -> Option<(Status, GivenUp
     if status == Status::Converged {
         return None;
     }
-    let start = start_of(trial, run, number);
+    let start = run.start(trial, number);
     let end = &run.steps[number];
     let conditions = checker.conditions(load, &start, &end.u, &end.lambda);
     if status != Status::NotHeld && conditions.iter().all(|c| c.2 <= CLEARLY) {
@@ -453,7 +343,7 @@ impl Tally {
             if run.seconds > self.slowest[k].0 {
                 self.slowest[k] = (run.seconds, seed);
             }
-            if run.end == "panic" {
+            if run.end.starts_with("panic") {
                 self.panics
                     .push(format!("{seed} {}: {}", WAYS[k], trial.name));
             }
@@ -493,7 +383,8 @@ impl Tally {
             let [c, r] = [coupled, rounds].map(|run| run.status(number));
             let (Some(c), Some(r)) = (c, r) else {
                 // Panics and errors have no status.
-                let broken = |run: &Run| run.end == "panic" || run.end.starts_with("error");
+                let broken =
+                    |run: &Run| run.end.starts_with("panic") || run.end.starts_with("error");
                 if c.is_none() && r == Some(Status::Converged) && broken(coupled) {
                     let line = format!(
                         "{seed}: step {}: {} [{}]",
@@ -740,41 +631,8 @@ fn tell(seed: u64, ways: &[Way]) {
                 run.seconds
             );
             for (number, step) in run.steps.iter().enumerate() {
-                println!(
-                    "step {}: {}, {} products, {:?}",
-                    number + 1,
-                    name_of(step.status),
-                    step.n_a(),
-                    step.kkt
-                );
-                for body in &step.not_held {
-                    println!("  not held: {body:?}");
-                }
-                for round in &step.rounds {
-                    println!(
-                        "  solve {}{}: {} steps, {} products, err {:.2e}, change {:.2e}, tolerance {:.0e}",
-                        round.round,
-                        if round.frozen { " (frozen)" } else { "" },
-                        round.info.iter,
-                        round.info.n_a,
-                        round.info.err_relative,
-                        round.friction_change,
-                        round.tolerance
-                    );
-                    for row in &round.info.history {
-                        println!(
-                            "    {:3} inner {:3} products {:4} err {:.3e} {:?} changes {}{}",
-                            row.iter,
-                            row.inner,
-                            row.n_a,
-                            row.err,
-                            row.sets,
-                            row.changes,
-                            if row.safeguarded { " safeguard" } else { "" }
-                        );
-                    }
-                }
-                let start = start_of(&trial, &run, number);
+                print_step(number, step);
+                let start = run.start(&trial, number);
                 if step.status == Status::Converged {
                     for (name, node, times) in
                         checker.conditions(&trial.loads[number], &start, &step.u, &step.lambda)
@@ -828,7 +686,7 @@ fn all_sets_hold_the_solution() {
         let checker = Checker::new(&trial.problem);
         let run = run(&trial, Way::Cholesky, true);
         for (number, step) in run.steps.iter().enumerate() {
-            let start = start_of(&trial, &run, number);
+            let start = run.start(&trial, number);
             let load = &trial.loads[number];
             if step.status == Status::Converged && largest(&step.lambda) > 0.0 {
                 match has_solution(&checker, load, &start) {

@@ -437,7 +437,6 @@ impl Gpu {
         groups: u32,
         bytes: u64,
     ) {
-        self.forget();
         // A fault is kept by the context and reported where results are read.
         let Ok(uniform) = self.uniform(params.into()) else {
             return;
@@ -488,6 +487,7 @@ impl Gpu {
         if self.commands.is_empty() && copies.is_none() {
             return;
         }
+        self.forget();
         let context = &self.context;
         let mut encoder = context.device.create_command_encoder(&Default::default());
         let mut commands = self.commands.drain(..).peekable();

@@ -309,7 +309,7 @@ impl Case {
         })?;
         let pair_of: Vec<u32> = contact.candidate.iter().map(|&i| owner[i]).collect();
         self.foresee(&mesh, &contact)?;
-        self.count_nodes(&contact, &candidates, &pair_of, &mut pairs)?;
+        self.count_nodes(&contact, &pair_of, &mut pairs)?;
         let (stiffness, load) = assemble(&body, &unknowns, &forces);
         let n_free = unknowns.n_free();
         let gap = contact.gap(&unknowns);
@@ -831,25 +831,23 @@ impl Case {
     fn count_nodes(
         &self,
         contact: &ContactRows,
-        candidates: &[ContactNode],
         pair_of: &[u32],
         pairs: &mut [Pair],
     ) -> Result<(), CaseError> {
         for (i, (node, &pair)) in contact.nodes.iter().zip(pair_of).enumerate() {
             let pair = &mut pairs[pair as usize];
-            let stated = candidates[contact.candidate[i]].slip_bound;
             pair.nodes += 1;
             pair.within += usize::from(node.gap <= pair.search_distance);
-            pair.kept += usize::from(stated.is_any() && !contact.has_friction(i));
+            pair.kept += usize::from(contact.keeps_from_sliding(i));
             pair.area += node.area;
             pair.gap = [pair.gap[0].min(node.gap), pair.gap[1].max(node.gap)];
         }
         // A corner between two obstacles is a matter of one node; all of a boundary without friction is not.
         for (i, &pair) in pair_of.iter().enumerate() {
-            let node = contact.nodes[i].node;
-            if contact.has_friction(i) || !candidates[contact.candidate[i]].slip_bound.is_any() {
+            if !contact.keeps_from_sliding(i) {
                 continue;
             }
+            let node = contact.nodes[i].node;
             let here = &pairs[pair as usize].edges;
             let shared = (pairs.iter().enumerate()).any(|(other, there)| {
                 let mut common = there.edges.iter().filter(|edge| here.contains(edge));

@@ -256,9 +256,11 @@ impl ContactRows {
         Ok(())
     }
 
-    /// Whether a law of friction acts on a row.
-    pub fn has_friction(&self, row: usize) -> bool {
-        self.slip_bound[row] > 0.0 || self.coefficient[row] > 0.0
+    /// Whether a law of friction is stated for the node of a row that supports or another contact keep from sliding.
+    pub fn keeps_from_sliding(&self, row: usize) -> bool {
+        self.nodes[row].slip_bound.is_any()
+            && self.slip_bound[row] == 0.0
+            && self.coefficient[row] == 0.0
     }
 }
 

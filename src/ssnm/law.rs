@@ -37,11 +37,6 @@ impl Law {
         self.mu.get(i).copied().unwrap_or(0.0)
     }
 
-    /// Whether a node can carry any friction.
-    pub fn has_friction(&self, i: usize) -> bool {
-        self.given[i] > 0.0 || self.mu(i) > 0.0
-    }
-
     /// The bounds at λ.
     pub fn bounds(&self, lambda: &[f64]) -> Cow<'_, [f64]> {
         coulomb_bounds(&self.given, &self.mu, lambda)

@@ -3,6 +3,7 @@
 
 pub mod cases;
 pub mod checker;
+pub mod runs;
 
 use signorini::backend::cpu::Cpu;
 use signorini::case::{Build, Case, Elastic, StepData};
