@@ -3,10 +3,10 @@
 //! `cargo bench --bench phases -- [k …]` on reference case A (default k = 13). The whole solve, from the
 //! load vector to the verified answer, is compared with one factorisation and one solve.
 
+use signorini::dual::DirectDual;
 use signorini::output::peak_memory_mib;
 use signorini::reference::{self, CASE_A, Geometry};
 use signorini::ssnm::{self, Settings};
-use signorini::stiffness::cholesky::CholeskyDual;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -46,7 +46,7 @@ fn main() {
         let problem = problem.expect("the reference problem is sound");
         for tolerance in [1e-4, 1e-6] {
             let start = Instant::now();
-            let mut dual = CholeskyDual::new(&problem).expect("K is positive definite");
+            let mut dual = DirectDual::new(&problem).expect("K is positive definite");
             let settings = Settings {
                 tolerance,
                 ..Default::default()
@@ -60,11 +60,11 @@ fn main() {
                 )
                 .expect("the direct path does not fail");
             let whole = start.elapsed().as_secs_f64();
-            let one = dual.factor_seconds + dual.solve_seconds;
+            let one = dual.factor().seconds + dual.solve_seconds;
             println!(
                 "{k:3} {:9} {tolerance:6.0e}  {assembly:8.3} {:8.3} {:8.4} {:8.4} {:8.4}  {whole:9.3} {one:9.3} {:6.2}  {:5} {:4}",
                 problem.n_free(),
-                dual.factor_seconds,
+                dual.factor().seconds,
                 dual.solve_seconds,
                 solution.info.setup_seconds,
                 solution.info.solve_seconds,

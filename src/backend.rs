@@ -8,8 +8,9 @@
 pub mod cpu;
 pub mod gpu;
 
+use crate::control::Counters;
+use crate::sparse::stored::{BlockMatrix, Dense, Real, power_of_two_below};
 use crate::sparse::{BlockCsr, Csr};
-use crate::stiffness::amg::{BlockMatrix, Dense, Real};
 use std::sync::Arc;
 
 pub use gpu::GpuError;
@@ -83,17 +84,6 @@ impl Default for Run {
 /// in which f32 would lose all digits.
 fn block_is_full(terms: usize, iterations: usize) -> bool {
     terms >= (iterations / 5).max(1)
-}
-
-/// What a backend has done so far; all zero on the CPU.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Counters {
-    /// Kernel launches.
-    pub dispatches: usize,
-    /// Times that the host has waited for numbers.
-    pub readbacks: usize,
-    /// Command buffers handed to the device.
-    pub submissions: usize,
 }
 
 /// One fused pass over the data per method.
@@ -313,13 +303,4 @@ fn scaled_to_f32(blocks: &[Block]) -> Vec<[f32; 4]> {
         .iter()
         .map(|b| [b[0][0], b[0][1], b[1][0], b[1][1]].map(|v| (v * scale) as f32))
         .collect()
-}
-
-/// The power of two at or below a positive number; 1 for anything else.
-pub(crate) fn power_of_two_below(x: f64) -> f64 {
-    if x > 0.0 && x.is_finite() {
-        x.log2().floor().clamp(-1000.0, 1000.0).exp2()
-    } else {
-        1.0
-    }
 }

@@ -7,13 +7,13 @@
 use crate::backend::cpu::Cpu;
 use crate::backend::gpu::{Context, Gpu, Precision};
 use crate::backend::{Backend, GpuError};
-use crate::dual::{DualError, DualOperator, NestedDual};
+use crate::dual::{DirectDual, DualError, DualOperator, NestedDual};
 use crate::output::{forget_peak_memory, peak_memory_mib};
 use crate::problem::ContactProblem;
 use crate::sparse::norm;
 use crate::ssnm::{self, Settings, SolveError, Status};
 use crate::stiffness::amg::Hierarchy;
-use crate::stiffness::cholesky::{CholeskyDual, FactorError};
+use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::{Pcg, PcgError};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -257,7 +257,7 @@ pub fn solve_on(
         let start = Instant::now();
         let mut linear = None;
         let mut dual: Box<dyn DualOperator> = match path {
-            Path::CpuCholesky => Box::new(CholeskyDual::new(problem)?),
+            Path::CpuCholesky => Box::new(DirectDual::new(problem)?),
             Path::CpuPcg => {
                 let cpu = Cpu::<f32>::default();
                 let dual = NestedDual::new(problem, cpu, Default::default())?;

@@ -1,18 +1,17 @@
 //! The dual operator A = B K⁻¹ Bᵀ and what belongs to it.
 
 pub(crate) mod balance;
+mod direct;
 mod nested;
 
+pub use direct::DirectDual;
+pub(crate) use direct::plan;
 pub use nested::NestedDual;
 
-use crate::backend::Counters;
+use crate::control::{Accuracy, Costs, Followed, Stop, Stopped};
 use crate::sparse::{dot, norm};
 use crate::stiffness::cholesky::FactorError;
-use crate::stiffness::pcg::{PcgError, SolveCounts};
-
-pub use crate::stiffness::pcg::Accuracy;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use crate::stiffness::pcg::PcgError;
 
 /// A relative residual that says that PCG did not get anywhere.
 const HARDLY_MOVED: f64 = 0.1;
@@ -42,40 +41,6 @@ impl From<PcgError> for DualError {
         match error {
             PcgError::Stopped(stopped) => Self::Stopped(stopped),
             error => Self::Pcg(error),
-        }
-    }
-}
-
-/// Why a computation was stopped from outside.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Stopped {
-    #[error("the time limit is reached")]
-    TimeLimit,
-    #[error("interrupted")]
-    Interrupted,
-}
-
-/// When to stop; looked at between products and inside long ones.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Stop<'a> {
-    /// No later than this.
-    pub deadline: Option<Instant>,
-    /// As soon as this is set.
-    pub interrupt: Option<&'a AtomicBool>,
-}
-
-impl Stop<'_> {
-    /// The reason to stop now, if there is one.
-    pub fn now(&self) -> Option<Stopped> {
-        if self
-            .interrupt
-            .is_some_and(|flag| flag.load(Ordering::Relaxed))
-        {
-            Some(Stopped::Interrupted)
-        } else if self.deadline.is_some_and(|end| Instant::now() >= end) {
-            Some(Stopped::TimeLimit)
-        } else {
-            None
         }
     }
 }
@@ -135,26 +100,6 @@ pub trait DualOperator {
     fn costs(&self) -> Option<Costs> {
         None
     }
-}
-
-/// How a u that follows λ has come closer to K⁻¹(f − Bᵀλ), in the norm √(vᵀKv).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Followed {
-    /// What it has moved by.
-    pub change: f64,
-    /// What it is off by now, as far as PCG can tell.
-    pub remaining: f64,
-    /// PCG is slow: what is left is smoother than what it has moved by.
-    pub slow: bool,
-}
-
-/// What the nested path has cost.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Costs {
-    /// Systems with K and their iterations.
-    pub solves: SolveCounts,
-    /// Kernel launches and read-backs.
-    pub device: Counters,
 }
 
 /// An estimate of the largest eigenvalue of A, not below the true one beyond its margin, and the number

@@ -4,9 +4,10 @@
 use crate::backend::GpuError;
 use crate::backend::cpu::Cpu;
 use crate::backend::gpu::{Context, Gpu, Options as GpuOptions, Precision};
-use crate::dual::{Accuracy, Costs, DualError, DualOperator, Followed, NestedDual, Stop};
+use crate::control::{Accuracy, Costs, Followed, Stop};
+use crate::dual::{DirectDual, DualError, DualOperator, NestedDual, plan};
 use crate::problem::ContactProblem;
-use crate::stiffness::cholesky::{CholeskyDual, FactorError, Plan};
+use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::{PcgError, Preconditioner};
 use std::sync::Arc;
 
@@ -83,7 +84,7 @@ const PREFERRED: f64 = 2.0;
 const WORTH_A_WORD: f64 = 1.0;
 
 enum Path {
-    Cholesky(Box<CholeskyDual>),
+    Cholesky(Box<DirectDual>),
     Cpu(Box<NestedDual<Cpu>>),
     Gpu(Box<NestedDual<Gpu>>, Arc<Context>),
 }
@@ -115,7 +116,7 @@ impl<'a> Engine<'a> {
             (Place::Gpu, Stiffness::Cholesky) => return Err(EngineError::NoCholeskyOnGpu),
             (Place::Gpu, _) => on_gpu(problem, &options, &mut log)?,
             (Place::Cpu, Stiffness::Pcg) => on_cpu(problem, &options)?,
-            (_, Stiffness::Cholesky) => Path::Cholesky(Box::new(CholeskyDual::new(problem)?)),
+            (_, Stiffness::Cholesky) => Path::Cholesky(Box::new(DirectDual::new(problem)?)),
             (place, Stiffness::Auto) => match direct(
                 problem,
                 memory_bytes(),
@@ -193,7 +194,7 @@ impl<'a> Engine<'a> {
     }
 
     /// The factor, on the direct path.
-    pub fn cholesky(&self) -> Option<&CholeskyDual> {
+    pub fn cholesky(&self) -> Option<&DirectDual> {
         match &self.path {
             Path::Cholesky(dual) => Some(dual),
             _ => None,
@@ -261,7 +262,7 @@ impl<'a> Engine<'a> {
             }
         } else {
             // PCG was chosen because it would be faster; now it is the factor or nothing.
-            (CholeskyDual::new(self.problem))
+            (DirectDual::new(self.problem))
                 .map(|dual| Path::Cholesky(Box::new(dual)))
                 .map_err(EngineError::from)
         };
@@ -285,8 +286,8 @@ fn direct(
     memory: Option<usize>,
     threads: usize,
     log: &mut dyn FnMut(&str),
-) -> Result<Option<Box<CholeskyDual>>, EngineError> {
-    let outcome = Plan::new(problem).and_then(|plan| {
+) -> Result<Option<Box<DirectDual>>, EngineError> {
+    let outcome = plan(problem).and_then(|plan| {
         let gib = |bytes: usize| bytes as f64 / f64::from(1 << 30);
         let bytes = plan.bytes();
         if let Some(memory) = memory
@@ -317,7 +318,7 @@ fn direct(
             ));
         }
         taken
-            .map(|plan| CholeskyDual::with_plan(problem, plan).map(Box::new))
+            .map(|plan| DirectDual::with_plan(problem, plan).map(Box::new))
             .transpose()
     });
     match outcome {
@@ -491,11 +492,11 @@ mod tests {
             });
             (dual.expect("K is definite").is_some(), lines.concat())
         };
-        let plan = Plan::new(&problem).expect("K is definite");
+        let plan = plan(&problem).expect("K is definite");
         let needed = plan.bytes();
         // What is predicted is what it takes, more or less.
-        let dual = CholeskyDual::with_plan(&problem, plan).expect("K is definite");
-        assert!((1.0..2.0).contains(&(needed as f64 / (8 * dual.factor_entries()) as f64)));
+        let dual = DirectDual::with_plan(&problem, plan).expect("K is definite");
+        assert!((1.0..2.0).contains(&(needed as f64 / (8 * dual.factor().entries()) as f64)));
 
         assert_eq!(choice(Some(2 * needed), 2), (true, String::new()));
         assert_eq!(choice(None, 2), (true, String::new()));

@@ -36,7 +36,7 @@
 //!
 //! Each stage can be entered from outside: [`problem::ContactProblem`] is the door for matrices of your
 //! own, [`case::Case`] that for a case file, [`mesh::Mesh`] that for a mesh made in code. [`engine::Engine`]
-//! chooses between the ways to apply K⁻¹; [`stiffness::cholesky::CholeskyDual`] is the plain one.
+//! chooses between the ways to apply K⁻¹; [`dual::DirectDual`] is the plain one.
 //!
 //! # A problem from matrices
 //!
@@ -46,7 +46,7 @@
 //! use signorini::problem::{ContactData, ContactProblem};
 //! use signorini::sparse::{BlockCsr, Csr};
 //! use signorini::ssnm::{self, Settings, Status};
-//! use signorini::stiffness::cholesky::CholeskyDual;
+//! use signorini::dual::DirectDual;
 //! use std::ops::ControlFlow;
 //!
 //! let problem = ContactProblem::new(ContactData {
@@ -58,7 +58,7 @@
 //!     slip_bound: vec![0.1],
 //!     coordinates: None,
 //! })?;
-//! let mut dual = CholeskyDual::new(&problem)?;
+//! let mut dual = DirectDual::new(&problem)?;
 //! // The observer sees every outer step, and may stop the solve.
 //! let solution = ssnm::solve(&problem, &mut dual, &Settings::default(), |step| {
 //!     println!("step {}: err {:e}, {} products with A", step.iter, step.err, step.n_a);
@@ -85,7 +85,7 @@
 //! use signorini::problem::{ContactData, ContactProblem};
 //! use signorini::quasistatic::{self, Load, Settings, State};
 //! use signorini::ssnm::Status;
-//! use signorini::stiffness::cholesky::CholeskyDual;
+//! use signorini::dual::DirectDual;
 //! use std::ops::ControlFlow;
 //!
 //! let mesh = join(
@@ -120,7 +120,7 @@
 //! })?
 //! .with_friction_coefficient(rows.coefficient.clone());
 //!
-//! let mut dual = CholeskyDual::new(&problem)?;
+//! let mut dual = DirectDual::new(&problem)?;
 //! let solution = quasistatic::solve_step(
 //!     &problem,
 //!     &Load::of(&problem),
@@ -175,6 +175,7 @@ pub mod backend;
 pub mod bench;
 pub mod case;
 pub mod contact;
+pub mod control;
 mod dense;
 pub mod dual;
 pub mod elasticity;

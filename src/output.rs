@@ -10,7 +10,8 @@ mod vtu;
 
 use crate::backend::gpu::Precision;
 use crate::case::{Build, Elastic, StepData, Units};
-use crate::dual::{Costs, DualOperator as _};
+use crate::control::Costs;
+use crate::dual::DualOperator as _;
 use crate::elasticity::{Stress, internal_forces, stresses};
 use crate::engine::Engine;
 use crate::matrix_market::vector_text;

@@ -4,6 +4,8 @@
 //! see [`Csr`]) and the coarse matrices and prolongations of multigrid (3 × 3 and 2 × 3). Column indices
 //! are `u32` and sorted within a row.
 
+pub mod stored;
+
 use rayon::prelude::*;
 
 /// A sparse matrix of `R × C` blocks in compressed block rows; square blocks if C is left out.

@@ -46,8 +46,9 @@ mod subspace;
 pub use point::project;
 pub use sets::{SetSizes, Sets};
 
+use crate::control::{Stop, Stopped};
 use crate::dual::balance::Balance;
-use crate::dual::{DualError, DualOperator, Stop, Stopped};
+use crate::dual::{DualError, DualOperator};
 use crate::problem::{ContactProblem, Kkt, ROUNDING};
 use crate::sparse::{norm, norm_max};
 use goal::{Goal, forces_met};

@@ -29,11 +29,11 @@ use common::cases::{
 };
 use common::checker::{BALANCE, CLEARLY, Checker, has_solution, largest, unbalanced};
 use common::runs::{Run, TIME_LIMIT, Way, name_of, print_step};
+use signorini::dual::DirectDual;
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::quasistatic::{self, Load, Settings, State};
 use signorini::sparse::{BlockCsr, Csr};
 use signorini::ssnm::Status;
-use signorini::stiffness::cholesky::CholeskyDual;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
@@ -739,7 +739,7 @@ fn the_check_tells_a_neighbouring_problem() {
             if what == "other start" {
                 start.slide.iter_mut().for_each(|s| *s += 0.1 * size);
             }
-            let mut dual = CholeskyDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
+            let mut dual = DirectDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
             let other = quasistatic::solve_step(
                 &problem,
                 &load,

@@ -3,12 +3,12 @@
 mod common;
 
 use common::{Random, solve};
+use signorini::dual::DirectDual;
 use signorini::engine::Options;
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::reference::{self, CASE_A, CASE_B, Geometry, Loads, TABLE1};
 use signorini::sparse::BlockCsr;
 use signorini::ssnm::{self, Method, Settings, Status};
-use signorini::stiffness::cholesky::CholeskyDual;
 use signorini::table1::{self, BETAS, SIZES};
 use std::ops::ControlFlow;
 
@@ -142,7 +142,7 @@ fn every_beta_converges() {
             (Geometry::OneBody, CASE_B),
         ] {
             let problem = problem(geometry, k, &loads);
-            let mut dual = CholeskyDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
+            let mut dual = DirectDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
             for beta in [0.01, 0.1, 1.0, 1.99, 10.0, 100.0, 1000.0] {
                 let settings = Settings {
                     beta,
@@ -291,7 +291,8 @@ fn a_warm_start_from_the_solution_is_done_at_once() {
 /// A product with A through the trailing block is B K⁻¹ Bᵀ, whatever the shape of B.
 #[test]
 fn the_dual_operator_is_what_it_says() {
-    use signorini::dual::{Accuracy, DualOperator, Stop};
+    use signorini::control::{Accuracy, Stop};
+    use signorini::dual::DualOperator;
     let mut random = Random(3);
     for (m, n, general) in [
         (1, 5, false),
@@ -307,7 +308,7 @@ fn the_dual_operator_is_what_it_says() {
             m
         ];
         let problem = common::manufactured(n, &nodes, general, &mut random).problem;
-        let mut dual = CholeskyDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
+        let mut dual = DirectDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
         let p: Vec<f64> = (0..2 * m).map(|_| random.between(-1.0, 1.0)).collect();
         let (accuracy, stop) = (Accuracy::Residual(1e-12), Stop::default());
         let (mut ap, mut b) = (vec![f64::NAN; 2 * m], vec![f64::NAN; 2 * m]);

@@ -5,11 +5,11 @@ mod common;
 use common::{Random, Solved, case, distance, price_of_coulomb, solve_case, solve_case_twice};
 use signorini::case::Case;
 use signorini::contact::{PairOptions, mortar_contact};
+use signorini::dual::DirectDual;
 use signorini::elasticity::{Body, Material, Plane};
 use signorini::mesh::structured::{CellShape, join, rectangle};
 use signorini::quasistatic::{self, Event, Load, State};
 use signorini::ssnm::Status;
-use signorini::stiffness::cholesky::CholeskyDual;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -262,7 +262,7 @@ fn bodies_that_only_contact_holds() {
         "",
     ));
     let build = case.build().unwrap_or_else(|error| panic!("{error}"));
-    let mut dual = CholeskyDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
+    let mut dual = DirectDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
     let data = case
         .step(&build, 0)
         .unwrap_or_else(|error| panic!("{error}"))
@@ -325,7 +325,7 @@ fn coupled_steps_and_rounds_come_to_the_same() {
     let case = case(text);
     let build = case.build().unwrap_or_else(|error| panic!("{error}"));
     let run = |coupled: bool, accelerate: bool| {
-        let mut dual = CholeskyDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
+        let mut dual = DirectDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
         let mut settings = case.settings();
         settings.coupled = coupled;
         settings.accelerate = accelerate;
@@ -437,7 +437,7 @@ fn friction_is_that_of_the_pressures_there_are() {
     let solve = |text: &str| {
         let case = case(text);
         let build = case.build().unwrap_or_else(|error| panic!("{error}"));
-        let mut dual = CholeskyDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
+        let mut dual = DirectDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
         let data = case
             .step(&build, 0)
             .unwrap_or_else(|error| panic!("{error}"));

@@ -3,11 +3,11 @@
 mod levels;
 
 pub use levels::Diagonal;
-pub(crate) use levels::times;
 
-use super::{Backend, Block, Counters, GpuError, Progress, Run, block_is_full};
+use super::{Backend, Block, GpuError, Progress, Run, block_is_full};
+use crate::control::Counters;
+use crate::sparse::stored::{BlockMatrix, Dense, Real};
 use crate::sparse::{BlockCsr, Csr, ROWS_PER_TASK, dot};
-use crate::stiffness::amg::{BlockMatrix, Dense, Real};
 use rayon::prelude::*;
 use std::marker::PhantomData;
 use std::sync::Arc;

@@ -16,9 +16,11 @@ mod sliced;
 
 pub use context::{AdapterSummary, Context, GpuError, Options, Precision, adapters};
 
-use super::{Backend, Block, Counters, Progress, Run, power_of_two_below, scaled_to_f32};
+use super::{Backend, Block, Progress, Run, scaled_to_f32};
+use crate::control::Counters;
+use crate::sparse::stored::power_of_two_below;
+use crate::sparse::stored::{BlockMatrix, Dense};
 use crate::sparse::{BlockCsr, Csr};
-use crate::stiffness::amg::{BlockMatrix, Dense};
 use context::Buffer;
 use kernels::{Kernel, Shape};
 use rayon::prelude::*;

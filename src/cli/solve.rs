@@ -2,7 +2,8 @@
 
 use super::{NOT_CONVERGED, SolveArguments};
 use signorini::case::{Build, Case, StepData};
-use signorini::dual::{Costs, DualOperator as _};
+use signorini::control::Costs;
+use signorini::dual::DualOperator as _;
 use signorini::engine::Engine;
 use signorini::output::{
     ContactReport, EnginePath, Picture, Report, Timings, pictures, prepare, step_pictures,
@@ -111,7 +112,7 @@ impl Run<'_> {
         self.report.timings.factor = start.elapsed().as_secs_f64();
         self.report.timings.linear_reference = engine
             .cholesky()
-            .map(|dual| dual.factor_seconds + dual.solve_seconds);
+            .map(|dual| dual.factor().seconds + dual.solve_seconds);
         log.engine(&engine, self.report.timings.factor);
 
         let made = self.steps(&mut engine);
@@ -475,9 +476,9 @@ impl Log {
         match engine.cholesky() {
             Some(dual) => self.say(format_args!(
                 "Cholesky: {} entries ({:.0} MiB), factorised in {:.3} s, one solve {:.4} s",
-                dual.factor_entries(),
-                dual.factor_entries() as f64 * 8.0 / (1 << 20) as f64,
-                dual.factor_seconds,
+                dual.factor().entries(),
+                dual.factor().entries() as f64 * 8.0 / (1 << 20) as f64,
+                dual.factor().seconds,
                 dual.solve_seconds
             )),
             None => {

@@ -1,10 +1,12 @@
 //! The nested path: A p = B K⁻¹ Bᵀ p with K⁻¹ applied by preconditioned conjugate gradients.
 
 use super::{Costs, DualError, DualOperator, Followed, Stop};
-use crate::backend::{Backend, Run, power_of_two_below};
+use crate::backend::{Backend, Run};
+use crate::control::Accuracy;
 use crate::problem::ContactProblem;
+use crate::sparse::stored::power_of_two_below;
 use crate::sparse::{Csr, norm};
-use crate::stiffness::pcg::{Accuracy, Gather, Pcg, PcgError, Preconditioner};
+use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner};
 
 /// Times that a displacement is made more accurate for the sake of its ties.
 const MOST_PASSES: usize = 4;

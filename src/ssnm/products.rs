@@ -23,7 +23,8 @@
 
 use super::Subspace;
 use super::scaling::Scaled;
-use crate::dual::{Accuracy, DualError, DualOperator, Followed, Stop, sigma_max};
+use crate::control::{Accuracy, Followed, Stop};
+use crate::dual::{DualError, DualOperator, sigma_max};
 use crate::sparse::norm;
 
 /// The part of the present error by which one product, or r made afresh, may be off.

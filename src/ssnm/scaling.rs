@@ -1,6 +1,7 @@
 //! Scaling of the multipliers where the stiffness under the contact varies widely.
 
-use crate::dual::{Accuracy, DualError, DualOperator, Followed, Stop};
+use crate::control::{Accuracy, Followed, Stop};
+use crate::dual::{DualError, DualOperator};
 use crate::problem::ContactProblem;
 
 /// The dual operator in scaled multipliers λ̂ with λ = S λ̂: Â = S A S, b̂ = S b, ĝ = S⁻¹ g.

@@ -18,7 +18,6 @@
 mod aggregation;
 mod coarse;
 mod cycle;
-mod matrix;
 mod product;
 mod prolongation;
 mod smoother;
@@ -26,14 +25,11 @@ mod smoother;
 mod tests;
 
 pub use cycle::Multigrid;
-pub(crate) use matrix::BlockView;
-pub use matrix::{BlockMatrix, Real};
 pub(crate) use smoother::inverse_diagonal;
 
-use crate::backend::power_of_two_below;
 use crate::sparse::BlockCsr;
+use crate::sparse::stored::{BlockMatrix, Dense, Real, power_of_two_below, store};
 use aggregation::{Aggregates, NONE, aggregate, strength};
-use matrix::store;
 use prolongation::{Modes, decoupled, rigid_body_modes, smoothed, tentative};
 use std::fmt;
 
@@ -134,15 +130,6 @@ pub enum Coarse<S> {
     /// More smoothing, where the coarsest level is too large for an inverse. A singular matrix is not
     /// noticed then.
     Smoothed(Smoother<S>),
-}
-
-/// A dense symmetric matrix, row by row.
-#[derive(Clone, Debug)]
-pub struct Dense<S> {
-    /// Rows.
-    pub n: usize,
-    /// n² entries.
-    pub values: Vec<S>,
 }
 
 /// The preconditioner M: one V-cycle on scale · K.

@@ -3,22 +3,18 @@
 //! The unknowns that B touches are ordered last, body by body. Then
 //!
 //! ```text
-//! L = | L₁₁      |      B = | 0  B₂ |      A = B K⁻¹ Bᵀ = B₂ (L₂₂ L₂₂ᵀ)⁻¹ B₂ᵀ
+//! L = | L₁₁      |      B = | 0  B₂ |      B K⁻¹ Bᵀ = B₂ (L₂₂ L₂₂ᵀ)⁻¹ B₂ᵀ
 //!     | L₂₁  L₂₂ |
 //! ```
 //!
-//! so a product with A needs only the dense trailing blocks L₂₂ (one per body), the right-hand side
-//! needs one forward sweep over L₁₁ for the whole contact problem, and the displacement one backward
-//! sweep at the end.
+//! with dense trailing blocks L₂₂, one per body.
 //!
-//! Where bodies can move as a whole, as many unknowns as they have motions are fixed: the inverse of the rest
-//! is a generalised inverse K⁺ of K. Loads in balance cause no reaction there.
+//! Some unknowns may be fixed at zero: the inverse of the rest is a generalised inverse K⁺ of a K whose kernel they
+//! hold.
 
 use super::ordering::{Ordering, contact_last};
 use super::panel;
-use crate::dual::{Accuracy, DualError, DualOperator, Followed, Stop};
-use crate::problem::ContactProblem;
-use crate::sparse::{BlockCsr, Csr, norm};
+use crate::sparse::BlockCsr;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
 use faer::sparse::linalg::SupernodalThreshold;
@@ -28,11 +24,10 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Par, Side};
-use std::sync::Arc;
 use std::time::Instant;
 
 /// Why K could not be factorised.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error)]
 pub enum FactorError {
     #[error(
         "the stiffness matrix is singular, or not positive definite (unknown {unknown}{place}): a part of a body \
@@ -56,14 +51,6 @@ pub enum FactorError {
     TooLarge,
 }
 
-/// A relative residual of the probe solve that needs no second look.
-const PROBE_LIMIT: f64 = 1e-6;
-/// The backward error of the probe solve, and its relative error by one step of refinement, that are accepted at most.
-/// Slender bodies have large residuals beside small loads: there K x is a small difference of large terms.
-const BACKWARD_LIMIT: f64 = 1e-12;
-const FORWARD_LIMIT: f64 = 1e-4;
-/// Steps of iterative refinement at most.
-const REFINEMENTS: usize = 3;
 /// A pivot below this part of its diagonal entry means a singular K.
 const PIVOT_LIMIT: f64 = 1e-14;
 
@@ -73,42 +60,6 @@ struct TrailingBlock {
     first: usize,
     size: usize,
     values: Vec<f64>,
-}
-
-/// K = L Lᵀ with the unknowns of B last, and B in that order.
-pub struct CholeskyDual {
-    symbolic: SymbolicCholesky<u32>,
-    values: Vec<f64>,
-    /// `order[position] = unknown`.
-    order: Vec<u32>,
-    /// `position[unknown]` in that order.
-    position: Vec<u32>,
-    /// Unknowns before the trailing block.
-    n_leading: usize,
-    blocks: Vec<TrailingBlock>,
-    /// B₂: 2m rows (N, then T) over the trailing positions.
-    b: Csr,
-    k: Arc<BlockCsr<2>>,
-    /// B over all unknowns.
-    contact: Csr,
-    /// f.
-    load: Vec<f64>,
-    /// Unknowns that are fixed at zero.
-    fixed: Vec<u32>,
-    /// L₁₁⁻¹f₁ on the leading positions, f₂ − L₂₁L₁₁⁻¹f₁ on the trailing ones; in the order of L.
-    reduced_load: Vec<f64>,
-    /// c = (d, origin of slip).
-    offsets: Vec<f64>,
-    workspace: Vec<f64>,
-    /// Longest panel, for the workspace of the sweeps.
-    max_rows: usize,
-    /// K is so badly conditioned that displacements are refined with residuals of twice the precision, and r is made
-    /// from them.
-    refined: bool,
-    /// Seconds for ordering, symbolic and numeric factorisation.
-    pub factor_seconds: f64,
-    /// Seconds for one full solve with K (the probe).
-    pub solve_seconds: f64,
 }
 
 /// The order of elimination and the pattern of the factor: what it will cost is known before it is made.
@@ -127,20 +78,24 @@ pub struct Plan {
 
 impl Plan {
     /// Orders the unknowns and finds the pattern of the factor.
-    pub fn new(problem: &ContactProblem) -> Result<Self, FactorError> {
+    ///
+    /// `coordinates` has a point per block row, if they are known; `touched` says which block rows come last; the
+    /// unknowns `fixed`, in ascending order, count as zero.
+    pub fn new<const D: usize>(
+        k: &BlockCsr<D>,
+        coordinates: Option<&[[f64; D]]>,
+        touched: &[bool],
+        fixed: Vec<u32>,
+    ) -> Result<Self, FactorError> {
         let start = Instant::now();
-        let k = problem.stiffness();
         let n = k.n_rows();
-        let contact = problem.touched();
         let Ordering {
             order,
             n_leading,
             sizes,
-        } = contact_last(k, problem.coordinates(), &contact);
+        } = contact_last(k, coordinates, touched);
         let position = inverse(&order);
 
-        let touched = |unknown: usize| contact[unknown / 2];
-        let fixed = problem.free_bodies().unknowns_to_fix(touched);
         let (col_ptr, row_idx, values) = lower_columns(k, &fixed);
         let pattern = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &col_ptr, None, &row_idx);
         let perm = faer::perm::PermRef::new_checked(&order, &position, n);
@@ -193,14 +148,28 @@ impl Plan {
     }
 }
 
-impl CholeskyDual {
-    /// Factorises K of the problem and checks the factor with a solve.
-    pub fn new(problem: &ContactProblem) -> Result<Self, FactorError> {
-        Self::with_plan(problem, Plan::new(problem)?)
-    }
+/// K = L Lᵀ with the touched unknowns last.
+pub struct Factor {
+    symbolic: SymbolicCholesky<u32>,
+    values: Vec<f64>,
+    /// `order[position] = unknown`.
+    order: Vec<u32>,
+    /// `position[unknown]` in that order.
+    position: Vec<u32>,
+    /// Unknowns before the trailing blocks.
+    n_leading: usize,
+    blocks: Vec<TrailingBlock>,
+    /// Unknowns that are fixed at zero.
+    fixed: Vec<u32>,
+    /// Longest panel, for the workspace of the sweeps.
+    max_rows: usize,
+    /// Seconds for ordering, symbolic and numeric factorisation.
+    pub seconds: f64,
+}
 
-    /// As [`CholeskyDual::new`], with a plan made for the same problem before.
-    pub fn with_plan(problem: &ContactProblem, plan: Plan) -> Result<Self, FactorError> {
+impl Factor {
+    /// Factorises K as planned for it.
+    pub fn new<const D: usize>(k: &BlockCsr<D>, plan: Plan) -> Result<Self, FactorError> {
         let start = Instant::now();
         let Plan {
             order,
@@ -214,7 +183,6 @@ impl CholeskyDual {
             fixed,
             seconds,
         } = plan;
-        let k = problem.stiffness();
         let n = k.n_rows();
         let pattern = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &col_ptr, None, &row_idx);
         let out_of_memory = || FactorError::OutOfMemory {
@@ -231,7 +199,7 @@ impl CholeskyDual {
             let unknown = order[position] as usize;
             FactorError::NotPositiveDefinite {
                 unknown: unknown + 1,
-                place: problem.place_of(unknown),
+                place: String::new(),
             }
         };
         symbolic
@@ -262,120 +230,46 @@ impl CholeskyDual {
             }
         }
         let blocks = trailing_blocks(&symbolic, &factor, n_leading, &sizes);
-        let factor_seconds = seconds + start.elapsed().as_secs_f64();
+        let seconds = seconds + start.elapsed().as_secs_f64();
 
-        let contact = problem.contact_matrix();
-        let b = Csr::from_triplets(
-            2 * problem.m(),
-            n - n_leading,
-            contact
-                .triplets()
-                .filter(|&(_, j, _)| fixed.binary_search(&(j as u32)).is_err())
-                .map(|(i, j, v)| (i, position[j] as usize - n_leading, v)),
-        );
-        let mut dual = Self {
+        Ok(Self {
             symbolic,
             values: factor,
             order,
             position,
             n_leading,
             blocks,
-            b,
-            k: Arc::clone(k),
-            contact,
-            load: Vec::new(),
             fixed,
-            reduced_load: Vec::new(),
-            offsets: problem.offsets(),
-            workspace: vec![0.0; n - n_leading],
             max_rows,
-            refined: false,
-            factor_seconds,
-            solve_seconds: 0.0,
-        };
-        dual.probe(problem)?;
-        Ok(dual)
-    }
-
-    /// Solves K x = f, checks the residual, and keeps the forward half for all that follows.
-    fn probe(&mut self, problem: &ContactProblem) -> Result<(), FactorError> {
-        let n = self.order.len();
-        let f = problem.load();
-        let zero_load = f.iter().all(|&v| v == 0.0);
-        // Without a load anything will do that excites every unknown.
-        let mut test: Vec<f64> = if zero_load {
-            (0..n).map(|i| 1.0 + (i % 7) as f64).collect()
-        } else {
-            f.to_vec()
-        };
-        let start = Instant::now();
-        self.reduced_load = self.reduce(&test);
-        let mut x = self.reduced_load.clone();
-        if zero_load {
-            self.reduced_load.fill(0.0);
-        }
-        self.load = f.to_vec();
-        let u = self.finish(&mut x);
-        self.solve_seconds = start.elapsed().as_secs_f64();
-        for &i in &self.fixed {
-            test[i as usize] = 0.0;
-        }
-        // Without the reactions, where the load is not in balance.
-        let residual = self.residual(&u, &test);
-        if norm(&residual) <= PROBE_LIMIT * norm(&test) {
-            return Ok(());
-        }
-        let backward = norm(&residual) / norm(&self.terms(&u, &test));
-        let mut x = self.reduce(&residual);
-        let error = norm(&self.finish(&mut x)) / norm(&u);
-        // Written so that NaN is refused.
-        if backward <= BACKWARD_LIMIT && error <= FORWARD_LIMIT {
-            self.refined = true;
-            return Ok(());
-        }
-        Err(FactorError::BadFactor {
-            error,
-            limit: FORWARD_LIMIT,
-            backward,
+            seconds,
         })
     }
 
-    /// f − K u where nothing is fixed; in twice the precision for a K that needs it.
-    fn residual(&self, u: &[f64], f: &[f64]) -> Vec<f64> {
-        let mut rest: Vec<f64> = f.to_vec();
-        if self.refined {
-            // Sum and error of each row (Ogita, Rump and Oishi 2005).
-            let mut errors = vec![0.0; f.len()];
-            for (i, j, value) in self.k.triplets() {
-                let product = -value * u[j];
-                let sum = rest[i] + product;
-                let part = sum - rest[i];
-                errors[i] += (-value).mul_add(u[j], -product)
-                    + ((rest[i] - (sum - part)) + (product - part));
-                rest[i] = sum;
-            }
-            rest.iter_mut().zip(errors).for_each(|(r, e)| *r += e);
-        } else {
-            self.k.mul(u, &mut rest);
-            rest.iter_mut().zip(f).for_each(|(r, f)| *r = f - *r);
-        }
+    /// Unknowns.
+    pub fn n(&self) -> usize {
+        self.order.len()
+    }
+
+    /// Unknowns before the trailing ones.
+    pub fn n_leading(&self) -> usize {
+        self.n_leading
+    }
+
+    /// The place of an unknown in the order of elimination; None if it is fixed.
+    pub fn position(&self, unknown: usize) -> Option<usize> {
+        (self.fixed.binary_search(&(unknown as u32)).is_err())
+            .then(|| self.position[unknown] as usize)
+    }
+
+    /// Zeroes the fixed unknowns of a vector.
+    pub fn release(&self, x: &mut [f64]) {
         for &i in &self.fixed {
-            rest[i as usize] = 0.0;
+            x[i as usize] = 0.0;
         }
-        rest
     }
 
-    /// |K| |x| + |f|: what K x − f is a difference of.
-    fn terms(&self, x: &[f64], f: &[f64]) -> Vec<f64> {
-        let mut terms: Vec<f64> = f.iter().map(|f| f.abs()).collect();
-        for (i, j, value) in self.k.triplets() {
-            terms[i] += (value * x[j]).abs();
-        }
-        terms
-    }
-
-    /// The forward half of a solve: what [`CholeskyDual::finish`] takes.
-    fn reduce(&self, load: &[f64]) -> Vec<f64> {
+    /// The forward half of a solve: what [`Factor::finish`] takes.
+    pub fn reduce(&self, load: &[f64]) -> Vec<f64> {
         let mut x: Vec<f64> = self.order.iter().map(|&i| load[i as usize]).collect();
         for &i in &self.fixed {
             x[self.position[i as usize] as usize] = 0.0;
@@ -387,7 +281,7 @@ impl CholeskyDual {
     }
 
     /// The rest of a solve.
-    fn finish(&self, x: &mut [f64]) -> Vec<f64> {
+    pub fn finish(&self, x: &mut [f64]) -> Vec<f64> {
         if self.touches_too_much() {
             self.forward(x);
         }
@@ -397,7 +291,7 @@ impl CholeskyDual {
     }
 
     /// Entries of the factor.
-    pub fn factor_entries(&self) -> usize {
+    pub fn entries(&self) -> usize {
         self.values.len()
     }
 
@@ -408,7 +302,7 @@ impl CholeskyDual {
     }
 
     /// The rows of K⁻¹x, or of the trailing solve, that B needs.
-    fn solve_touched(&self, x: &mut [f64]) {
+    pub fn solve_touched(&self, x: &mut [f64]) {
         if self.touches_too_much() {
             self.forward(x);
             self.backward(x);
@@ -477,102 +371,6 @@ impl CholeskyDual {
             u[unknown as usize] = value;
         }
         u
-    }
-}
-
-impl DualOperator for CholeskyDual {
-    fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
-        if self.load != load {
-            self.reduced_load = self.reduce(load);
-            self.load.copy_from_slice(load);
-        }
-        self.offsets.copy_from_slice(offsets);
-        Ok(())
-    }
-
-    fn apply(
-        &mut self,
-        p: &[f64],
-        y: &mut [f64],
-        _accuracy: Accuracy,
-        _stop: &Stop,
-    ) -> Result<(), DualError> {
-        let mut x = std::mem::take(&mut self.workspace);
-        x.fill(0.0);
-        self.b.mul_transpose_add(1.0, p, &mut x);
-        self.solve_touched(&mut x);
-        self.b.mul(&x, y);
-        self.workspace = x;
-        Ok(())
-    }
-
-    fn right_hand_side(
-        &mut self,
-        b: &mut [f64],
-        _accuracy: Accuracy,
-        _stop: &Stop,
-    ) -> Result<(), DualError> {
-        let mut x = self.reduced_load[self.n_leading..].to_vec();
-        self.solve_touched(&mut x);
-        self.b.mul(&x, b);
-        for (b, c) in b.iter_mut().zip(&self.offsets) {
-            *b -= c;
-        }
-        Ok(())
-    }
-
-    fn displacement(
-        &mut self,
-        lambda: &[f64],
-        residual: f64,
-        _stop: &Stop,
-    ) -> Result<Vec<f64>, DualError> {
-        let mut x = self.reduced_load.clone();
-        self.b
-            .mul_transpose_add(-1.0, lambda, &mut x[self.n_leading..]);
-        let mut u = self.finish(&mut x);
-        let mut forces = self.load.clone();
-        self.contact.mul_transpose_add(-1.0, lambda, &mut forces);
-        // Refined where rounding has left too much.
-        let mut before = f64::INFINITY;
-        for _ in 0..REFINEMENTS {
-            let rest = self.residual(&u, &forces);
-            let left = norm(&rest);
-            if !self.refined && (left <= residual || !(left <= 0.5 * before)) {
-                break;
-            }
-            let mut x = self.reduce(&rest);
-            let correction = self.finish(&mut x);
-            let moved = norm(&correction);
-            // The residual says little where K x is a small difference of large terms.
-            if self.refined && !(moved <= 0.5 * before) {
-                break;
-            }
-            before = if self.refined { moved } else { left };
-            u.iter_mut().zip(correction).for_each(|(u, c)| *u += c);
-            if self.refined && moved <= f64::EPSILON * norm(&u) {
-                break;
-            }
-        }
-        Ok(u)
-    }
-
-    fn gradient(
-        &mut self,
-        lambda: &[f64],
-        r: &mut [f64],
-        _accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<Option<Followed>, DualError> {
-        if !self.refined {
-            return Ok(None);
-        }
-        let u = self.displacement(lambda, 0.0, stop)?;
-        self.contact.mul(&u, r);
-        for (r, c) in r.iter_mut().zip(&self.offsets) {
-            *r = c - *r;
-        }
-        Ok(Some(Followed::default()))
     }
 }
 
@@ -653,10 +451,10 @@ fn inverse(order: &[u32]) -> Vec<u32> {
 }
 
 /// The lower triangle of K by columns; zeros off the diagonal are left out, and so is what ties a fixed unknown.
-fn lower_columns(k: &BlockCsr<2>, fixed: &[u32]) -> (Vec<u32>, Vec<u32>, Vec<f64>) {
+fn lower_columns<const D: usize>(k: &BlockCsr<D>, fixed: &[u32]) -> (Vec<u32>, Vec<u32>, Vec<f64>) {
     let n = k.n_rows();
     let tied = |unknown: usize| fixed.binary_search(&(unknown as u32)).is_err();
-    let room = 2 * k.n_blocks() + n;
+    let room = D * D * k.n_blocks() / 2 + n;
     let mut col_ptr = Vec::with_capacity(n + 1);
     let mut row_idx = Vec::with_capacity(room);
     let mut values = Vec::with_capacity(room);
@@ -664,11 +462,11 @@ fn lower_columns(k: &BlockCsr<2>, fixed: &[u32]) -> (Vec<u32>, Vec<u32>, Vec<f64
     for i in 0..k.n_block_rows() {
         let (cols, blocks) = k.row(i);
         let below = cols.partition_point(|&j| (j as usize) < i);
-        for a in 0..2 {
-            // K is symmetric: the row of blocks i holds the columns 2i and 2i + 1.
+        for a in 0..D {
+            // K is symmetric: the row of blocks i holds the columns D i and those after it.
             for (&j, block) in cols[below..].iter().zip(&blocks[below..]) {
                 for (b, &value) in block[a].iter().enumerate() {
-                    let (row, column) = (2 * j as usize + b, 2 * i + a);
+                    let (row, column) = (D * j as usize + b, D * i + a);
                     if row == column || (row > column && value != 0.0 && tied(row) && tied(column))
                     {
                         row_idx.push(row as u32);

@@ -1,6 +1,6 @@
 //! Fill-reducing orders that put the unknowns of the contact last.
 //!
-//! The graph of the 2 × 2 blocks is ordered, not that of the unknowns: a quarter of the entries.
+//! The graph of the blocks is ordered, not that of the unknowns: a quarter of the entries in the plane, a ninth in space.
 //! Where coordinates are known, nested dissection by coordinates keeps the boundary in contact for the
 //! end at no cost in fill; without them, approximate minimum degree is told to plan for it by joining
 //! the contact unknowns of a body into a clique.
@@ -25,9 +25,9 @@ pub(super) struct Ordering {
 const LEAF: usize = 3000;
 
 /// Orders the unknowns of K; `touched` says which blocks B touches.
-pub(super) fn contact_last(
-    k: &BlockCsr<2>,
-    coordinates: Option<&[[f64; 2]]>,
+pub(super) fn contact_last<const D: usize>(
+    k: &BlockCsr<D>,
+    coordinates: Option<&[[f64; D]]>,
     touched: &[bool],
 ) -> Ordering {
     let (n_components, component) = k.components();
@@ -73,18 +73,18 @@ pub(super) fn contact_last(
             );
         }
     }
-    let n_leading = if trailing { 2 * blocks.len() } else { 0 };
+    let n_leading = if trailing { D * blocks.len() } else { 0 };
     let mut sizes = Vec::new();
     if trailing {
         for nodes in contact.iter().filter(|nodes| !nodes.is_empty()) {
-            sizes.push(2 * nodes.len());
+            sizes.push(D * nodes.len());
             blocks.extend(nodes);
         }
     }
     Ordering {
         order: blocks
             .into_iter()
-            .flat_map(|block| [2 * block, 2 * block + 1])
+            .flat_map(|block| (0..D as u32).map(move |c| D as u32 * block + c))
             .collect(),
         n_leading,
         sizes,
@@ -92,16 +92,16 @@ pub(super) fn contact_last(
 }
 
 /// Nested dissection by coordinates.
-struct Dissection<'a> {
-    k: &'a BlockCsr<2>,
-    points: &'a [[f64; 2]],
+struct Dissection<'a, const D: usize> {
+    k: &'a BlockCsr<D>,
+    points: &'a [[f64; D]],
     /// The part that a block belongs to at the moment; 0 for those that no part holds any more.
     part: &'a mut [u32],
     next_part: u32,
     order: &'a mut Vec<u32>,
 }
 
-impl Dissection<'_> {
+impl<const D: usize> Dissection<'_, D> {
     /// Appends an order of `nodes`: one half, the other half, then the blocks between them.
     fn dissect(&mut self, nodes: &mut [u32]) {
         if nodes.len() <= LEAF {
@@ -109,22 +109,24 @@ impl Dissection<'_> {
             self.order.extend(order);
             return;
         }
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let (mut low, mut high) = ([f64::INFINITY; D], [f64::NEG_INFINITY; D]);
         for &node in nodes.iter() {
-            for c in 0..2 {
+            for c in 0..D {
                 low[c] = low[c].min(self.points[node as usize][c]);
                 high[c] = high[c].max(self.points[node as usize][c]);
             }
         }
-        let axis = usize::from(high[1] - low[1] > high[0] - low[0]);
+        let extent = |c: usize| high[c] - low[c];
+        let axis = (1..D).fold(0, |axis, c| if extent(c) > extent(axis) { c } else { axis });
         let middle = nodes.len() / 2;
         let points = self.points;
         nodes.select_nth_unstable_by(middle, |&a, &b| {
             let (p, q) = (points[a as usize], points[b as usize]);
-            p[axis]
-                .total_cmp(&q[axis])
-                .then(p[1 - axis].total_cmp(&q[1 - axis]))
-                .then(a.cmp(&b))
+            let others = (0..D).filter(|&c| c != axis);
+            (std::iter::once(axis).chain(others))
+                .map(|c| p[c].total_cmp(&q[c]))
+                .find(|order| order.is_ne())
+                .unwrap_or_else(|| a.cmp(&b))
         });
         let (left, right) = (self.next_part, self.next_part + 1);
         self.next_part += 2;
@@ -152,7 +154,11 @@ impl Dissection<'_> {
 
 /// Approximate minimum degree on the subgraph of `nodes`, with the given cliques added (lists of
 /// sorted node numbers; only with all nodes).
-fn minimum_degree(k: &BlockCsr<2>, nodes: &[u32], cliques: &[Vec<u32>]) -> Vec<u32> {
+fn minimum_degree<const D: usize>(
+    k: &BlockCsr<D>,
+    nodes: &[u32],
+    cliques: &[Vec<u32>],
+) -> Vec<u32> {
     let n = nodes.len();
     if n < 3 {
         return nodes.to_vec();

@@ -5,8 +5,9 @@
 //! the true K, so that the answer is as accurate as that of the other path, whatever f32 has lost.
 
 use super::amg::{AmgError, Hierarchy, Multigrid, inverse_diagonal};
-use crate::backend::{Backend, GpuError, Progress, Run, power_of_two_below};
-use crate::dual::{Followed, Stop, Stopped};
+use crate::backend::{Backend, GpuError, Progress, Run};
+use crate::control::{Accuracy, Followed, SolveCounts, Stop, Stopped};
+use crate::sparse::stored::power_of_two_below;
 use crate::sparse::{BlockCsr, norm};
 use std::sync::Arc;
 
@@ -36,23 +37,6 @@ pub enum PcgError {
     },
     #[error("{0}")]
     Stopped(Stopped),
-}
-
-/// How accurately a system K x = b is solved; e is the error of x.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Accuracy {
-    /// ‖b − Kx‖ ≤ τ‖b‖.
-    Residual(f64),
-    /// √(eᵀKe) ≤ `absolute`, or ≤ `relative` · √(xᵀKx), or a sum of squares of the two.
-    ///
-    /// PCG lowers eᵀKe by α rᵀz in every iteration: Hestenes and Stiefel, J. Res. Nat. Bur. Standards 49
-    /// (1952) 409–436, §6; Strakoš and Tichý, ETNA 13 (2002) 56–80. Over up to nine iterations, what is
-    /// still to come is estimated from the last of these terms and from how fast they have fallen in the
-    /// runs before. A longer run has met a slow part of the spectrum, where they fall and rise again: there
-    /// the sum over the last fifth to third of the iterations is taken for what is still to come.
-    /// No such estimate knows of a part of the spectrum that PCG has not met yet: a stiff inclusion that
-    /// only moves after a long standstill comes as a surprise.
-    Energy { absolute: f64, relative: f64 },
 }
 
 /// Iterations between two looks at the progress, where the first look came too early: at least this many.
@@ -88,15 +72,6 @@ const GROWTH: f64 = 1e14;
 const ENERGY_GROWTH: f64 = 1e12;
 /// No run is called stalled before it has made so many iterations.
 const LEAST_ITERATIONS: usize = 300;
-
-/// What the solves have cost so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct SolveCounts {
-    /// Systems with K solved.
-    pub solves: usize,
-    /// Iterations, each with one application of the preconditioner.
-    pub iterations: usize,
-}
 
 /// How K⁻¹ is approximated inside CG.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]

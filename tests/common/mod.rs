@@ -7,13 +7,14 @@ pub mod runs;
 
 use signorini::backend::cpu::Cpu;
 use signorini::case::{Build, Case, Elastic, StepData};
-use signorini::dual::{Costs, DualOperator, NestedDual};
+use signorini::control::Costs;
+use signorini::dual::DirectDual;
+use signorini::dual::{DualOperator, NestedDual};
 use signorini::output::ContactFields;
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::quasistatic::{self, State, StepSolution};
 use signorini::sparse::{BlockCsr, Csr};
 use signorini::ssnm::{self, SetSizes, Settings, Solution, Status};
-use signorini::stiffness::cholesky::CholeskyDual;
 use signorini::stiffness::pcg::Preconditioner;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -164,7 +165,7 @@ pub fn manufactured(n: usize, nodes: &[Node], general: bool, random: &mut Random
 
 /// Solves on the direct path.
 pub fn solve(problem: &ContactProblem, settings: &Settings) -> Solution {
-    let mut dual = CholeskyDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
+    let mut dual = DirectDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
     ssnm::solve(problem, &mut dual, settings, |_| ControlFlow::Continue(()))
         .unwrap_or_else(|error| panic!("{error}"))
 }
@@ -281,7 +282,7 @@ pub fn run_steps(
 pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 3] {
     let build = case.build().unwrap_or_else(|error| panic!("{error}"));
     let problem = &build.problem;
-    let mut dual = CholeskyDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
+    let mut dual = DirectDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
     let mut settings = case.settings();
     settings.ssnm.tolerance = tolerance;
     let mut state = State::at_rest(problem);
@@ -332,7 +333,7 @@ pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 3] {
 pub fn solve_case(text: &str, tolerance: f64) -> Solved {
     let case = case(text);
     let build = case.build().unwrap_or_else(|error| panic!("{error}"));
-    let mut dual = CholeskyDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
+    let mut dual = DirectDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
     let mut settings = case.settings();
     settings.ssnm.tolerance = tolerance;
     let (data, steps) = run_steps(&case, &build, &mut dual, &settings);

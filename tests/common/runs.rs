@@ -2,11 +2,11 @@
 
 use super::cases::Trial;
 use signorini::backend::cpu::Cpu;
+use signorini::dual::DirectDual;
 use signorini::dual::{DualOperator, NestedDual};
 use signorini::problem::ContactProblem;
 use signorini::quasistatic::{self, Settings, State, StepSolution};
 use signorini::ssnm::Status;
-use signorini::stiffness::cholesky::CholeskyDual;
 use signorini::stiffness::pcg::Preconditioner;
 use std::cell::RefCell;
 use std::ops::ControlFlow;
@@ -33,7 +33,7 @@ impl Way {
 
     pub fn dual(self, problem: &ContactProblem) -> Result<Box<dyn DualOperator>, String> {
         Ok(match self {
-            Self::Cholesky => Box::new(CholeskyDual::new(problem).map_err(|e| e.to_string())?),
+            Self::Cholesky => Box::new(DirectDual::new(problem).map_err(|e| e.to_string())?),
             Self::Pcg => Box::new(
                 NestedDual::new(problem, Cpu::<f32>::default(), Preconditioner::Multigrid)
                     .map_err(|e| e.to_string())?,

@@ -1,6 +1,6 @@
 //! The kernels of the multigrid levels on the CPU, in f32 or f64.
 
-use crate::stiffness::amg::{BlockMatrix, BlockView, Dense, Real};
+use crate::sparse::stored::{BlockMatrix, BlockView, Dense, Real, times};
 use rayon::prelude::*;
 
 /// Block rows of one parallel task.
@@ -179,10 +179,4 @@ fn add<const B: usize, S: Real>(x: &mut [S; B], y: [S; B]) {
     for c in 0..B {
         x[c] += y[c];
     }
-}
-
-/// A block times a vector.
-#[inline(always)]
-pub(crate) fn times<const B: usize, S: Real>(block: &[[S; B]; B], x: &[S; B]) -> [S; B] {
-    block.map(|row| (0..B).fold(S::default(), |sum, k| sum + row[k] * x[k]))
 }

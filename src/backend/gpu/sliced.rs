@@ -2,7 +2,7 @@
 //! that fit into one binding.
 
 use crate::sparse::BlockCsr;
-use crate::stiffness::amg::BlockMatrix;
+use crate::sparse::stored::BlockMatrix;
 use rayon::prelude::*;
 use std::ops::Range;
 

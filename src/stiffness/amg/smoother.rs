@@ -1,7 +1,6 @@
 //! The data of the Chebyshev smoother: inverse diagonal blocks, spectral radius, coefficients.
 
-use super::matrix::{BlockMatrix, Real};
-use crate::backend::cpu::times;
+use crate::sparse::stored::{BlockMatrix, Real, times};
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
 

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::backend::cpu::Cpu;
-use crate::dual::Stop;
+use crate::control::Stop;
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
 use crate::mesh::structured::{CellShape, rectangle};
 use crate::mesh::{Element, Mesh};

@@ -2,13 +2,13 @@
 
 use super::*;
 use crate::backend::cpu::Cpu;
+use crate::dual::DirectDual;
 use crate::dual::{DualOperator, NestedDual};
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
 use crate::mesh::structured::{CellShape, rectangle};
 use crate::problem::{ContactData, ContactProblem, FreeBodies};
 use crate::sparse::{Csr, dot};
 use crate::ssnm::{self, Status};
-use crate::stiffness::cholesky::CholeskyDual;
 use std::ops::ControlFlow;
 
 /// √(eᵀKe) of e = x − y.
@@ -486,7 +486,7 @@ fn hexahedra_on_a_floor(
 fn products_on_both_paths(problem: &ContactProblem, what: &str) {
     let settings = ssnm::Settings::default();
     let go_on = |_: &ssnm::Step| ControlFlow::Continue(());
-    let mut direct = CholeskyDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
+    let mut direct = DirectDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
     let mut nested = NestedDual::new(problem, Cpu::<f32>::default(), Preconditioner::Multigrid)
         .unwrap_or_else(|error| panic!("{error}"));
     let [a, b] = [&mut direct as &mut dyn DualOperator, &mut nested].map(|dual| {

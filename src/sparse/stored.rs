@@ -1,11 +1,11 @@
-//! The stored form of the hierarchy: sparse matrices of small blocks with 32-bit indices, in f32 or f64.
+//! Matrices as kernels take them: blocks of a shape that is known at run time, 32-bit indices, in f32 or f64.
 
-use crate::sparse::BlockCsr;
+use super::BlockCsr;
 use rayon::prelude::*;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Sub};
 
-/// A real number that a hierarchy can be stored in.
+/// A real number that a matrix can be stored in.
 pub trait Real:
     Copy
     + Debug
@@ -63,7 +63,7 @@ pub struct BlockMatrix<S> {
 
 impl<S: Real> BlockMatrix<S> {
     /// `scale` · `matrix`, rounded to S.
-    pub(super) fn new<const R: usize, const C: usize>(matrix: &BlockCsr<R, C>, scale: f64) -> Self {
+    pub(crate) fn new<const R: usize, const C: usize>(matrix: &BlockCsr<R, C>, scale: f64) -> Self {
         Self {
             block: [R, C],
             n_block_cols: matrix.n_block_cols(),
@@ -138,10 +138,34 @@ impl<const R: usize, const C: usize, S: Real> BlockView<'_, R, C, S> {
 }
 
 /// `scale` · `values`, rounded to S.
-pub(super) fn store<S: Real>(values: &[f64], scale: f64) -> Vec<S> {
+pub(crate) fn store<S: Real>(values: &[f64], scale: f64) -> Vec<S> {
     values
         .par_iter()
         .with_min_len(1 << 14)
         .map(|&v| S::from_f64(v * scale))
         .collect()
+}
+
+/// A dense symmetric matrix, row by row.
+#[derive(Clone, Debug)]
+pub struct Dense<S> {
+    /// Rows.
+    pub n: usize,
+    /// n² entries.
+    pub values: Vec<S>,
+}
+
+/// A block times a vector.
+#[inline(always)]
+pub(crate) fn times<const B: usize, S: Real>(block: &[[S; B]; B], x: &[S; B]) -> [S; B] {
+    block.map(|row| (0..B).fold(S::default(), |sum, k| sum + row[k] * x[k]))
+}
+
+/// The power of two at or below a positive number; 1 for anything else.
+pub(crate) fn power_of_two_below(x: f64) -> f64 {
+    if x > 0.0 && x.is_finite() {
+        x.log2().floor().clamp(-1000.0, 1000.0).exp2()
+    } else {
+        1.0
+    }
 }

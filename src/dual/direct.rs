@@ -1,0 +1,266 @@
+//! The dual operator on the factor of K.
+//!
+//! A product with A needs only the dense trailing blocks of the factor ([`Factor`]), the right-hand side one forward
+//! sweep over the rest for the whole contact problem, and the displacement one backward sweep at the end.
+//!
+//! Where bodies can move as a whole, as many unknowns as they have motions are fixed. Loads in balance cause no
+//! reaction there.
+
+use super::{DualError, DualOperator};
+use crate::control::{Accuracy, Followed, Stop};
+use crate::problem::ContactProblem;
+use crate::sparse::{BlockCsr, Csr, norm};
+use crate::stiffness::cholesky::{Factor, FactorError, Plan};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// A relative residual of the probe solve that needs no second look.
+const PROBE_LIMIT: f64 = 1e-6;
+/// The backward error of the probe solve, and its relative error by one step of refinement, that are accepted at most.
+/// Slender bodies have large residuals beside small loads: there K x is a small difference of large terms.
+const BACKWARD_LIMIT: f64 = 1e-12;
+const FORWARD_LIMIT: f64 = 1e-4;
+/// Steps of iterative refinement at most.
+const REFINEMENTS: usize = 3;
+/// The dual operator of a problem on the factor of K.
+pub struct DirectDual {
+    factor: Factor,
+    /// B₂: 2m rows (N, then T) over the trailing positions.
+    b: Csr,
+    k: Arc<BlockCsr<2>>,
+    /// B over all unknowns.
+    contact: Csr,
+    /// f.
+    load: Vec<f64>,
+    /// The forward half of a solve with f.
+    reduced_load: Vec<f64>,
+    /// c = (d, origin of slip).
+    offsets: Vec<f64>,
+    workspace: Vec<f64>,
+    /// K is so badly conditioned that displacements are refined with residuals of twice the precision, and r is made
+    /// from them.
+    refined: bool,
+    /// Seconds for one full solve with K (the probe).
+    pub solve_seconds: f64,
+}
+
+/// The order of elimination for a problem and the pattern of the factor.
+pub(crate) fn plan(problem: &ContactProblem) -> Result<Plan, FactorError> {
+    let touched = problem.touched();
+    let fixed = (problem.free_bodies()).unknowns_to_fix(|unknown| touched[unknown / 2]);
+    Plan::new(problem.stiffness(), problem.coordinates(), &touched, fixed)
+}
+
+impl DirectDual {
+    /// Factorises K of the problem and checks the factor with a solve.
+    pub fn new(problem: &ContactProblem) -> Result<Self, FactorError> {
+        Self::with_plan(problem, plan(problem)?)
+    }
+
+    /// As [`DirectDual::new`], with a plan made for the same problem before.
+    pub(crate) fn with_plan(problem: &ContactProblem, plan: Plan) -> Result<Self, FactorError> {
+        let k = problem.stiffness();
+        let factor = Factor::new(k, plan).map_err(|error| match error {
+            FactorError::NotPositiveDefinite { unknown, .. } => FactorError::NotPositiveDefinite {
+                unknown,
+                place: problem.place_of(unknown - 1),
+            },
+            error => error,
+        })?;
+        let trailing = factor.n() - factor.n_leading();
+        let contact = problem.contact_matrix();
+        let entries = contact.triplets().filter_map(|(i, j, v)| {
+            let position = factor.position(j)?;
+            Some((i, position - factor.n_leading(), v))
+        });
+        let b = Csr::from_triplets(contact.n_rows(), trailing, entries);
+        let mut dual = Self {
+            b,
+            k: Arc::clone(k),
+            contact,
+            load: Vec::new(),
+            reduced_load: Vec::new(),
+            offsets: problem.offsets(),
+            workspace: vec![0.0; trailing],
+            refined: false,
+            solve_seconds: 0.0,
+            factor,
+        };
+        dual.probe(problem)?;
+        Ok(dual)
+    }
+
+    /// The factor of K.
+    pub fn factor(&self) -> &Factor {
+        &self.factor
+    }
+
+    /// Solves K x = f, checks the residual, and keeps the forward half for all that follows.
+    fn probe(&mut self, problem: &ContactProblem) -> Result<(), FactorError> {
+        let n = self.factor.n();
+        let f = problem.load();
+        let zero_load = f.iter().all(|&v| v == 0.0);
+        // Without a load anything will do that excites every unknown.
+        let mut test: Vec<f64> = if zero_load {
+            (0..n).map(|i| 1.0 + (i % 7) as f64).collect()
+        } else {
+            f.to_vec()
+        };
+        let start = Instant::now();
+        self.reduced_load = self.factor.reduce(&test);
+        let mut x = self.reduced_load.clone();
+        if zero_load {
+            self.reduced_load.fill(0.0);
+        }
+        self.load = f.to_vec();
+        let u = self.factor.finish(&mut x);
+        self.solve_seconds = start.elapsed().as_secs_f64();
+        self.factor.release(&mut test);
+        // Without the reactions, where the load is not in balance.
+        let residual = self.residual(&u, &test);
+        if norm(&residual) <= PROBE_LIMIT * norm(&test) {
+            return Ok(());
+        }
+        let backward = norm(&residual) / norm(&self.terms(&u, &test));
+        let mut x = self.factor.reduce(&residual);
+        let error = norm(&self.factor.finish(&mut x)) / norm(&u);
+        // Written so that NaN is refused.
+        if backward <= BACKWARD_LIMIT && error <= FORWARD_LIMIT {
+            self.refined = true;
+            return Ok(());
+        }
+        Err(FactorError::BadFactor {
+            error,
+            limit: FORWARD_LIMIT,
+            backward,
+        })
+    }
+
+    /// f − K u where nothing is fixed; in twice the precision for a K that needs it.
+    fn residual(&self, u: &[f64], f: &[f64]) -> Vec<f64> {
+        let mut rest: Vec<f64> = f.to_vec();
+        if self.refined {
+            // Sum and error of each row (Ogita, Rump and Oishi 2005).
+            let mut errors = vec![0.0; f.len()];
+            for (i, j, value) in self.k.triplets() {
+                let product = -value * u[j];
+                let sum = rest[i] + product;
+                let part = sum - rest[i];
+                errors[i] += (-value).mul_add(u[j], -product)
+                    + ((rest[i] - (sum - part)) + (product - part));
+                rest[i] = sum;
+            }
+            rest.iter_mut().zip(errors).for_each(|(r, e)| *r += e);
+        } else {
+            self.k.mul(u, &mut rest);
+            rest.iter_mut().zip(f).for_each(|(r, f)| *r = f - *r);
+        }
+        self.factor.release(&mut rest);
+        rest
+    }
+
+    /// |K| |x| + |f|: what K x − f is a difference of.
+    fn terms(&self, x: &[f64], f: &[f64]) -> Vec<f64> {
+        let mut terms: Vec<f64> = f.iter().map(|f| f.abs()).collect();
+        for (i, j, value) in self.k.triplets() {
+            terms[i] += (value * x[j]).abs();
+        }
+        terms
+    }
+}
+
+impl DualOperator for DirectDual {
+    fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
+        if self.load != load {
+            self.reduced_load = self.factor.reduce(load);
+            self.load.copy_from_slice(load);
+        }
+        self.offsets.copy_from_slice(offsets);
+        Ok(())
+    }
+
+    fn apply(
+        &mut self,
+        p: &[f64],
+        y: &mut [f64],
+        _accuracy: Accuracy,
+        _stop: &Stop,
+    ) -> Result<(), DualError> {
+        let mut x = std::mem::take(&mut self.workspace);
+        x.fill(0.0);
+        self.b.mul_transpose_add(1.0, p, &mut x);
+        self.factor.solve_touched(&mut x);
+        self.b.mul(&x, y);
+        self.workspace = x;
+        Ok(())
+    }
+
+    fn right_hand_side(
+        &mut self,
+        b: &mut [f64],
+        _accuracy: Accuracy,
+        _stop: &Stop,
+    ) -> Result<(), DualError> {
+        let mut x = self.reduced_load[self.factor.n_leading()..].to_vec();
+        self.factor.solve_touched(&mut x);
+        self.b.mul(&x, b);
+        for (b, c) in b.iter_mut().zip(&self.offsets) {
+            *b -= c;
+        }
+        Ok(())
+    }
+
+    fn displacement(
+        &mut self,
+        lambda: &[f64],
+        residual: f64,
+        _stop: &Stop,
+    ) -> Result<Vec<f64>, DualError> {
+        let mut x = self.reduced_load.clone();
+        self.b
+            .mul_transpose_add(-1.0, lambda, &mut x[self.factor.n_leading()..]);
+        let mut u = self.factor.finish(&mut x);
+        let mut forces = self.load.clone();
+        self.contact.mul_transpose_add(-1.0, lambda, &mut forces);
+        // Refined where rounding has left too much.
+        let mut before = f64::INFINITY;
+        for _ in 0..REFINEMENTS {
+            let rest = self.residual(&u, &forces);
+            let left = norm(&rest);
+            if !self.refined && (left <= residual || !(left <= 0.5 * before)) {
+                break;
+            }
+            let mut x = self.factor.reduce(&rest);
+            let correction = self.factor.finish(&mut x);
+            let moved = norm(&correction);
+            // The residual says little where K x is a small difference of large terms.
+            if self.refined && !(moved <= 0.5 * before) {
+                break;
+            }
+            before = if self.refined { moved } else { left };
+            u.iter_mut().zip(correction).for_each(|(u, c)| *u += c);
+            if self.refined && moved <= f64::EPSILON * norm(&u) {
+                break;
+            }
+        }
+        Ok(u)
+    }
+
+    fn gradient(
+        &mut self,
+        lambda: &[f64],
+        r: &mut [f64],
+        _accuracy: Accuracy,
+        stop: &Stop,
+    ) -> Result<Option<Followed>, DualError> {
+        if !self.refined {
+            return Ok(None);
+        }
+        let u = self.displacement(lambda, 0.0, stop)?;
+        self.contact.mul(&u, r);
+        for (r, c) in r.iter_mut().zip(&self.offsets) {
+            *r = c - *r;
+        }
+        Ok(Some(Followed::default()))
+    }
+}
