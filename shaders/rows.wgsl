@@ -1,8 +1,7 @@
 // y[target] = (y[target] +) Σ value · x[column] over the entries of each row: products with B and Bᵀ, of
 // which only the rows that have entries are stored.
-
-/// The sums are added to y instead of replacing it.
-const ADD: u32 = 1u;
+//
+// Flags: ADD: the sums are added to y instead of replacing it.
 
 @group(0) @binding(0) var<uniform> params: Params;
 /// First entry of each row, and one past the last.
@@ -16,7 +15,7 @@ const ADD: u32 = 1u;
 @group(0) @binding(6) var<storage, read_write> y: array<real>;
 
 @compute @workgroup_size(WIDTH)
-fn rows(
+fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,

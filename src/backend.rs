@@ -2,21 +2,128 @@
 //!
 //! [`Backend`] is cut at the size of a kernel: each method is one fused pass over the data, and the
 //! scalars of an iteration stay where the vectors are. The algorithms ([`crate::stiffness::pcg`]) are
-//! written once over it; [`cpu::Cpu`] is the reference and the fallback, [`gpu::Gpu`] runs the WGSL
-//! kernels in `shaders/`.
+//! written once over it; [`cpu::Cpu`] is the reference and the fallback, `gpu::Gpu` runs the WGSL
+//! kernels in `shaders/`. Nothing here knows the dimension of space: the shape of a block is a number.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
 pub mod gpu;
 
 use crate::control::Counters;
-use crate::sparse::stored::{BlockMatrix, Dense, Real, power_of_two_below};
-use crate::sparse::{BlockCsr, Csr};
+use crate::sparse::Csr;
+use crate::sparse::stored::{BlockMatrix, Dense, Real, SquareBlocks};
+use std::fmt;
 use std::sync::Arc;
 
-pub use gpu::GpuError;
+/// A backend could not do what it was asked for, or has failed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BackendError {
+    /// The shape of the blocks of a matrix is none that kernels were made for.
+    #[error("there is no kernel for a matrix of {rows} × {columns} blocks")]
+    NoKernel {
+        /// Rows of a block.
+        rows: usize,
+        /// Columns of a block.
+        columns: usize,
+    },
+    /// It does not fit.
+    #[error(
+        "{what} needs {needed_mib} MiB, but the adapter \"{adapter}\" offers {offered_mib} MiB; \
+         use a coarser mesh, a larger GPU, or the CPU"
+    )]
+    TooLarge {
+        /// What there is no room for.
+        what: &'static str,
+        /// The device.
+        adapter: String,
+        /// All that would be allocated then.
+        needed_mib: u64,
+        /// The limit.
+        offered_mib: u64,
+    },
+    /// The device has no memory left.
+    #[error(
+        "the adapter \"{adapter}\" has no memory left; close other programs that use it, or use the CPU"
+    )]
+    OutOfMemory {
+        /// The device.
+        adapter: String,
+    },
+    /// A slice of a matrix exceeds a binding.
+    #[error(
+        "a row of the matrix has so many entries that 32 such rows exceed one binding of the adapter \
+         \"{adapter}\" ({limit_mib} MiB); use the CPU"
+    )]
+    DenseRow {
+        /// The device.
+        adapter: String,
+        /// The limit.
+        limit_mib: u64,
+    },
+    /// The device is gone.
+    #[error("the device \"{adapter}\" was lost: {reason}")]
+    Lost {
+        /// The device.
+        adapter: String,
+        /// What the driver says.
+        reason: String,
+    },
+    /// The driver has reported an error.
+    #[error("the driver of \"{adapter}\" reported a fault: {reason}")]
+    Fault {
+        /// The device.
+        adapter: String,
+        /// What the driver says.
+        reason: String,
+    },
+}
 
-/// A 2×2 block, by rows.
-pub type Block = [[f64; 2]; 2];
+/// Arithmetic of the kernels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// Vectors and K in f64, the preconditioner in f32.
+    #[default]
+    F64,
+    /// Everything in f32; f64 accuracy comes from refinement around it.
+    F32,
+}
+
+impl Precision {
+    /// Bytes of a real number.
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::F64 => 8,
+            Self::F32 => 4,
+        }
+    }
+}
+
+impl fmt::Display for Precision {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::F64 => "f64",
+            Self::F32 => "f32",
+        })
+    }
+}
+
+/// What to ask of a GPU.
+#[derive(Clone, Debug, Default)]
+pub struct GpuOptions {
+    /// A part of the adapter's name, or its number in the list of adapters; None takes the best one
+    /// (the variable `WGPU_ADAPTER_NAME`, if set, stands for a name).
+    pub adapter: Option<String>,
+    /// None takes f64 where the adapter has it.
+    pub precision: Option<Precision>,
+    /// Bytes of one storage binding to use at most, below what the adapter allows.
+    pub max_binding: Option<u64>,
+    /// Runs the kernels with wgpu's own checks of every index and loop.
+    pub checked: bool,
+    /// Only a real GPU will do, no software adapter.
+    pub hardware_only: bool,
+}
 
 /// How far a CG run has come.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,17 +193,29 @@ fn block_is_full(terms: usize, iterations: usize) -> bool {
     terms >= (iterations / 5).max(1)
 }
 
+/// What becomes of a product with a matrix of a multigrid level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Product {
+    /// y = M x.
+    Plain,
+    /// y += M x.
+    Added,
+    /// y = b − M x.
+    Residual,
+}
+
 /// One fused pass over the data per method.
 ///
 /// Methods that return nothing may only record their work; whatever goes wrong in them shows in the next
 /// method that returns a [`Result`]. Work recorded for a CG run that is done has no effect.
+///
+/// # Panics
+/// Where the sizes of what is handed over do not fit together.
 pub trait Backend {
-    /// Real numbers, in pairs: the two unknowns of a node.
+    /// Real numbers.
     type Vector;
-    /// K in 2×2 blocks.
+    /// K, in square blocks.
     type Matrix;
-    /// D⁻¹ of block-Jacobi, up to a common factor.
-    type BlockDiagonal;
     /// A rectangular matrix of which most rows are empty: B, Bᵀ.
     type Rows;
     /// The scalars of a CG run.
@@ -117,26 +236,25 @@ pub trait Backend {
     /// What it has done so far.
     fn counters(&self) -> Counters;
 
-    /// A vector of `len` zeros; `len` is rounded up to a whole pair.
-    fn vector(&mut self, len: usize) -> Result<Self::Vector, GpuError>;
+    /// A vector of `len` zeros.
+    fn vector(&mut self, len: usize) -> Result<Self::Vector, BackendError>;
     /// The matrix, and the factor by which the stored one is larger: f32 has a narrow range.
-    fn matrix(&mut self, k: &Arc<BlockCsr<2>>) -> Result<(Self::Matrix, f64), GpuError>;
-    /// The blocks of D⁻¹, one per pair; stored in f32.
-    fn block_diagonal(&mut self, blocks: &[Block]) -> Result<Self::BlockDiagonal, GpuError>;
+    fn matrix(&mut self, k: Arc<dyn SquareBlocks>) -> Result<(Self::Matrix, f64), BackendError>;
     /// A rectangular matrix that maps vectors like `from` to vectors like `to`.
     fn rows(
         &mut self,
         matrix: &Csr,
         from: &Self::Vector,
         to: &Self::Vector,
-    ) -> Result<Self::Rows, GpuError>;
+    ) -> Result<Self::Rows, BackendError>;
     /// Scalars of a CG run on vectors like `like`.
-    fn state(&mut self, k: &Self::Matrix, like: &Self::Vector) -> Result<Self::State, GpuError>;
+    fn state(&mut self, k: &Self::Matrix, like: &Self::Vector)
+    -> Result<Self::State, BackendError>;
 
     /// Copies numbers of the host into a vector; fewer than its length leave the rest as it is.
     fn upload(&mut self, from: &[f64], to: &mut Self::Vector);
     /// Copies a vector to the host.
-    fn download(&mut self, from: &Self::Vector, to: &mut [f64]) -> Result<(), GpuError>;
+    fn download(&mut self, from: &Self::Vector, to: &mut [f64]) -> Result<(), BackendError>;
     /// to = from.
     fn copy(&mut self, from: &Self::Vector, to: &mut Self::Vector);
     /// x = 0.
@@ -146,58 +264,67 @@ pub trait Backend {
     /// y −= K x.
     fn subtract_product(&mut self, k: &Self::Matrix, x: &Self::Vector, y: &mut Self::Vector);
 
-    /// Starts CG with block-Jacobi for K x = b, r = b on entry: p = D⁻¹r, and x = 0 unless it continues.
-    fn cg_start(
+    /// Starts CG for K x = b, r = b on entry: r rounded for the preconditioner, and x = 0 unless it continues.
+    fn start(
         &mut self,
-        d: &Self::BlockDiagonal,
         r: &Self::Vector,
         x: &mut Self::Vector,
-        p: &mut Self::Vector,
+        rounded: &mut Self::LevelVector,
         state: &mut Self::State,
         run: Run,
     );
     /// q = K p, and pᵀq.
-    fn cg_multiply(
+    fn multiply(
         &mut self,
         k: &Self::Matrix,
         p: &Self::Vector,
         q: &mut Self::Vector,
         state: &mut Self::State,
     );
-    /// α = rᵀz / pᵀq, x += α p, r −= α q, and rᵀz, rᵀr for the new r, where z = D⁻¹r.
-    fn cg_step_1(
+    /// α = rᵀz / pᵀq, x += α p, r −= α q, r rounded for the preconditioner; ends the run where its goal is
+    /// reached.
+    fn step(
         &mut self,
-        d: &Self::BlockDiagonal,
         p: &Self::Vector,
         q: &Self::Vector,
         x: &mut Self::Vector,
         r: &mut Self::Vector,
+        rounded: &mut Self::LevelVector,
         state: &mut Self::State,
     );
-    /// β = new rᵀz / old rᵀz, p = z + β p; ends the run where its goal is reached.
-    fn cg_step_2(
+    /// β = new rᵀz / old rᵀz (0 in the first iteration), p = z + β p.
+    fn direction(
         &mut self,
-        d: &Self::BlockDiagonal,
         r: &Self::Vector,
+        z: &Self::LevelVector,
         p: &mut Self::Vector,
         state: &mut Self::State,
     );
+    /// Waits for all work so far; the progress of the run, and a short vector along with it.
+    fn progress(
+        &mut self,
+        state: &Self::State,
+        result: Option<(&Self::Vector, &mut [f64])>,
+    ) -> Result<Progress, BackendError>;
+
     /// A vector of `len` zeros for a multigrid level.
-    fn level_vector(&mut self, len: usize) -> Result<Self::LevelVector, GpuError>;
+    fn level_vector(&mut self, len: usize) -> Result<Self::LevelVector, BackendError>;
     /// A matrix of a multigrid level.
-    fn level_matrix(&mut self, m: BlockMatrix<Self::Stored>)
-    -> Result<Self::LevelMatrix, GpuError>;
+    fn level_matrix(
+        &mut self,
+        m: BlockMatrix<Self::Stored>,
+    ) -> Result<Self::LevelMatrix, BackendError>;
     /// D⁻¹ of a level: square blocks of `block` rows, by rows.
     fn level_diagonal(
         &mut self,
         values: Vec<Self::Stored>,
         block: usize,
-    ) -> Result<Self::LevelDiagonal, GpuError>;
+    ) -> Result<Self::LevelDiagonal, BackendError>;
     /// A dense matrix.
-    fn dense_matrix(&mut self, m: Dense<Self::Stored>) -> Result<Self::DenseMatrix, GpuError>;
+    fn dense_matrix(&mut self, m: Dense<Self::Stored>) -> Result<Self::DenseMatrix, BackendError>;
 
     /// First smoothing step from x = 0: d = c D⁻¹b, x = d.
-    fn chebyshev_first(
+    fn smooth_first(
         &mut self,
         state: &Self::State,
         inverse_diagonal: &Self::LevelDiagonal,
@@ -208,7 +335,7 @@ pub trait Backend {
     );
     /// A smoothing step: d = c₁ d + c₂ D⁻¹(b − A x), x_next = x + d.
     #[allow(clippy::too_many_arguments, reason = "one fused pass over this data")]
-    fn chebyshev_step(
+    fn smooth(
         &mut self,
         state: &Self::State,
         a: &Self::LevelMatrix,
@@ -219,28 +346,13 @@ pub trait Backend {
         d: &mut Self::LevelVector,
         x_next: &mut Self::LevelVector,
     );
-    /// r = b − A x.
-    fn level_residual(
+    /// A product with a matrix of a level, y made of it as `product` says; `b` is read for a residual only.
+    fn level_multiply(
         &mut self,
         state: &Self::State,
-        a: &Self::LevelMatrix,
+        m: &Self::LevelMatrix,
+        product: Product,
         b: &Self::LevelVector,
-        x: &Self::LevelVector,
-        r: &mut Self::LevelVector,
-    );
-    /// y = M x.
-    fn level_product(
-        &mut self,
-        state: &Self::State,
-        m: &Self::LevelMatrix,
-        x: &Self::LevelVector,
-        y: &mut Self::LevelVector,
-    );
-    /// y += M x.
-    fn level_product_add(
-        &mut self,
-        state: &Self::State,
-        m: &Self::LevelMatrix,
         x: &Self::LevelVector,
         y: &mut Self::LevelVector,
     );
@@ -252,55 +364,4 @@ pub trait Backend {
         b: &Self::LevelVector,
         x: &mut Self::LevelVector,
     );
-
-    /// Starts CG with multigrid for K x = b, r = b on entry: r rounded for the cycle, and x = 0 unless it
-    /// continues.
-    fn mg_load(
-        &mut self,
-        r: &Self::Vector,
-        x: &mut Self::Vector,
-        rounded: &mut Self::LevelVector,
-        state: &mut Self::State,
-        run: Run,
-    );
-    /// α = rᵀz / pᵀq, x += α p, r −= α q, r rounded for the cycle; ends the run where its goal is reached.
-    fn mg_step_1(
-        &mut self,
-        p: &Self::Vector,
-        q: &Self::Vector,
-        x: &mut Self::Vector,
-        r: &mut Self::Vector,
-        rounded: &mut Self::LevelVector,
-        state: &mut Self::State,
-    );
-    /// β = new rᵀz / old rᵀz (0 in the first iteration), p = z + β p.
-    fn mg_step_2(
-        &mut self,
-        r: &Self::Vector,
-        z: &Self::LevelVector,
-        p: &mut Self::Vector,
-        state: &mut Self::State,
-    );
-
-    /// Waits for all work so far; the progress of the run, and a short vector along with it.
-    fn progress(
-        &mut self,
-        state: &Self::State,
-        result: Option<(&Self::Vector, &mut [f64])>,
-    ) -> Result<Progress, GpuError>;
-}
-
-/// Blocks in f32, by rows, times a power of two that brings the largest near one, so that the unit of K
-/// does not leave the range of f32.
-fn scaled_to_f32(blocks: &[Block]) -> Vec<[f32; 4]> {
-    let largest = blocks
-        .iter()
-        .flatten()
-        .flatten()
-        .fold(0.0, |acc: f64, v| acc.max(v.abs()));
-    let scale = power_of_two_below(largest).recip();
-    blocks
-        .iter()
-        .map(|b| [b[0][0], b[0][1], b[1][0], b[1][1]].map(|v| (v * scale) as f32))
-        .collect()
 }

@@ -5,8 +5,8 @@
 //! once, each output written once) at the bandwidth of a copy measured in the same run.
 
 use crate::backend::cpu::Cpu;
-use crate::backend::gpu::{Context, Gpu, Precision};
-use crate::backend::{Backend, GpuError};
+use crate::backend::gpu::{Context, Gpu, GpuError};
+use crate::backend::{Backend, BackendError, Precision};
 use crate::dual::{DirectDual, DualError, DualOperator, NestedDual};
 use crate::output::{forget_peak_memory, peak_memory_mib};
 use crate::problem::ContactProblem;
@@ -25,6 +25,8 @@ use std::time::Instant;
 pub enum BenchError {
     #[error(transparent)]
     Gpu(#[from] GpuError),
+    #[error(transparent)]
+    Backend(#[from] BackendError),
     #[error(transparent)]
     Pcg(#[from] PcgError),
     #[error(transparent)]
@@ -127,7 +129,7 @@ fn speeds<B: Backend>(
 
     let tiny = crate::sparse::Csr::from_triplets(1, n, [(0, 0, 1.0)]);
     let b = &mut pcg.backend;
-    let (matrix, _) = b.matrix(k)?;
+    let (matrix, _) = b.matrix(Arc::clone(k) as _)?;
     let (mut x, mut y) = (b.vector(n)?, b.vector(n)?);
     b.upload(problem.load(), &mut x);
     let mut one = b.vector(1)?;
@@ -188,37 +190,33 @@ fn cpu_copy() -> f64 {
     (2 * 8 * LEN) as f64 / best
 }
 
-/// Simple work on the CPU and, with a context, on its device.
-pub fn measure(
-    problem: &ContactProblem,
-    context: Option<&Arc<Context>>,
-) -> Result<Vec<Speeds>, BenchError> {
-    let mut all = vec![speeds(
-        "cpu".to_owned(),
-        Cpu::<f32>::default(),
-        problem,
-        cpu_copy(),
-        8,
-    )?];
-    if let Some(context) = context {
-        let mut gpu = Gpu::new(context)?;
-        let copy = gpu.copy_bandwidth()?;
-        let real = context.precision.bytes() as usize;
-        let path = format!("gpu {}", context.precision);
-        // In f32 a solve to 1e-8 consists of corrections: the iteration is that of PCG in f32 all the same.
-        all.push(speeds(path, gpu, problem, copy, real)?);
-    }
-    Ok(all)
+/// Simple work on the CPU.
+pub fn measure(problem: &ContactProblem) -> Result<Speeds, BenchError> {
+    let cpu = Cpu::<f32>::default();
+    speeds("cpu".to_owned(), cpu, problem, cpu_copy(), 8)
+}
+
+/// Simple work on a device.
+pub fn measure_gpu(problem: &ContactProblem, context: &Arc<Context>) -> Result<Speeds, BenchError> {
+    let mut gpu = Gpu::new(context)?;
+    let copy = gpu.copy_bandwidth()?;
+    let real = context.precision.bytes();
+    let path = format!("gpu {}", context.precision);
+    // In f32 a solve to 1e-8 consists of corrections: the iteration is that of PCG in f32 all the same.
+    speeds(path, gpu, problem, copy, real)
 }
 
 /// A way to solve.
-pub enum Path<'a> {
+pub enum Path {
+    /// On the factor.
     CpuCholesky,
+    /// By PCG on the CPU.
     CpuPcg,
-    Gpu(&'a Arc<Context>),
+    /// By PCG on a device.
+    Gpu(Arc<Context>),
 }
 
-impl Path<'_> {
+impl Path {
     /// The name of its place among the [`Speeds`].
     fn place(&self) -> String {
         match self {

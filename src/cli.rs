@@ -1,14 +1,17 @@
 //! The command line: arguments, progress, exit codes. No numerics.
 
+#[cfg(feature = "gpu")]
 mod adapters;
+#[cfg(feature = "gpu")]
 mod bench;
 mod check;
 mod solve;
 mod table1;
 
 use clap::{Parser, Subcommand, ValueEnum};
-use signorini::backend::gpu;
+use signorini::backend;
 use signorini::engine;
+use signorini::stiffness::pcg;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -43,8 +46,10 @@ enum Command {
     /// Reproduce Table 1 of the paper: outer steps and products with A
     Table1(Table1Arguments),
     /// CPU against GPU, direct against iterative, on the same contact problem (reference case B)
+    #[cfg(feature = "gpu")]
     Bench(BenchArguments),
     /// List the GPUs and software adapters, the one that would be taken first
+    #[cfg(feature = "gpu")]
     Adapters,
 }
 
@@ -89,6 +94,7 @@ struct Table1Arguments {
     json: Option<PathBuf>,
 }
 
+#[cfg(feature = "gpu")]
 #[derive(clap::Args)]
 struct BenchArguments {
     /// Refinements k of the mesh: n ≈ 1200 k²
@@ -113,6 +119,9 @@ struct EngineArguments {
     /// How to solve with the stiffness matrix
     #[arg(long, value_enum, default_value = "auto")]
     stiffness: Stiffness,
+    /// Inside the conjugate gradients
+    #[arg(long, value_enum, default_value = "multigrid")]
+    preconditioner: Preconditioner,
     #[command(flatten)]
     gpu: GpuArguments,
 }
@@ -129,13 +138,13 @@ struct GpuArguments {
 }
 
 impl GpuArguments {
-    fn options(&self) -> gpu::Options {
-        gpu::Options {
+    fn options(&self) -> backend::GpuOptions {
+        backend::GpuOptions {
             adapter: self.adapter.clone(),
             precision: match self.precision {
                 Precision::Auto => None,
-                Precision::F64 => Some(gpu::Precision::F64),
-                Precision::F32 => Some(gpu::Precision::F32),
+                Precision::F64 => Some(backend::Precision::F64),
+                Precision::F32 => Some(backend::Precision::F32),
             },
             ..Default::default()
         }
@@ -155,7 +164,10 @@ impl EngineArguments {
                 Stiffness::Cholesky => engine::Stiffness::Cholesky,
                 Stiffness::Pcg => engine::Stiffness::Pcg,
             },
-            preconditioner: Default::default(),
+            preconditioner: match self.preconditioner {
+                Preconditioner::Multigrid => pcg::Preconditioner::Multigrid,
+                Preconditioner::BlockJacobi => pcg::Preconditioner::BlockJacobi,
+            },
             gpu: self.gpu.options(),
         }
     }
@@ -169,6 +181,14 @@ enum Backend {
     Cpu,
     /// A GPU or, if there is no other, a software adapter
     Gpu,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Preconditioner {
+    /// Smoothed-aggregation multigrid
+    Multigrid,
+    /// The inverse of the block of each node: cheap to set up, but iterations grow with the mesh
+    BlockJacobi,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -204,7 +224,9 @@ pub fn run() -> ExitCode {
         Command::Solve(arguments) => solve::run(&arguments),
         Command::Check { case, settings } => check::run(&case, &settings),
         Command::Table1(arguments) => table1::run(&arguments),
+        #[cfg(feature = "gpu")]
         Command::Bench(arguments) => bench::run(&arguments),
+        #[cfg(feature = "gpu")]
         Command::Adapters => adapters::run(),
     };
     match outcome {

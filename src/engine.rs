@@ -1,9 +1,10 @@
 //! Which arithmetic solves a problem: the choice between CPU and GPU, Cholesky and PCG, and the way back
 //! to the CPU where a GPU fails.
 
-use crate::backend::GpuError;
 use crate::backend::cpu::Cpu;
-use crate::backend::gpu::{Context, Gpu, Options as GpuOptions, Precision};
+#[cfg(feature = "gpu")]
+use crate::backend::gpu::{Context, Gpu, GpuError};
+use crate::backend::{GpuOptions, Precision};
 use crate::control::{Accuracy, Costs, Followed, Stop};
 use crate::dual::{DirectDual, DualError, DualOperator, NestedDual, plan};
 use crate::problem::ContactProblem;
@@ -46,26 +47,24 @@ pub struct Options {
 
 /// No engine could be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum EngineError {
-    #[error(
-        "the sparse Cholesky factor runs on the CPU only: use --stiffness pcg (or auto) with --backend gpu"
-    )]
+    /// A factor was asked for on a GPU.
+    #[error("the sparse Cholesky factor runs on the CPU only: a GPU computes by PCG")]
     NoCholeskyOnGpu,
+    /// A GPU was asked for where there is no support for it.
+    #[error("this program was built without support for GPUs (the feature \"gpu\" of the crate)")]
+    NoGpuSupport,
+    /// No GPU could be used.
+    #[cfg(feature = "gpu")]
     #[error(transparent)]
     Gpu(#[from] GpuError),
+    /// K has no factor.
     #[error(transparent)]
     Factor(#[from] FactorError),
+    /// PCG could not be set up.
     #[error(transparent)]
-    Pcg(PcgError),
-}
-
-impl From<PcgError> for EngineError {
-    fn from(error: PcgError) -> Self {
-        match error {
-            PcgError::Gpu(error) => Self::Gpu(error),
-            error => Self::Pcg(error),
-        }
-    }
+    Pcg(#[from] PcgError),
 }
 
 /// Unknowns from which a GPU is worth its launches in `Auto`.
@@ -86,7 +85,29 @@ const WORTH_A_WORD: f64 = 1.0;
 enum Path {
     Cholesky(Box<DirectDual>),
     Cpu(Box<NestedDual<Cpu>>),
+    #[cfg(feature = "gpu")]
     Gpu(Box<NestedDual<Gpu>>, Arc<Context>),
+}
+
+impl Path {
+    fn dual(&mut self) -> &mut dyn DualOperator {
+        match self {
+            Self::Cholesky(dual) => dual.as_mut(),
+            Self::Cpu(dual) => dual.as_mut(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(dual, _) => dual.as_mut(),
+        }
+    }
+
+    /// What there is to be said of PCG: the levels of multigrid, and why there is none where it was asked for.
+    fn levels(&self) -> [Option<&str>; 2] {
+        match self {
+            Self::Cholesky(_) => [None; 2],
+            Self::Cpu(dual) => dual.levels(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(dual, _) => dual.levels(),
+        }
+    }
 }
 
 /// A dual operator by the means chosen.
@@ -135,7 +156,12 @@ impl<'a> Engine<'a> {
             }
             (Place::Auto, Stiffness::Pcg) => on_best(problem, &options, &mut log)?,
         };
-        if !matches!(path, Path::Cholesky(_)) && problem.coordinates().is_none() {
+        let [_, fallback] = path.levels();
+        if let Some(reason) = fallback {
+            log(&format!(
+                "{reason}: using block-Jacobi instead of multigrid"
+            ));
+        } else if !matches!(path, Path::Cholesky(_)) && problem.coordinates().is_none() {
             log(
                 "no coordinates are given: multigrid has no rotations to work with and needs more iterations",
             );
@@ -152,6 +178,7 @@ impl<'a> Engine<'a> {
     /// "cpu" or "gpu".
     pub fn backend(&self) -> &'static str {
         match self.path {
+            #[cfg(feature = "gpu")]
             Path::Gpu(..) => "gpu",
             _ => "cpu",
         }
@@ -167,16 +194,24 @@ impl<'a> Engine<'a> {
 
     /// The adapter, on a GPU.
     pub fn adapter(&self) -> Option<String> {
-        self.context().map(|context| context.adapter.to_string())
+        match &self.path {
+            #[cfg(feature = "gpu")]
+            Path::Gpu(_, context) => Some(context.adapter.to_string()),
+            _ => None,
+        }
     }
 
     /// What the kernels compute in.
     pub fn precision(&self) -> Precision {
-        self.context()
-            .map_or(Precision::F64, |context| context.precision)
+        match &self.path {
+            #[cfg(feature = "gpu")]
+            Path::Gpu(_, context) => context.precision,
+            _ => Precision::F64,
+        }
     }
 
     /// The device in use.
+    #[cfg(feature = "gpu")]
     pub fn context(&self) -> Option<&Arc<Context>> {
         match &self.path {
             Path::Gpu(_, context) => Some(context),
@@ -186,11 +221,7 @@ impl<'a> Engine<'a> {
 
     /// The levels of multigrid, where it is used, as a table.
     pub fn hierarchy(&self) -> Option<&str> {
-        match &self.path {
-            Path::Cholesky(_) => None,
-            Path::Cpu(dual) => dual.hierarchy(),
-            Path::Gpu(dual, _) => dual.hierarchy(),
-        }
+        self.path.levels()[0]
     }
 
     /// The factor, on the direct path.
@@ -207,21 +238,13 @@ impl<'a> Engine<'a> {
         mut work: impl FnMut(&mut dyn DualOperator) -> Result<T, DualError>,
     ) -> Result<T, DualError> {
         loop {
-            let outcome = match &mut self.path {
-                Path::Cholesky(dual) => return work(dual.as_mut()),
-                Path::Cpu(dual) => work(dual.as_mut()),
-                Path::Gpu(dual, _) => work(dual.as_mut()),
-            };
-            let Err(DualError::Pcg(error)) = outcome else {
-                return outcome;
+            let error = match work(self.path.dual()) {
+                Err(DualError::Pcg(error)) => error,
+                outcome => return outcome,
             };
             self.path = self.way_back(error)?;
             if let Some((load, offsets)) = &self.data {
-                match &mut self.path {
-                    Path::Cholesky(dual) => dual.set_data(load, offsets)?,
-                    Path::Cpu(dual) => dual.set_data(load, offsets)?,
-                    Path::Gpu(..) => unreachable!("the way back leads to the CPU"),
-                }
+                self.path.dual().set_data(load, offsets)?;
             }
         }
     }
@@ -235,9 +258,9 @@ impl<'a> Engine<'a> {
         let Options {
             place, stiffness, ..
         } = self.options;
-        let lost = matches!(error, PcgError::Gpu(_));
+        let lost = matches!(error, PcgError::Backend(_));
         let open = match error {
-            PcgError::Gpu(_) => place == Place::Auto,
+            PcgError::Backend(_) => place == Place::Auto,
             PcgError::Stalled { .. } | PcgError::NotPositiveDefinite => {
                 stiffness == Stiffness::Auto && place != Place::Gpu
             }
@@ -347,6 +370,16 @@ fn on_cpu(problem: &ContactProblem, options: &Options) -> Result<Path, EngineErr
     Ok(Path::Cpu(Box::new(dual)))
 }
 
+#[cfg(not(feature = "gpu"))]
+fn on_gpu(
+    _problem: &ContactProblem,
+    _options: &Options,
+    _log: &mut dyn FnMut(&str),
+) -> Result<Path, EngineError> {
+    Err(EngineError::NoGpuSupport)
+}
+
+#[cfg(feature = "gpu")]
 fn on_gpu(
     problem: &ContactProblem,
     options: &Options,
@@ -364,7 +397,7 @@ fn on_gpu(
             Precision::F32 => " inside f64 refinement",
         }
     ));
-    let gpu = Gpu::new(&context)?;
+    let gpu = Gpu::new(&context).map_err(PcgError::from)?;
     let dual = NestedDual::new(problem, gpu, options.preconditioner)?;
     Ok(Path::Gpu(Box::new(dual), context))
 }
@@ -378,10 +411,13 @@ fn on_best(
     let mut hardware = options.clone();
     hardware.gpu.hardware_only = options.gpu.adapter.is_none();
     match on_gpu(problem, &hardware, log) {
-        Err(EngineError::Gpu(error)) => {
+        #[cfg(feature = "gpu")]
+        Err(error @ (EngineError::Gpu(_) | EngineError::Pcg(PcgError::Backend(_)))) => {
             log(&format!("{error}; computing on the CPU"));
             on_cpu(problem, options)
         }
+        // Nobody has asked for a GPU.
+        Err(EngineError::NoGpuSupport) => on_cpu(problem, options),
         outcome => outcome,
     }
 }
@@ -438,6 +474,7 @@ impl DualOperator for Engine<'_> {
         match &self.path {
             Path::Cholesky(_) => None,
             Path::Cpu(dual) => dual.costs(),
+            #[cfg(feature = "gpu")]
             Path::Gpu(dual, _) => dual.costs(),
         }
     }
@@ -446,6 +483,7 @@ impl DualOperator for Engine<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::backend::BackendError;
     use crate::reference::{self, CASE_B, Geometry};
 
     #[test]
@@ -469,11 +507,11 @@ mod tests {
                 options,
                 log: Box::new(|_| {}),
             };
-            let lost = GpuError::Lost {
+            let lost = BackendError::Lost {
                 adapter: "some".to_owned(),
                 reason: "pulled out".to_owned(),
             };
-            let way = engine.way_back(PcgError::Gpu(lost)).ok().map(|path| {
+            let way = engine.way_back(PcgError::Backend(lost)).ok().map(|path| {
                 engine.path = path;
                 engine.stiffness()
             });

@@ -172,6 +172,7 @@
 //! ```
 
 pub mod backend;
+#[cfg(feature = "gpu")]
 pub mod bench;
 pub mod case;
 pub mod contact;

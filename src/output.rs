@@ -8,7 +8,7 @@ mod picture;
 mod plots;
 mod vtu;
 
-use crate::backend::gpu::Precision;
+use crate::backend::Precision;
 use crate::case::{Build, Elastic, StepData, Units};
 use crate::control::Costs;
 use crate::dual::DualOperator as _;

@@ -1,7 +1,4 @@
-// Included by every kernel, after `alias real` and `alias real2`.
-
-/// Invocations of a workgroup, in all kernels.
-const WIDTH: u32 = 128u;
+// Included by every kernel, after what the host writes: `real`, `real2`, WIDTH and the flags.
 
 /// The scalars of one CG run. Each dispatch reads one copy and one of its invocations writes the other,
 /// so that no invocation reads what another one writes in the same dispatch.
@@ -84,12 +81,11 @@ struct Goals {
 }
 
 /// The state at the start of a run.
-fn started(rz: real, rr: real, goals: Goals) -> State {
+fn started(rr: real, goals: Goals) -> State {
     let goal = max(goals.residual_part * rr, goals.residual);
     // Written so that NaN ends the run.
     let done = u32(!(rr > goal));
     var state = State();
-    state.rz = rz;
     state.rr = rr;
     state.goal = goal;
     state.rr_start = rr;

@@ -4,10 +4,10 @@ mod levels;
 
 pub use levels::Diagonal;
 
-use super::{Backend, Block, GpuError, Progress, Run, block_is_full};
+use super::{Backend, BackendError, Product, Progress, Run, block_is_full};
 use crate::control::Counters;
-use crate::sparse::stored::{BlockMatrix, Dense, Real};
-use crate::sparse::{BlockCsr, Csr, ROWS_PER_TASK, dot};
+use crate::sparse::stored::{BlockMatrix, Dense, Real, SquareBlocks};
+use crate::sparse::{Csr, ROWS_PER_TASK, dot};
 use rayon::prelude::*;
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -44,18 +44,15 @@ pub struct State {
     in_full: usize,
     in_open: usize,
     curvature: f64,
-    /// Of the step under way.
-    next_rz: f64,
     done: bool,
     broken: bool,
     iterations: usize,
 }
 
 impl State {
-    fn started(rz: f64, rr: f64, run: Run) -> Self {
+    fn started(rr: f64, run: Run) -> Self {
         let goal = (run.residual_part * run.residual_part * rr).max(run.residual * run.residual);
         Self {
-            rz,
             rr,
             goal,
             rr_start: rr,
@@ -67,10 +64,11 @@ impl State {
         }
     }
 
-    /// α of the step that begins, None where the direction has no positive curvature.
+    /// α of the step that begins, None where the direction has no positive curvature: that ends the run.
     fn step(&mut self) -> Option<f64> {
         self.broken = !(self.curvature > 0.0);
         if self.broken {
+            self.done = true;
             return None;
         }
         let alpha = self.rz / self.curvature;
@@ -100,7 +98,6 @@ impl State {
     fn is_over(&self) -> bool {
         !(self.rr > self.goal)
             || !(self.remaining() > self.remaining_goal + self.remaining_part * self.energy)
-            || self.broken
     }
 }
 
@@ -109,8 +106,7 @@ const TASK: usize = 2 * ROWS_PER_TASK;
 
 impl<S: Real> Backend for Cpu<S> {
     type Vector = Vec<f64>;
-    type Matrix = Arc<BlockCsr<2>>;
-    type BlockDiagonal = Vec<[f32; 4]>;
+    type Matrix = Arc<dyn SquareBlocks>;
     type Rows = Rows;
     type State = State;
     type Stored = S;
@@ -127,26 +123,27 @@ impl<S: Real> Backend for Cpu<S> {
         Counters::default()
     }
 
-    fn vector(&mut self, len: usize) -> Result<Vec<f64>, GpuError> {
-        Ok(vec![0.0; len.next_multiple_of(2)])
+    fn vector(&mut self, len: usize) -> Result<Vec<f64>, BackendError> {
+        Ok(vec![0.0; len])
     }
 
-    fn matrix(&mut self, k: &Arc<BlockCsr<2>>) -> Result<(Self::Matrix, f64), GpuError> {
-        Ok((Arc::clone(k), 1.0))
+    fn matrix(&mut self, k: Arc<dyn SquareBlocks>) -> Result<(Self::Matrix, f64), BackendError> {
+        Ok((k, 1.0))
     }
 
-    fn block_diagonal(&mut self, blocks: &[Block]) -> Result<Self::BlockDiagonal, GpuError> {
-        Ok(super::scaled_to_f32(blocks))
-    }
-
-    fn rows(&mut self, matrix: &Csr, _from: &Vec<f64>, _to: &Vec<f64>) -> Result<Rows, GpuError> {
+    fn rows(
+        &mut self,
+        matrix: &Csr,
+        _from: &Vec<f64>,
+        _to: &Vec<f64>,
+    ) -> Result<Rows, BackendError> {
         Ok(Rows {
             matrix: matrix.clone(),
             filled: matrix.filled_rows(),
         })
     }
 
-    fn state(&mut self, _k: &Self::Matrix, _like: &Vec<f64>) -> Result<State, GpuError> {
+    fn state(&mut self, _k: &Self::Matrix, _like: &Vec<f64>) -> Result<State, BackendError> {
         Ok(State::default())
     }
 
@@ -154,7 +151,7 @@ impl<S: Real> Backend for Cpu<S> {
         to[..from.len()].copy_from_slice(from);
     }
 
-    fn download(&mut self, from: &Vec<f64>, to: &mut [f64]) -> Result<(), GpuError> {
+    fn download(&mut self, from: &Vec<f64>, to: &mut [f64]) -> Result<(), BackendError> {
         to.copy_from_slice(&from[..to.len()]);
         Ok(())
     }
@@ -179,197 +176,10 @@ impl<S: Real> Backend for Cpu<S> {
     }
 
     fn subtract_product(&mut self, k: &Self::Matrix, x: &Vec<f64>, y: &mut Vec<f64>) {
-        k.for_rows(x, y, |y, _, sum| {
-            y[0] -= sum[0];
-            y[1] -= sum[1];
-            0.0
-        });
+        k.subtract_product(x, y);
     }
 
-    fn cg_start(
-        &mut self,
-        d: &Self::BlockDiagonal,
-        r: &Vec<f64>,
-        x: &mut Vec<f64>,
-        p: &mut Vec<f64>,
-        state: &mut State,
-        run: Run,
-    ) {
-        if !run.continues {
-            x.fill(0.0);
-        }
-        let partials: Vec<[f64; 2]> = p
-            .par_chunks_mut(TASK)
-            .zip(r.par_chunks(TASK))
-            .zip(d.par_chunks(TASK / 2))
-            .map(|((p, r), d)| {
-                let mut sums = [0.0; 2];
-                for ((p, r), d) in p.chunks_exact_mut(2).zip(r.chunks_exact(2)).zip(d) {
-                    let z = precondition(d, r);
-                    p.copy_from_slice(&z);
-                    sums[0] += r[0] * z[0] + r[1] * z[1];
-                    sums[1] += r[0] * r[0] + r[1] * r[1];
-                }
-                sums
-            })
-            .collect();
-        let [rz, rr] = total(&partials);
-        *state = State::started(rz, rr, run);
-    }
-
-    fn cg_multiply(&mut self, k: &Self::Matrix, p: &Vec<f64>, q: &mut Vec<f64>, state: &mut State) {
-        if !state.done {
-            state.curvature = k.for_rows(p, q, |q, p, sum| {
-                q.copy_from_slice(&sum);
-                p[0] * sum[0] + p[1] * sum[1]
-            });
-        }
-    }
-
-    fn cg_step_1(
-        &mut self,
-        d: &Self::BlockDiagonal,
-        p: &Vec<f64>,
-        q: &Vec<f64>,
-        x: &mut Vec<f64>,
-        r: &mut Vec<f64>,
-        state: &mut State,
-    ) {
-        if state.done {
-            return;
-        }
-        let Some(alpha) = state.step() else {
-            return;
-        };
-        let partials: Vec<[f64; 2]> = x
-            .par_chunks_mut(TASK)
-            .zip(r.par_chunks_mut(TASK))
-            .zip(p.par_chunks(TASK).zip(q.par_chunks(TASK)))
-            .zip(d.par_chunks(TASK / 2))
-            .map(|(((x, r), (p, q)), d)| {
-                let mut sums = [0.0; 2];
-                for i in 0..d.len() {
-                    let (a, b) = (2 * i, 2 * i + 1);
-                    x[a] += alpha * p[a];
-                    x[b] += alpha * p[b];
-                    r[a] -= alpha * q[a];
-                    r[b] -= alpha * q[b];
-                    let z = precondition(&d[i], &r[a..=b]);
-                    sums[0] += r[a] * z[0] + r[b] * z[1];
-                    sums[1] += r[a] * r[a] + r[b] * r[b];
-                }
-                sums
-            })
-            .collect();
-        [state.next_rz, state.rr] = total(&partials);
-    }
-
-    fn cg_step_2(
-        &mut self,
-        d: &Self::BlockDiagonal,
-        r: &Vec<f64>,
-        p: &mut Vec<f64>,
-        state: &mut State,
-    ) {
-        if state.done {
-            return;
-        }
-        state.done = state.is_over();
-        if state.done {
-            return;
-        }
-        let beta = state.next_rz / state.rz;
-        state.rz = state.next_rz;
-        p.par_chunks_mut(TASK)
-            .zip(r.par_chunks(TASK))
-            .zip(d.par_chunks(TASK / 2))
-            .for_each(|((p, r), d)| {
-                for ((p, r), d) in p.chunks_exact_mut(2).zip(r.chunks_exact(2)).zip(d) {
-                    let z = precondition(d, r);
-                    p[0] = z[0] + beta * p[0];
-                    p[1] = z[1] + beta * p[1];
-                }
-            });
-    }
-
-    fn level_vector(&mut self, len: usize) -> Result<Vec<S>, GpuError> {
-        Ok(vec![S::default(); len])
-    }
-
-    fn level_matrix(&mut self, m: BlockMatrix<S>) -> Result<BlockMatrix<S>, GpuError> {
-        Ok(m)
-    }
-
-    fn level_diagonal(&mut self, values: Vec<S>, block: usize) -> Result<Diagonal<S>, GpuError> {
-        Ok(Diagonal { block, values })
-    }
-
-    fn dense_matrix(&mut self, m: Dense<S>) -> Result<Dense<S>, GpuError> {
-        Ok(m)
-    }
-
-    fn chebyshev_first(
-        &mut self,
-        state: &State,
-        inverse_diagonal: &Diagonal<S>,
-        c: S,
-        b: &Vec<S>,
-        d: &mut Vec<S>,
-        x: &mut Vec<S>,
-    ) {
-        if !state.done {
-            levels::chebyshev_first(inverse_diagonal, c, b, d, x);
-        }
-    }
-
-    fn chebyshev_step(
-        &mut self,
-        state: &State,
-        a: &BlockMatrix<S>,
-        inverse_diagonal: &Diagonal<S>,
-        steps: [S; 2],
-        b: &Vec<S>,
-        x: &Vec<S>,
-        d: &mut Vec<S>,
-        x_next: &mut Vec<S>,
-    ) {
-        if !state.done {
-            levels::chebyshev_step(a, inverse_diagonal, steps, b, x, d, x_next);
-        }
-    }
-
-    fn level_residual(
-        &mut self,
-        state: &State,
-        a: &BlockMatrix<S>,
-        b: &Vec<S>,
-        x: &Vec<S>,
-        r: &mut Vec<S>,
-    ) {
-        if !state.done {
-            levels::residual(a, b, x, r);
-        }
-    }
-
-    fn level_product(&mut self, state: &State, m: &BlockMatrix<S>, x: &Vec<S>, y: &mut Vec<S>) {
-        if !state.done {
-            levels::restrict(m, x, y);
-        }
-    }
-
-    fn level_product_add(&mut self, state: &State, m: &BlockMatrix<S>, x: &Vec<S>, y: &mut Vec<S>) {
-        if !state.done {
-            levels::prolong_add(m, x, y);
-        }
-    }
-
-    fn dense_product(&mut self, state: &State, m: &Dense<S>, b: &Vec<S>, x: &mut Vec<S>) {
-        if !state.done {
-            levels::dense_apply(m, b, x);
-        }
-    }
-
-    fn mg_load(
+    fn start(
         &mut self,
         r: &Vec<f64>,
         x: &mut Vec<f64>,
@@ -390,10 +200,16 @@ impl<S: Real> Backend for Cpu<S> {
                 dot(r, r)
             })
             .collect();
-        *state = State::started(0.0, partials.iter().sum(), run);
+        *state = State::started(partials.iter().sum(), run);
     }
 
-    fn mg_step_1(
+    fn multiply(&mut self, k: &Self::Matrix, p: &Vec<f64>, q: &mut Vec<f64>, state: &mut State) {
+        if !state.done {
+            state.curvature = k.multiply(p, q);
+        }
+    }
+
+    fn step(
         &mut self,
         p: &Vec<f64>,
         q: &Vec<f64>,
@@ -406,7 +222,6 @@ impl<S: Real> Backend for Cpu<S> {
             return;
         }
         let Some(alpha) = state.step() else {
-            state.done = true;
             return;
         };
         let partials: Vec<f64> = (x.par_chunks_mut(TASK))
@@ -426,7 +241,7 @@ impl<S: Real> Backend for Cpu<S> {
         state.done = state.is_over();
     }
 
-    fn mg_step_2(&mut self, r: &Vec<f64>, z: &Vec<S>, p: &mut Vec<f64>, state: &mut State) {
+    fn direction(&mut self, r: &Vec<f64>, z: &Vec<S>, p: &mut Vec<f64>, state: &mut State) {
         if state.done {
             return;
         }
@@ -452,7 +267,7 @@ impl<S: Real> Backend for Cpu<S> {
         &mut self,
         state: &State,
         result: Option<(&Vec<f64>, &mut [f64])>,
-    ) -> Result<Progress, GpuError> {
+    ) -> Result<Progress, BackendError> {
         if let Some((vector, out)) = result {
             out.copy_from_slice(&vector[..out.len()]);
         }
@@ -468,19 +283,76 @@ impl<S: Real> Backend for Cpu<S> {
             broken: state.broken,
         })
     }
-}
 
-/// D⁻¹r for one node, in f32 as on the GPU.
-fn precondition(d: &[f32; 4], r: &[f64]) -> [f64; 2] {
-    let r = [r[0] as f32, r[1] as f32];
-    [
-        f64::from(d[0] * r[0] + d[1] * r[1]),
-        f64::from(d[2] * r[0] + d[3] * r[1]),
-    ]
-}
+    fn level_vector(&mut self, len: usize) -> Result<Vec<S>, BackendError> {
+        Ok(vec![S::default(); len])
+    }
 
-fn total(partials: &[[f64; 2]]) -> [f64; 2] {
-    partials
-        .iter()
-        .fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]])
+    fn level_matrix(&mut self, m: BlockMatrix<S>) -> Result<BlockMatrix<S>, BackendError> {
+        levels::check_shape(m.block())?;
+        Ok(m)
+    }
+
+    fn level_diagonal(
+        &mut self,
+        values: Vec<S>,
+        block: usize,
+    ) -> Result<Diagonal<S>, BackendError> {
+        levels::check_shape([block; 2])?;
+        Ok(Diagonal { block, values })
+    }
+
+    fn dense_matrix(&mut self, m: Dense<S>) -> Result<Dense<S>, BackendError> {
+        Ok(m)
+    }
+
+    fn smooth_first(
+        &mut self,
+        state: &State,
+        inverse_diagonal: &Diagonal<S>,
+        c: S,
+        b: &Vec<S>,
+        d: &mut Vec<S>,
+        x: &mut Vec<S>,
+    ) {
+        if !state.done {
+            levels::smooth_first(inverse_diagonal, c, b, d, x);
+        }
+    }
+
+    fn smooth(
+        &mut self,
+        state: &State,
+        a: &BlockMatrix<S>,
+        inverse_diagonal: &Diagonal<S>,
+        steps: [S; 2],
+        b: &Vec<S>,
+        x: &Vec<S>,
+        d: &mut Vec<S>,
+        x_next: &mut Vec<S>,
+    ) {
+        if !state.done {
+            levels::smooth(a, inverse_diagonal, steps, b, x, d, x_next);
+        }
+    }
+
+    fn level_multiply(
+        &mut self,
+        state: &State,
+        m: &BlockMatrix<S>,
+        product: Product,
+        b: &Vec<S>,
+        x: &Vec<S>,
+        y: &mut Vec<S>,
+    ) {
+        if !state.done {
+            levels::multiply(m, product, b, x, y);
+        }
+    }
+
+    fn dense_product(&mut self, state: &State, m: &Dense<S>, b: &Vec<S>, x: &mut Vec<S>) {
+        if !state.done {
+            levels::dense_apply(m, b, x);
+        }
+    }
 }

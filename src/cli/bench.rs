@@ -1,7 +1,8 @@
 //! `signorini bench`.
 
 use super::{BenchArguments, NOT_CONVERGED, print};
-use signorini::backend::gpu::{Context, Options, Precision};
+use signorini::backend::gpu::Context;
+use signorini::backend::{GpuOptions, Precision};
 use signorini::bench::{self, Path, Row, Speeds};
 use signorini::output::write_whole;
 use signorini::reference::{self, CASE_B, Geometry};
@@ -49,22 +50,18 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
         let problem =
             reference::problem(Geometry::OneBody, &mesh, &CASE_B).map_err(|e| e.to_string())?;
         let n = problem.n_free();
-        for (i, context) in contexts.iter().enumerate() {
+        let failed = |e| format!("k = {k}: {e}");
+        speeds.push(bench::measure(&problem).map_err(failed)?);
+        for context in &contexts {
             progress(&format!("k = {k}: simple work, {}", context.precision));
-            let measured =
-                bench::measure(&problem, Some(context)).map_err(|e| format!("k = {k}: {e}"))?;
-            // The CPU is measured once.
-            speeds.extend(measured.into_iter().skip(usize::from(i > 0)));
-        }
-        if contexts.is_empty() {
-            speeds.extend(bench::measure(&problem, None).map_err(|e| format!("k = {k}: {e}"))?);
+            speeds.push(bench::measure_gpu(&problem, context).map_err(failed)?);
         }
         let mut paths = Vec::new();
         if n <= arguments.max_cholesky {
             paths.push(Path::CpuCholesky);
         }
         paths.push(Path::CpuPcg);
-        paths.extend(contexts.iter().map(Path::Gpu));
+        paths.extend(contexts.iter().cloned().map(Path::Gpu));
         let found = bench::solve_on(&paths, k, &problem, TOLERANCE, &speeds, |path| {
             progress(&format!("k = {k}: {path}"));
         });
@@ -120,7 +117,7 @@ fn contexts(arguments: &BenchArguments) -> Result<Vec<Arc<Context>>, String> {
     };
     let mut contexts = vec![first];
     if options.precision.is_none() && contexts[0].precision == Precision::F64 {
-        let options = Options {
+        let options = GpuOptions {
             precision: Some(Precision::F32),
             ..options
         };

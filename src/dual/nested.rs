@@ -99,9 +99,9 @@ impl<B: Backend> NestedDual<B> {
         &self.pcg.backend
     }
 
-    /// The levels of multigrid, for a log.
-    pub fn hierarchy(&self) -> Option<&str> {
-        self.pcg.hierarchy.as_deref()
+    /// The levels of multigrid, for a log, and why there are none where multigrid was asked for.
+    pub fn levels(&self) -> [Option<&str>; 2] {
+        [self.pcg.hierarchy.as_deref(), self.pcg.fallback.as_deref()]
     }
 
     /// Hands the load to the backend in another unit; the u there starts from zero.

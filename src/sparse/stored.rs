@@ -1,6 +1,6 @@
 //! Matrices as kernels take them: blocks of a shape that is known at run time, 32-bit indices, in f32 or f64.
 
-use super::BlockCsr;
+use super::{BlockCsr, dot};
 use rayon::prelude::*;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Sub};
@@ -43,27 +43,83 @@ impl Real for f64 {
     }
 }
 
-/// A sparse matrix of `block[0] × block[1]` blocks in compressed block rows, ready to upload.
+/// A square matrix in f64 whose block shape is no matter of its type: what backends take K as.
+pub trait SquareBlocks: Send + Sync {
+    /// Rows of a block.
+    fn block(&self) -> usize;
+    /// Where each block row starts among the stored blocks, and the number of blocks at the end.
+    fn row_ptr(&self) -> &[usize];
+    /// The block columns of all stored blocks, row by row.
+    fn col_idx(&self) -> &[u32];
+    /// The entries of all stored blocks, block by block, each by rows.
+    fn entries(&self) -> &[f64];
+    /// y = K x; returns xᵀy.
+    fn multiply(&self, x: &[f64], y: &mut [f64]) -> f64;
+    /// y −= K x.
+    fn subtract_product(&self, x: &[f64], y: &mut [f64]);
+
+    /// Scalar rows.
+    fn n_rows(&self) -> usize {
+        self.block() * (self.row_ptr().len() - 1)
+    }
+}
+
+impl<const B: usize> SquareBlocks for BlockCsr<B> {
+    fn block(&self) -> usize {
+        B
+    }
+
+    fn row_ptr(&self) -> &[usize] {
+        self.row_ptr()
+    }
+
+    fn col_idx(&self) -> &[u32] {
+        self.col_idx()
+    }
+
+    fn entries(&self) -> &[f64] {
+        self.values().as_flattened().as_flattened()
+    }
+
+    fn multiply(&self, x: &[f64], y: &mut [f64]) -> f64 {
+        self.for_rows(x, y, |y, x, sum| {
+            y.copy_from_slice(&sum);
+            dot(x, &sum)
+        })
+    }
+
+    fn subtract_product(&self, x: &[f64], y: &mut [f64]) {
+        self.for_rows(x, y, |y, _, sum| {
+            y.iter_mut().zip(sum).for_each(|(y, v)| *y -= v);
+            0.0
+        });
+    }
+}
+
+/// A sparse matrix of blocks in compressed block rows, ready to upload.
 ///
 /// Block row `i` owns the blocks `row_ptr[i]..row_ptr[i + 1]`; block k stands in block column
-/// `col_idx[k]`, and its entries, row by row, in `values[k·block[0]·block[1]..]`.
+/// `col_idx[k]`, and its entries, row by row, in `values[k·rows·columns..]`. Kernels rely on these indices: they
+/// come from a [`BlockCsr`] only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockMatrix<S> {
-    /// Rows and columns of a block.
-    pub block: [usize; 2],
-    /// Block columns.
-    pub n_block_cols: usize,
-    /// Starts of the block rows; one more entry than block rows.
-    pub row_ptr: Vec<u32>,
-    /// Block columns of the blocks.
-    pub col_idx: Vec<u32>,
-    /// Entries of the blocks.
-    pub values: Vec<S>,
+    block: [usize; 2],
+    n_block_cols: usize,
+    row_ptr: Vec<u32>,
+    col_idx: Vec<u32>,
+    values: Vec<S>,
 }
 
 impl<S: Real> BlockMatrix<S> {
     /// `scale` · `matrix`, rounded to S.
-    pub(crate) fn new<const R: usize, const C: usize>(matrix: &BlockCsr<R, C>, scale: f64) -> Self {
+    ///
+    /// # Panics
+    /// If there are more than 2³² − 1 blocks.
+    pub fn new<const R: usize, const C: usize>(matrix: &BlockCsr<R, C>, scale: f64) -> Self {
+        assert!(
+            matrix.n_blocks() <= u32::MAX as usize,
+            "indices are 32 bits"
+        );
         Self {
             block: [R, C],
             n_block_cols: matrix.n_block_cols(),
@@ -71,6 +127,26 @@ impl<S: Real> BlockMatrix<S> {
             col_idx: matrix.col_idx().to_vec(),
             values: store(matrix.values().as_flattened().as_flattened(), scale),
         }
+    }
+
+    /// Rows and columns of a block.
+    pub fn block(&self) -> [usize; 2] {
+        self.block
+    }
+
+    /// Starts of the block rows; one more entry than block rows.
+    pub fn row_ptr(&self) -> &[u32] {
+        &self.row_ptr
+    }
+
+    /// Block columns of the blocks.
+    pub fn col_idx(&self) -> &[u32] {
+        &self.col_idx
+    }
+
+    /// Entries of the blocks.
+    pub fn values(&self) -> &[S] {
+        &self.values
     }
 
     /// Block rows.
@@ -90,7 +166,7 @@ impl<S: Real> BlockMatrix<S> {
 
     /// Bytes of the indices and values.
     pub fn bytes(&self) -> usize {
-        4 * (self.row_ptr.len() + self.col_idx.len()) + size_of::<S>() * self.values.len()
+        4 * (self.row_ptr.len() + self.col_idx.len()) + size_of_val(&self.values[..])
     }
 
     /// The matrix with its block size known to the compiler.
@@ -149,10 +225,29 @@ pub(crate) fn store<S: Real>(values: &[f64], scale: f64) -> Vec<S> {
 /// A dense symmetric matrix, row by row.
 #[derive(Clone, Debug)]
 pub struct Dense<S> {
+    n: usize,
+    values: Vec<S>,
+}
+
+impl<S> Dense<S> {
+    /// A matrix of n rows.
+    ///
+    /// # Panics
+    /// If there are not n² entries.
+    pub fn new(n: usize, values: Vec<S>) -> Self {
+        assert_eq!(values.len(), n * n);
+        Self { n, values }
+    }
+
     /// Rows.
-    pub n: usize,
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
     /// n² entries.
-    pub values: Vec<S>,
+    pub fn values(&self) -> &[S] {
+        &self.values
+    }
 }
 
 /// A block times a vector.

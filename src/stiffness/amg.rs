@@ -2,10 +2,10 @@
 //! V-cycle, a preconditioner z = M r ≈ K⁻¹ r for conjugate gradients.
 //!
 //! Nodes that are strongly coupled are grouped into aggregates. On each aggregate the rigid body modes
-//! (two translations, one rotation) give three coarse unknowns; this tentative prolongation Q is smoothed
-//! by one step of a damped Jacobi iteration, P = (I − ω D⁻¹A) Q, and the coarse matrix is PᵀAP. So level 0
-//! has 2 × 2 blocks, the levels below 3 × 3 blocks (2 × 2 if there are no coordinates to make rotations
-//! from). D is the block diagonal.
+//! (in the plane two translations and one rotation, in space three and three) give as many coarse unknowns; this
+//! tentative prolongation Q is smoothed by one step of a damped Jacobi iteration, P = (I − ω D⁻¹A) Q, and the coarse
+//! matrix is PᵀAP. So level 0 has 2 × 2 (3 × 3) blocks, the levels below 3 × 3 (6 × 6) blocks, and those of level 0 if
+//! there are no coordinates to make rotations from. D is the block diagonal.
 //!
 //! A fixed component of a node, which K holds as a decoupled diagonal entry, takes no part in the modes; a
 //! node that is tied to no other has no aggregate and is solved by the smoother. Where the modes are
@@ -25,7 +25,6 @@ mod smoother;
 mod tests;
 
 pub use cycle::Multigrid;
-pub(crate) use smoother::inverse_diagonal;
 
 use crate::sparse::BlockCsr;
 use crate::sparse::stored::{BlockMatrix, Dense, Real, power_of_two_below, store};
@@ -79,17 +78,18 @@ const COARSE_ALPHA: f64 = 300.0;
 
 /// Why there is no hierarchy for K.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum AmgError {
     #[error("the stiffness matrix has no unknowns, or is not square")]
     Shape,
-    #[error("there are {found} points for {expected} pairs of unknowns")]
+    #[error("there are {found} points for {expected} nodes")]
     Coordinates { found: usize, expected: usize },
     #[error(
-        "the stiffness matrix is not positive definite at the unknowns {first} and {second}: \
+        "the stiffness matrix is not positive definite at the unknowns {first} to {last}: \
          a part of a body has no stiffness, or an entry is not a finite number",
-        first = 2 * node + 1, second = 2 * node + 2
+        first = block * node + 1, last = block * (node + 1)
     )]
-    NotPositiveDefinite { node: usize },
+    NotPositiveDefinite { node: usize, block: usize },
     #[error(
         "the stiffness matrix is singular, or not positive definite: a part of a body has no stiffness or hangs \
          on a hinge: check that its parts are connected by more than a point. Bodies that can move as a whole \
@@ -104,22 +104,22 @@ pub enum AmgError {
 #[derive(Clone, Debug)]
 pub struct Level<S> {
     /// Matrix and smoother.
-    pub smoother: Smoother<S>,
+    pub(crate) smoother: Smoother<S>,
     /// P, from the coarser level to this one.
-    pub prolongation: BlockMatrix<S>,
+    pub(crate) prolongation: BlockMatrix<S>,
     /// Pᵀ, stored for access by rows.
-    pub restriction: BlockMatrix<S>,
+    pub(crate) restriction: BlockMatrix<S>,
 }
 
 /// A matrix and the Chebyshev iteration in D⁻¹A that smooths with it.
 #[derive(Clone, Debug)]
 pub struct Smoother<S> {
     /// A, with square blocks.
-    pub matrix: BlockMatrix<S>,
+    pub(crate) matrix: BlockMatrix<S>,
     /// The blocks of D⁻¹, row by row.
-    pub inverse_diagonal: Vec<S>,
+    pub(crate) inverse_diagonal: Vec<S>,
     /// (c₁, c₂) of each step d ← c₁ d + c₂ D⁻¹(b − A x), x ← x + d; the first c₁ is 0.
-    pub steps: Vec<[S; 2]>,
+    pub(crate) steps: Vec<[S; 2]>,
 }
 
 /// What is done on the coarsest level.
@@ -127,6 +127,13 @@ pub struct Smoother<S> {
 pub enum Coarse<S> {
     /// A product with the inverse.
     Inverse(Dense<S>),
+    /// D⁻¹, the blocks row by row: block-Jacobi, the only level where there is no multigrid.
+    Diagonal {
+        /// Rows of a block.
+        block: usize,
+        /// Entries.
+        values: Vec<S>,
+    },
     /// More smoothing, where the coarsest level is too large for an inverse. A singular matrix is not
     /// noticed then.
     Smoothed(Smoother<S>),
@@ -136,9 +143,9 @@ pub enum Coarse<S> {
 #[derive(Clone, Debug)]
 pub struct Hierarchy<S = f32> {
     /// The smoothed levels, finest first; none if K is small enough for an inverse.
-    pub levels: Vec<Level<S>>,
+    pub(crate) levels: Vec<Level<S>>,
     /// The level below them.
-    pub coarse: Coarse<S>,
+    pub(crate) coarse: Coarse<S>,
     /// The power of two that K was multiplied with.
     pub scale: f64,
 }
@@ -157,9 +164,9 @@ pub struct LevelSize {
 impl<S: Real> Hierarchy<S> {
     /// The hierarchy for a symmetric positive definite K, with one point per block row if they are
     /// known (without, rotations are not represented and more iterations are needed).
-    pub fn new(
-        k: &BlockCsr<2>,
-        coordinates: Option<&[[f64; 2]]>,
+    pub fn new<const D: usize>(
+        k: &BlockCsr<D>,
+        coordinates: Option<&[[f64; D]]>,
         settings: &Settings,
     ) -> Result<Self, AmgError> {
         let n = k.n_block_rows();
@@ -174,26 +181,40 @@ impl<S: Real> Hierarchy<S> {
                 found: points.len(),
                 expected: n,
             }),
-            Some(_) => Self::build::<3>(k, coordinates, settings),
-            None => Self::build::<2>(k, None, settings),
+            None => Self::build::<D, D>(k, None, settings),
+            Some(_) => match D {
+                2 => Self::build::<D, 3>(k, coordinates, settings),
+                3 => Self::build::<D, 6>(k, coordinates, settings),
+                _ => Err(AmgError::Shape),
+            },
         }
     }
 
+    /// Block-Jacobi: the inverses of the blocks on the diagonal.
+    pub fn block_jacobi<const D: usize>(k: &BlockCsr<D>) -> Result<Self, AmgError> {
+        let scale = scale_of(k)?;
+        let inverse = smoother::inverse_diagonal(k)
+            .map_err(|node| AmgError::NotPositiveDefinite { node, block: D })?;
+        Ok(Self {
+            levels: Vec::new(),
+            coarse: Coarse::Diagonal {
+                block: D,
+                values: store(inverse.as_flattened().as_flattened(), 1.0 / scale),
+            },
+            scale,
+        })
+    }
+
     /// The hierarchy with M modes.
-    fn build<const M: usize>(
-        k: &BlockCsr<2>,
-        coordinates: Option<&[[f64; 2]]>,
+    fn build<const D: usize, const M: usize>(
+        k: &BlockCsr<D>,
+        coordinates: Option<&[[f64; D]]>,
         settings: &Settings,
     ) -> Result<Self, AmgError> {
-        let largest = k.diagonal().into_iter().fold(0.0, f64::max);
-        if !(largest > 0.0 && largest.is_finite()) {
-            return Err(AmgError::NotPositiveDefinite { node: 0 });
-        }
-        // A power of two, so that scaling costs no digit.
-        let scale = power_of_two_below(largest).recip();
-        let modes = rigid_body_modes::<M>(k.n_block_rows(), coordinates);
+        let scale = scale_of(k)?;
+        let modes = rigid_body_modes::<D, M>(k.n_block_rows(), coordinates);
         let mut levels = Vec::new();
-        let mut step = coarsen::<2, M, S>(k, modes, scale, settings.theta, settings)?;
+        let mut step = coarsen::<D, M, S>(k, modes, scale, settings.theta, settings)?;
         loop {
             match step {
                 Step::Last(coarse) => {
@@ -221,14 +242,23 @@ impl<S: Real> Hierarchy<S> {
     /// Whether all rigid motions are represented on the coarser levels; without rotations the cycle misses
     /// the soft modes of bending.
     pub(crate) fn has_rotations(&self) -> bool {
-        (self.levels.first()).is_none_or(|level| level.prolongation.block == [2, 3])
+        let has = |level: &Level<S>| {
+            let [fine, coarse] = level.prolongation.block();
+            coarse > fine
+        };
+        self.levels.first().is_none_or(has) && self.is_multigrid()
+    }
+
+    /// Whether it is more than block-Jacobi.
+    pub(crate) fn is_multigrid(&self) -> bool {
+        !matches!(self.coarse, Coarse::Diagonal { .. })
     }
 
     /// Sizes of all levels, finest first.
     pub fn sizes(&self) -> Vec<LevelSize> {
         let smoothed = |smoother: &Smoother<S>| LevelSize {
             unknowns: smoother.matrix.n_rows(),
-            entries: smoother.matrix.values.len(),
+            entries: smoother.matrix.values().len(),
             bytes: smoother.matrix.bytes() + size_of_val(&smoother.inverse_diagonal[..]),
         };
         let mut sizes: Vec<LevelSize> = (self.levels.iter())
@@ -242,9 +272,14 @@ impl<S: Real> Hierarchy<S> {
             .collect();
         sizes.push(match &self.coarse {
             Coarse::Inverse(inverse) => LevelSize {
-                unknowns: inverse.n,
-                entries: inverse.values.len(),
-                bytes: size_of_val(&inverse.values[..]),
+                unknowns: inverse.n(),
+                entries: inverse.values().len(),
+                bytes: size_of_val(inverse.values()),
+            },
+            Coarse::Diagonal { block, values } => LevelSize {
+                unknowns: values.len() / block,
+                entries: values.len(),
+                bytes: size_of_val(&values[..]),
             },
             Coarse::Smoothed(smoother) => smoothed(smoother),
         });
@@ -277,7 +312,10 @@ impl<S: Real> Hierarchy<S> {
             .sum();
         levels
             + match &self.coarse {
-                Coarse::Inverse(dense) => size_of_val(&dense.values[..]) + 2 * vector(dense.n),
+                Coarse::Inverse(dense) => size_of_val(dense.values()) + 2 * vector(dense.n()),
+                Coarse::Diagonal { block, values } => {
+                    size_of_val(&values[..]) + 3 * vector(values.len() / block)
+                }
                 Coarse::Smoothed(smoother) => smoothing(smoother, smoother.steps.len(), true),
             }
     }
@@ -310,6 +348,7 @@ impl<S: Real> fmt::Display for Hierarchy<S> {
         }
         let how = match &self.coarse {
             Coarse::Inverse(_) => "inverse",
+            Coarse::Diagonal { .. } => "block-Jacobi",
             Coarse::Smoothed(_) => "smoothing",
         };
         write!(
@@ -318,6 +357,16 @@ impl<S: Real> fmt::Display for Hierarchy<S> {
             self.operator_complexity(),
             mib(sizes.iter().map(|size| size.bytes).sum())
         )
+    }
+}
+
+/// A power of two, so that scaling costs no digit, that brings the diagonal of K near one.
+fn scale_of<const D: usize>(k: &BlockCsr<D>) -> Result<f64, AmgError> {
+    let largest = k.diagonal().into_iter().fold(0.0, f64::max);
+    if largest > 0.0 && largest.is_finite() {
+        Ok(power_of_two_below(largest).recip())
+    } else {
+        Err(AmgError::NotPositiveDefinite { node: 0, block: D })
     }
 }
 
@@ -345,8 +394,8 @@ fn coarsen<const B: usize, const M: usize, S: Real>(
     if n <= settings.dense_limit {
         return Ok(Step::Last(Coarse::Inverse(coarse::inverse(a, scale)?)));
     }
-    let inverse_diagonal =
-        smoother::inverse_diagonal(a).map_err(|node| AmgError::NotPositiveDefinite { node })?;
+    let inverse_diagonal = smoother::inverse_diagonal(a)
+        .map_err(|node| AmgError::NotPositiveDefinite { node, block: B })?;
     let decoupled = decoupled(a);
     for (mode, decoupled) in modes.iter_mut().zip(&decoupled) {
         for c in 0..B {

@@ -4,18 +4,19 @@
 //! makes corrections inside a refinement in f64: the residual b − Kx is made on the host in f64 against
 //! the true K, so that the answer is as accurate as that of the other path, whatever f32 has lost.
 
-use super::amg::{AmgError, Hierarchy, Multigrid, inverse_diagonal};
-use crate::backend::{Backend, GpuError, Progress, Run};
+use super::amg::{AmgError, Hierarchy, Multigrid};
+use crate::backend::{Backend, BackendError, Progress, Run};
 use crate::control::{Accuracy, Followed, SolveCounts, Stop, Stopped};
-use crate::sparse::stored::power_of_two_below;
+use crate::sparse::stored::{SquareBlocks, power_of_two_below};
 use crate::sparse::{BlockCsr, norm};
 use std::sync::Arc;
 
 /// Why K x = b was not solved.
 #[derive(Clone, Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PcgError {
     #[error(transparent)]
-    Gpu(#[from] GpuError),
+    Backend(#[from] BackendError),
     #[error(
         "the stiffness matrix is singular, or not positive definite: conjugate gradients met a direction without \
          stiffness; a part of a body has no stiffness or hangs on a hinge: check that its parts are connected by \
@@ -28,7 +29,7 @@ pub enum PcgError {
     #[error(
         "conjugate gradients stopped at a relative residual of {reached:.1e} instead of {asked:.0e} after \
          {iterations} iterations; the stiffness matrix is singular or too badly conditioned: look for a \
-         body without supports, slivers, or extreme ratios of the moduli, or use --stiffness cholesky"
+         body without supports, slivers, or extreme ratios of the moduli, or use the Cholesky factor"
     )]
     Stalled {
         reached: f64,
@@ -77,29 +78,26 @@ const LEAST_ITERATIONS: usize = 300;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Preconditioner {
-    /// Smoothed-aggregation multigrid: iterations hardly depend on the mesh.
+    /// Smoothed-aggregation multigrid: iterations hardly depend on the mesh. Where it does not fit, block-Jacobi.
     #[default]
     Multigrid,
-    /// The inverse of the 2×2 blocks on the diagonal: cheap to set up, but iterations grow with the width of
+    /// The inverse of the blocks of the nodes on the diagonal: cheap to set up, but iterations grow with the width of
     /// the mesh in nodes.
     BlockJacobi,
-}
-
-enum PreconditionerThere<B: Backend> {
-    Multigrid(Multigrid<B>),
-    BlockJacobi(B::BlockDiagonal),
 }
 
 /// K on a backend with its preconditioner and the vectors of CG.
 pub struct Pcg<B: Backend> {
     pub(crate) backend: B,
-    k: Arc<BlockCsr<2>>,
+    k: Arc<dyn SquareBlocks>,
     matrix: B::Matrix,
     /// The matrix on the backend is this times K.
     pub(crate) scale: f64,
-    preconditioner: PreconditionerThere<B>,
-    /// The levels of multigrid, for a log.
+    preconditioner: Multigrid<B>,
+    /// The levels of multigrid, for a log; None for block-Jacobi.
     pub hierarchy: Option<String>,
+    /// Why it is block-Jacobi where multigrid was asked for.
+    pub fallback: Option<String>,
     pub(crate) x: B::Vector,
     pub(crate) r: B::Vector,
     p: B::Vector,
@@ -135,61 +133,76 @@ pub(crate) struct Gather<'a, B: Backend> {
     pub out: &'a mut [f64],
 }
 
+/// A preconditioner on a backend, its levels as a table, and whether a single α rᵀz is to be trusted before a run has
+/// shown how fast they fall.
+type Made<B> = (Multigrid<B>, Option<String>, bool);
+
+fn on_backend<B: Backend>(
+    backend: &mut B,
+    hierarchy: Hierarchy<B::Stored>,
+) -> Result<Made<B>, PcgError> {
+    let table = hierarchy.is_multigrid().then(|| hierarchy.to_string());
+    let fast = hierarchy.has_rotations();
+    Ok((Multigrid::new(backend, hierarchy)?, table, fast))
+}
+
 impl<B: Backend> Pcg<B> {
-    /// Moves K to the backend and sets up the preconditioner; `coordinates` has a point per pair of
-    /// unknowns (without, multigrid has no rotations to work with and needs more iterations).
-    pub fn new(
+    /// Moves K to the backend and sets up the preconditioner; `coordinates` has a point per node
+    /// (without, multigrid has no rotations to work with and needs more iterations).
+    pub fn new<const D: usize>(
         mut backend: B,
-        k: &Arc<BlockCsr<2>>,
-        coordinates: Option<&[[f64; 2]]>,
+        k: &Arc<BlockCsr<D>>,
+        coordinates: Option<&[[f64; D]]>,
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
-        match preconditioner {
-            Preconditioner::Multigrid => {
-                let hierarchy = Hierarchy::new(k, coordinates, &Default::default())?;
-                Self::with_hierarchy(backend, k, hierarchy)
-            }
-            Preconditioner::BlockJacobi => {
-                let inverse =
-                    inverse_diagonal(k).map_err(|node| AmgError::NotPositiveDefinite { node })?;
-                let there = PreconditionerThere::BlockJacobi(backend.block_diagonal(&inverse)?);
-                Self::assemble(backend, k, there, None, false)
+        let mut fallback = None;
+        if preconditioner == Preconditioner::Multigrid {
+            let made = Hierarchy::new(k, coordinates, &Default::default())
+                .map_err(PcgError::from)
+                .and_then(|hierarchy| on_backend(&mut backend, hierarchy));
+            match made {
+                Ok(made) => return Self::assemble(backend, k, made, None),
+                Err(
+                    error @ (PcgError::Hierarchy(AmgError::TooLarge)
+                    | PcgError::Backend(BackendError::TooLarge { .. })),
+                ) => fallback = Some(error.to_string()),
+                Err(error) => return Err(error),
             }
         }
+        let made = on_backend(&mut backend, Hierarchy::block_jacobi(k)?)?;
+        Self::assemble(backend, k, made, fallback)
     }
 
     /// As [`Pcg::new`], with a hierarchy made before.
-    pub fn with_hierarchy(
+    pub fn with_hierarchy<const D: usize>(
         mut backend: B,
-        k: &Arc<BlockCsr<2>>,
+        k: &Arc<BlockCsr<D>>,
         hierarchy: Hierarchy<B::Stored>,
     ) -> Result<Self, PcgError> {
-        let table = hierarchy.to_string();
-        let fast = hierarchy.has_rotations();
-        let there = PreconditionerThere::Multigrid(Multigrid::new(&mut backend, hierarchy)?);
-        Self::assemble(backend, k, there, Some(table), fast)
+        let made = on_backend(&mut backend, hierarchy)?;
+        Self::assemble(backend, k, made, None)
     }
 
-    /// `fast`: a single α rᵀz is to be trusted before a run has shown how fast they fall.
-    fn assemble(
+    fn assemble<const D: usize>(
         mut backend: B,
-        k: &Arc<BlockCsr<2>>,
-        preconditioner: PreconditionerThere<B>,
-        hierarchy: Option<String>,
-        fast: bool,
+        k: &Arc<BlockCsr<D>>,
+        (preconditioner, hierarchy, fast): Made<B>,
+        fallback: Option<String>,
     ) -> Result<Self, PcgError> {
         let n = k.n_rows();
-        let (matrix, scale) = backend.matrix(k)?;
+        let k: Arc<dyn SquareBlocks> = Arc::clone(k) as _;
+        let (matrix, scale) = backend.matrix(Arc::clone(&k))?;
         let (x, r) = (backend.vector(n)?, backend.vector(n)?);
         let (p, q) = (backend.vector(n)?, backend.vector(n)?);
         let state = backend.state(&matrix, &x)?;
         Ok(Self {
             backend,
-            k: Arc::clone(k),
+            k,
             matrix,
             scale,
             preconditioner,
             hierarchy,
+            fallback,
             x,
             r,
             p,
@@ -308,16 +321,14 @@ impl<B: Backend> Pcg<B> {
         let start = self.counts.iterations;
         let mut correction = vec![0.0; b.len()];
         let mut residual = vec![0.0; b.len()];
-        let subtract_from_b = |k: &BlockCsr<2>, x: &[f64], residual: &mut [f64]| {
-            k.mul(x, residual);
-            for (r, b) in residual.iter_mut().zip(b) {
-                *r = b - *r;
-            }
+        let subtract_from_b = |k: &dyn SquareBlocks, x: &[f64], residual: &mut [f64]| {
+            residual.copy_from_slice(b);
+            k.subtract_product(x, residual);
         };
         if x.iter().all(|&v| v == 0.0) {
             residual.copy_from_slice(b);
         } else {
-            subtract_from_b(&self.k, x, &mut residual);
+            subtract_from_b(&*self.k, x, &mut residual);
         }
         let goal = match accuracy {
             Accuracy::Residual(tolerance) => tolerance * length_b,
@@ -390,7 +401,7 @@ impl<B: Backend> Pcg<B> {
                 }
             }
             last = gained;
-            subtract_from_b(&self.k, x, &mut residual);
+            subtract_from_b(&*self.k, x, &mut residual);
             let before = std::mem::replace(&mut length, norm(&residual));
             let achieved = length / before;
             if let Accuracy::Residual(_) = accuracy {
@@ -430,7 +441,7 @@ impl<B: Backend> Pcg<B> {
     /// Learns how fast the energy error falls from a run that has ended.
     fn learn(&mut self, progress: &Progress) {
         // With block-Jacobi the first terms may fall as fast as they like: what comes later is slow.
-        if let PreconditionerThere::BlockJacobi(_) = self.preconditioner {
+        if self.hierarchy.is_none() {
             return;
         }
         if progress.iterations < 2 || !(progress.energy > 0.0) {
@@ -473,14 +484,9 @@ impl<B: Backend> Pcg<B> {
         let mut milestone = None;
         let mut least_rr = f64::INFINITY;
         let mut first_energy = None;
-        match preconditioner {
-            PreconditionerThere::Multigrid(m) => {
-                backend.mg_load(r, x, m.r(), state, goals);
-                m.cycle(backend, state);
-                backend.mg_step_2(r, m.z(), p, state);
-            }
-            PreconditionerThere::BlockJacobi(d) => backend.cg_start(d, r, x, p, state, goals),
-        }
+        backend.start(r, x, preconditioner.r(), state, goals);
+        preconditioner.cycle(backend, state);
+        backend.direction(r, preconditioner.z(), p, state);
         // More than it should take: a look too early costs more than an iteration without effect.
         let to_energy = goals.remaining > 0.0 || goals.remaining_part > 0.0;
         let predicted = if to_energy {
@@ -492,18 +498,10 @@ impl<B: Backend> Pcg<B> {
         let mut issued = 0;
         loop {
             for _ in 0..chunk {
-                backend.cg_multiply(matrix, p, q, state);
-                match preconditioner {
-                    PreconditionerThere::Multigrid(m) => {
-                        backend.mg_step_1(p, q, x, r, m.r(), state);
-                        m.cycle(backend, state);
-                        backend.mg_step_2(r, m.z(), p, state);
-                    }
-                    PreconditionerThere::BlockJacobi(d) => {
-                        backend.cg_step_1(d, p, q, x, r, state);
-                        backend.cg_step_2(d, r, p, state);
-                    }
-                }
+                backend.multiply(matrix, p, q, state);
+                backend.step(p, q, x, r, preconditioner.r(), state);
+                preconditioner.cycle(backend, state);
+                backend.direction(r, preconditioner.z(), p, state);
             }
             issued += chunk;
             let progress = match &mut gather {

@@ -1,6 +1,7 @@
 //! The kernels of the multigrid levels on the CPU, in f32 or f64.
 
-use crate::sparse::stored::{BlockMatrix, BlockView, Dense, Real, times};
+use crate::backend::{BackendError, Product};
+use crate::sparse::stored::{BlockMatrix, Dense, Real, times};
 use rayon::prelude::*;
 
 /// Block rows of one parallel task.
@@ -16,15 +17,44 @@ pub struct Diagonal<S> {
     pub(super) values: Vec<S>,
 }
 
+/// Calls a kernel with the shape of blocks as constants.
+macro_rules! with_shape {
+    ($block:expr, [$([$r:literal, $c:literal]),+], $kernel:ident $args:tt) => {
+        match $block {
+            $([$r, $c] => $kernel::<$r, $c, _> $args,)+
+            _ => unreachable!("other shapes are refused when a matrix is handed over"),
+        }
+    };
+}
+
+/// The shapes of the plane and of space: finest level, between the finest and the coarser ones, coarser ones.
+macro_rules! with_any_shape {
+    ($block:expr, $kernel:ident $args:tt) => {
+        with_shape!(
+            $block,
+            [[2, 2], [2, 3], [3, 2], [3, 3], [3, 6], [6, 3], [6, 6]],
+            $kernel $args
+        )
+    };
+}
+
+/// Refuses what [`with_any_shape`] has no kernel for.
+pub(super) fn check_shape(block: [usize; 2]) -> Result<(), BackendError> {
+    match block {
+        [2 | 3, 2 | 3] | [3 | 6, 6] | [6, 3] => Ok(()),
+        [rows, columns] => Err(BackendError::NoKernel { rows, columns }),
+    }
+}
+
 /// d = c D⁻¹ b, x = d.
-pub(super) fn chebyshev_first<S: Real>(
+pub(super) fn smooth_first<S: Real>(
     inverse_diagonal: &Diagonal<S>,
     c: S,
     b: &[S],
     d: &mut [S],
     x: &mut [S],
 ) {
-    fn kernel<const B: usize, S: Real>(
+    fn kernel<const B: usize, const C: usize, S: Real>(
         inverse_diagonal: &[S],
         c: S,
         b: &[S],
@@ -44,14 +74,15 @@ pub(super) fn chebyshev_first<S: Real>(
                 }
             });
     }
-    match inverse_diagonal.block {
-        2 => kernel::<2, S>(&inverse_diagonal.values, c, b, d, x),
-        _ => kernel::<3, S>(&inverse_diagonal.values, c, b, d, x),
-    }
+    with_shape!(
+        [inverse_diagonal.block; 2],
+        [[2, 2], [3, 3], [6, 6]],
+        kernel(&inverse_diagonal.values, c, b, d, x)
+    );
 }
 
 /// d ← c₁ d + c₂ D⁻¹(b − A x), x_next = x + d.
-pub(super) fn chebyshev_step<S: Real>(
+pub(super) fn smooth<S: Real>(
     a: &BlockMatrix<S>,
     inverse_diagonal: &Diagonal<S>,
     step: [S; 2],
@@ -60,8 +91,8 @@ pub(super) fn chebyshev_step<S: Real>(
     d: &mut [S],
     x_next: &mut [S],
 ) {
-    fn kernel<const B: usize, S: Real>(
-        a: BlockView<B, B, S>,
+    fn kernel<const B: usize, const C: usize, S: Real>(
+        a: &BlockMatrix<S>,
         inverse_diagonal: &[S],
         [c1, c2]: [S; 2],
         b: &[S],
@@ -70,58 +101,70 @@ pub(super) fn chebyshev_step<S: Real>(
         x_next: &mut [S],
     ) {
         let inverse_diagonal = inverse_diagonal.as_chunks::<B>().0.as_chunks::<B>().0;
-        let x_all = x.as_chunks::<B>().0;
-        (d.par_chunks_mut(ROWS_PER_TASK * B))
-            .zip(x_next.par_chunks_mut(ROWS_PER_TASK * B))
-            .zip(b.par_chunks(ROWS_PER_TASK * B))
-            .zip(x_all.par_chunks(ROWS_PER_TASK))
-            .zip(inverse_diagonal.par_chunks(ROWS_PER_TASK))
+        let (b, x, d) = (
+            b.as_chunks::<B>().0,
+            x.as_chunks::<B>().0,
+            d.as_chunks_mut::<B>().0,
+        );
+        let a = a.view::<B, B>();
+        (x_next.par_chunks_mut(ROWS_PER_TASK * B))
+            .zip(d.par_chunks_mut(ROWS_PER_TASK))
             .enumerate()
-            .for_each(|(task, ((((d, x_next), b), x), inverse_diagonal))| {
-                let out = (d.as_chunks_mut::<B>().0.iter_mut()).zip(x_next.as_chunks_mut::<B>().0);
-                let given = b.as_chunks::<B>().0.iter().zip(x).zip(inverse_diagonal);
-                for (k, ((d, x_next), ((b, x), inverse_diagonal))) in out.zip(given).enumerate() {
-                    let ax = a.row_times(task * ROWS_PER_TASK + k, x_all);
-                    let r = std::array::from_fn(|c| b[c] - ax[c]);
-                    let z = times(inverse_diagonal, &r);
+            .for_each(|(task, (x_next, d))| {
+                let rows = task * ROWS_PER_TASK..;
+                let out = x_next.as_chunks_mut::<B>().0.iter_mut().zip(d);
+                for (i, (x_next, d)) in rows.zip(out) {
+                    let ax = a.row_times(i, x);
+                    let r = std::array::from_fn(|c| b[i][c] - ax[c]);
+                    let z = times(&inverse_diagonal[i], &r);
                     for c in 0..B {
                         d[c] = c1 * d[c] + c2 * z[c];
-                        x_next[c] = x[c] + d[c];
+                        x_next[c] = x[i][c] + d[c];
                     }
                 }
             });
     }
-    let inverse_diagonal = &inverse_diagonal.values;
-    match a.block {
-        [2, _] => kernel::<2, S>(a.view(), inverse_diagonal, step, b, x, d, x_next),
-        _ => kernel::<3, S>(a.view(), inverse_diagonal, step, b, x, d, x_next),
+    with_shape!(
+        a.block(),
+        [[2, 2], [3, 3], [6, 6]],
+        kernel(a, &inverse_diagonal.values, step, b, x, d, x_next)
+    );
+}
+
+/// y of M x: see [`Product`].
+pub(super) fn multiply<S: Real>(
+    m: &BlockMatrix<S>,
+    product: Product,
+    b: &[S],
+    x: &[S],
+    y: &mut [S],
+) {
+    match product {
+        Product::Plain => with_any_shape!(m.block(), rows(m, x, y, |_, y, v| *y = v)),
+        Product::Added => with_any_shape!(m.block(), rows(m, x, y, |_, y, v| *y = *y + v)),
+        Product::Residual => with_any_shape!(m.block(), rows(m, x, y, |i, y, v| *y = b[i] - v)),
     }
 }
 
-/// r = b − A x.
-pub(super) fn residual<S: Real>(a: &BlockMatrix<S>, b: &[S], x: &[S], r: &mut [S]) {
-    match a.block {
-        [2, _] => rows::<2, 2, S>(a, x, r, |i, r, ax| *r = from_rows(b, i, |b, c| b - ax[c])),
-        _ => rows::<3, 3, S>(a, x, r, |i, r, ax| *r = from_rows(b, i, |b, c| b - ax[c])),
-    }
-}
-
-/// b_coarse = R r.
-pub(super) fn restrict<S: Real>(restriction: &BlockMatrix<S>, r: &[S], b_coarse: &mut [S]) {
-    match restriction.block {
-        [2, 2] => rows::<2, 2, S>(restriction, r, b_coarse, |_, b, v| *b = v),
-        [3, 2] => rows::<3, 2, S>(restriction, r, b_coarse, |_, b, v| *b = v),
-        _ => rows::<3, 3, S>(restriction, r, b_coarse, |_, b, v| *b = v),
-    }
-}
-
-/// x ← x + P x_coarse.
-pub(super) fn prolong_add<S: Real>(prolongation: &BlockMatrix<S>, x_coarse: &[S], x: &mut [S]) {
-    match prolongation.block {
-        [2, 2] => rows::<2, 2, S>(prolongation, x_coarse, x, |_, x, v| add(x, v)),
-        [2, 3] => rows::<2, 3, S>(prolongation, x_coarse, x, |_, x, v| add(x, v)),
-        _ => rows::<3, 3, S>(prolongation, x_coarse, x, |_, x, v| add(x, v)),
-    }
+/// Calls `write(i, yᵢ, (M x)ᵢ)` for every row i of M.
+fn rows<const R: usize, const C: usize, S: Real>(
+    matrix: &BlockMatrix<S>,
+    x: &[S],
+    y: &mut [S],
+    write: impl Fn(usize, &mut S, S) + Sync,
+) {
+    let (matrix, x) = (matrix.view::<R, C>(), x.as_chunks::<C>().0);
+    y.par_chunks_mut(ROWS_PER_TASK * R)
+        .enumerate()
+        .for_each(|(task, y)| {
+            let first = task * ROWS_PER_TASK;
+            for (k, y) in y.as_chunks_mut::<R>().0.iter_mut().enumerate() {
+                let sum = matrix.row_times(first + k, x);
+                for c in 0..R {
+                    write((first + k) * R + c, &mut y[c], sum[c]);
+                }
+            }
+        });
 }
 
 /// x = M b with a dense symmetric M.
@@ -129,9 +172,9 @@ pub(super) fn dense_apply<S: Real>(m: &Dense<S>, b: &[S], x: &mut [S]) {
     // Several sums per row, so that the additions need not wait for each other.
     const LANES: usize = 16;
     (x.par_chunks_mut(DENSE_ROWS_PER_TASK))
-        .zip(m.values.par_chunks(DENSE_ROWS_PER_TASK * m.n))
+        .zip(m.values().par_chunks(DENSE_ROWS_PER_TASK * m.n()))
         .for_each(|(x, rows)| {
-            for (x, row) in x.iter_mut().zip(rows.chunks(m.n)) {
+            for (x, row) in x.iter_mut().zip(rows.chunks(m.n())) {
                 let mut sums = [S::default(); LANES];
                 let (row, row_end) = row.as_chunks::<LANES>();
                 let (b, b_end) = b.as_chunks::<LANES>();
@@ -146,37 +189,4 @@ pub(super) fn dense_apply<S: Real>(m: &Dense<S>, b: &[S], x: &mut [S]) {
                 *x = sums.into_iter().fold(S::default(), |sum, v| sum + v);
             }
         });
-}
-
-/// Calls `write(i, yᵢ, (M x)ᵢ)` for every block row i of M.
-fn rows<const R: usize, const C: usize, S: Real>(
-    matrix: &BlockMatrix<S>,
-    x: &[S],
-    y: &mut [S],
-    write: impl Fn(usize, &mut [S; R], [S; R]) + Sync,
-) {
-    let (matrix, x) = (matrix.view::<R, C>(), x.as_chunks::<C>().0);
-    y.par_chunks_mut(ROWS_PER_TASK * R)
-        .enumerate()
-        .for_each(|(task, y)| {
-            let first = task * ROWS_PER_TASK;
-            for (k, y) in y.as_chunks_mut::<R>().0.iter_mut().enumerate() {
-                write(first + k, y, matrix.row_times(first + k, x));
-            }
-        });
-}
-
-/// `value(entry, component)` of the entries of block i of a vector.
-fn from_rows<const B: usize, S: Real>(
-    vector: &[S],
-    i: usize,
-    value: impl Fn(S, usize) -> S,
-) -> [S; B] {
-    std::array::from_fn(|c| value(vector[i * B + c], c))
-}
-
-fn add<const B: usize, S: Real>(x: &mut [S; B], y: [S; B]) {
-    for c in 0..B {
-        x[c] += y[c];
-    }
 }

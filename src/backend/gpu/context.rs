@@ -1,87 +1,36 @@
 //! Adapters and devices: which there are, which one is taken and why, and what goes wrong with them.
 
-use super::kernels::Kernels;
+use super::kernels::{Kernels, WIDTH};
+use crate::backend::{BackendError, GpuOptions, Precision};
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-/// A GPU could not be used, or failed.
+/// A GPU could not be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum GpuError {
+    /// There is none that fits.
     #[error("{0}")]
     NoAdapter(String),
+    /// The one asked for lacks what kernels need.
     #[error("the adapter \"{adapter}\" cannot be used: {reason}")]
-    Unsuitable { adapter: String, reason: String },
-    #[error("the adapter \"{adapter}\" gave no device: {reason}")]
-    NoDevice { adapter: String, reason: String },
-    #[error(
-        "{what} needs {needed_mib} MiB, but the adapter \"{adapter}\" offers {offered_mib} MiB; \
-         use a coarser mesh, a larger GPU, or --backend cpu"
-    )]
-    TooLarge {
-        what: &'static str,
+    Unsuitable {
+        /// Its name.
         adapter: String,
-        needed_mib: u64,
-        offered_mib: u64,
+        /// What it lacks.
+        reason: String,
     },
-    #[error(
-        "the adapter \"{adapter}\" has no memory left; close other programs that use it, or use --backend cpu"
-    )]
-    OutOfMemory { adapter: String },
-    #[error(
-        "a row of the matrix has so many entries that 32 such rows exceed one binding of the adapter \
-         \"{adapter}\" ({limit_mib} MiB); use --backend cpu"
-    )]
-    DenseRow { adapter: String, limit_mib: u64 },
-    #[error("the device \"{adapter}\" was lost: {reason}")]
-    Lost { adapter: String, reason: String },
-    #[error("the driver of \"{adapter}\" reported a fault: {reason}")]
-    Fault { adapter: String, reason: String },
-}
-
-/// Arithmetic of the kernels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Precision {
-    /// Vectors and K in f64, the preconditioner in f32.
-    #[default]
-    F64,
-    /// Everything in f32; f64 accuracy comes from refinement around it.
-    F32,
-}
-
-impl Precision {
-    /// Bytes of a real number.
-    pub fn bytes(self) -> u64 {
-        match self {
-            Self::F64 => 8,
-            Self::F32 => 4,
-        }
-    }
-}
-
-impl fmt::Display for Precision {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::F64 => "f64",
-            Self::F32 => "f32",
-        })
-    }
-}
-
-/// What to ask of a GPU.
-#[derive(Clone, Debug, Default)]
-pub struct Options {
-    /// A part of the adapter's name, or its number in the list of [`adapters`]; None takes the best one
-    /// (the variable `WGPU_ADAPTER_NAME`, if set, stands for a name).
-    pub adapter: Option<String>,
-    /// None takes f64 where the adapter has it.
-    pub precision: Option<Precision>,
-    /// Bytes of one storage binding to use at most, below what the adapter allows.
-    pub max_binding: Option<u64>,
-    /// Runs the kernels with wgpu's own checks of every index and loop.
-    pub checked: bool,
-    /// Only a real GPU will do, no software adapter.
-    pub hardware_only: bool,
+    /// The driver refused.
+    #[error("the adapter \"{adapter}\" gave no device: {reason}")]
+    NoDevice {
+        /// Its name.
+        adapter: String,
+        /// What the driver says.
+        reason: String,
+    },
+    /// It failed at once.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
 }
 
 /// One adapter, with the limits and features that matter here.
@@ -167,12 +116,12 @@ fn summary(adapter: &wgpu::Adapter) -> AdapterSummary {
             "a kernel can use only {} storage buffers, {STORAGE_BUFFERS} are needed",
             limits.max_storage_buffers_per_shader_stage
         ))
-    } else if limits.max_compute_invocations_per_workgroup < super::WIDTH
-        || limits.max_compute_workgroup_size_x < super::WIDTH
+    } else if limits.max_compute_invocations_per_workgroup < WIDTH
+        || limits.max_compute_workgroup_size_x < WIDTH
     {
         Some(format!(
             "its workgroups have fewer than {} invocations",
-            super::WIDTH
+            WIDTH
         ))
     } else {
         None
@@ -226,7 +175,7 @@ fn memory(_adapter: &wgpu::Adapter) -> Option<u64> {
 }
 
 /// What went wrong on the device and has not been reported yet.
-type Fault = Arc<Mutex<Option<GpuError>>>;
+type Fault = Arc<Mutex<Option<BackendError>>>;
 
 /// A device with its compiled kernels; shared by all that computes on it.
 pub struct Context {
@@ -248,15 +197,14 @@ pub struct Context {
 
 impl Context {
     /// Opens a device on the adapter that the options ask for.
-    pub fn new(options: &Options) -> Result<Arc<Self>, GpuError> {
+    pub fn new(options: &GpuOptions) -> Result<Arc<Self>, GpuError> {
         let (adapter, summary, reason) = choose(options)?;
         let name = summary.to_string();
         let precision = match options.precision {
             Some(Precision::F64) if !summary.f64 => {
                 return Err(GpuError::Unsuitable {
                     adapter: name,
-                    reason: "it has no f64 in its kernels (the feature SHADER_F64); use --precision auto or f32"
-                        .to_owned(),
+                    reason: "it has no f64 in its kernels (the feature SHADER_F64)".to_owned(),
                 });
             }
             Some(precision) => precision,
@@ -280,7 +228,7 @@ impl Context {
         let fault = Fault::default();
         let (on_lost, lost_name) = (Arc::clone(&fault), name.clone());
         device.set_device_lost_callback(move |_, message| {
-            let lost = GpuError::Lost {
+            let lost = BackendError::Lost {
                 adapter: lost_name.clone(),
                 reason: message,
             };
@@ -291,8 +239,8 @@ impl Context {
         device.on_uncaptured_error(Arc::new(move |error| {
             let adapter = error_name.clone();
             let error = match error {
-                wgpu::Error::OutOfMemory { .. } => GpuError::OutOfMemory { adapter },
-                other => GpuError::Fault {
+                wgpu::Error::OutOfMemory { .. } => BackendError::OutOfMemory { adapter },
+                other => BackendError::Fault {
                     adapter,
                     reason: other.to_string(),
                 },
@@ -323,7 +271,7 @@ impl Context {
     }
 
     /// What has gone wrong since the last call, if anything.
-    pub(super) fn check(&self) -> Result<(), GpuError> {
+    pub(super) fn check(&self) -> Result<(), BackendError> {
         match &*lock(&self.fault) {
             // A fault stays: nothing computed after it can be trusted.
             Some(error) => Err(error.clone()),
@@ -348,10 +296,10 @@ impl Context {
     }
 
     /// Refuses what the adapter's memory cannot hold beside what is allocated already.
-    pub fn check_memory(&self, what: &'static str, bytes: u64) -> Result<(), GpuError> {
+    pub fn check_memory(&self, what: &'static str, bytes: u64) -> Result<(), BackendError> {
         let needed = *lock(&self.allocated) + bytes;
         match self.adapter.memory {
-            Some(offered) if needed > offered => Err(GpuError::TooLarge {
+            Some(offered) if needed > offered => Err(BackendError::TooLarge {
                 what,
                 adapter: self.adapter.to_string(),
                 needed_mib: needed >> 20,
@@ -367,12 +315,12 @@ impl Context {
         label: &'static str,
         bytes: u64,
         usage: wgpu::BufferUsages,
-    ) -> Result<Buffer, GpuError> {
+    ) -> Result<Buffer, BackendError> {
         self.check()?;
         // A binding must not be empty, and copies go by four bytes.
         let size = bytes.max(16).next_multiple_of(16);
         if size > self.device.limits().max_buffer_size {
-            return Err(GpuError::TooLarge {
+            return Err(BackendError::TooLarge {
                 what: label,
                 adapter: self.adapter.to_string(),
                 needed_mib: size >> 20,
@@ -435,7 +383,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// The adapter to take, and why.
-fn choose(options: &Options) -> Result<(wgpu::Adapter, AdapterSummary, String), GpuError> {
+fn choose(options: &GpuOptions) -> Result<(wgpu::Adapter, AdapterSummary, String), GpuError> {
     let variable = std::env::var("WGPU_ADAPTER_NAME").ok();
     let by_variable = options.adapter.is_none() && variable.is_some();
     let wanted = options.adapter.clone().or(variable);
@@ -457,7 +405,7 @@ fn choose(options: &Options) -> Result<(wgpu::Adapter, AdapterSummary, String), 
     if all.is_empty() {
         return Err(GpuError::NoAdapter(
             "no GPU adapter found: install a Vulkan driver (for a software one: mesa-vulkan-drivers and \
-             libvulkan1 on Debian), or use --backend cpu"
+             libvulkan1 on Debian), or use the CPU"
                 .to_owned(),
         ));
     }
@@ -497,8 +445,7 @@ fn choose(options: &Options) -> Result<(wgpu::Adapter, AdapterSummary, String), 
     }
     if options.hardware_only && summary.is_software {
         return Err(GpuError::NoAdapter(
-            "there is only a software adapter, which is used when asked for: --backend gpu"
-                .to_owned(),
+            "there is only a software adapter, which is used when a GPU is asked for".to_owned(),
         ));
     }
     let reason = match (&wanted, by_variable, count) {

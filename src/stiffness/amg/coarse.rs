@@ -1,8 +1,9 @@
 //! The inverse on the coarsest level.
 
-use super::{AmgError, Dense, Real};
+use super::AmgError;
 use crate::dense::{self, cholesky};
 use crate::sparse::BlockCsr;
+use crate::sparse::stored::{Dense, Real};
 use faer::Mat;
 
 /// A pivot below this part of its diagonal entry means a singular matrix.
@@ -31,11 +32,8 @@ pub(super) fn inverse<const B: usize, S: Real>(
     }
     let factor = cholesky(dense).ok_or(AmgError::Singular)?;
     let lower = dense::inverse(&factor);
-    Ok(Dense {
-        n,
-        values: (0..n * n)
-            .map(|k| (k / n, k % n))
-            .map(|(i, j)| S::from_f64(lower[(i.max(j), i.min(j))]))
-            .collect(),
-    })
+    let values = (0..n * n)
+        .map(|k| (k / n, k % n))
+        .map(|(i, j)| S::from_f64(lower[(i.max(j), i.min(j))]));
+    Ok(Dense::new(n, values.collect()))
 }

@@ -1,7 +1,8 @@
 //! The V-cycle, written once for all backends.
 
 use super::{Coarse, Hierarchy, Smoother};
-use crate::backend::{Backend, GpuError};
+use crate::backend::{Backend, BackendError, Product};
+use crate::sparse::stored::Real as _;
 
 /// A matrix on a backend, and the Chebyshev iteration that smooths with it.
 struct SmootherThere<B: Backend> {
@@ -18,6 +19,7 @@ struct LevelThere<B: Backend> {
 
 enum CoarseThere<B: Backend> {
     Inverse(B::DenseMatrix),
+    Diagonal(B::LevelDiagonal),
     Smoothed(SmootherThere<B>),
 }
 
@@ -43,7 +45,7 @@ pub struct Multigrid<B: Backend> {
 
 impl<B: Backend> Multigrid<B> {
     /// Moves the hierarchy to the backend.
-    pub fn new(backend: &mut B, hierarchy: Hierarchy<B::Stored>) -> Result<Self, GpuError> {
+    pub fn new(backend: &mut B, hierarchy: Hierarchy<B::Stored>) -> Result<Self, BackendError> {
         let vectors = hierarchy
             .sizes()
             .iter()
@@ -55,7 +57,7 @@ impl<B: Backend> Multigrid<B> {
                     d: backend.level_vector(size.unknowns)?,
                 })
             })
-            .collect::<Result<_, GpuError>>()?;
+            .collect::<Result<_, BackendError>>()?;
         let mut levels = Vec::new();
         for level in hierarchy.levels {
             levels.push(LevelThere {
@@ -66,6 +68,9 @@ impl<B: Backend> Multigrid<B> {
         }
         let coarse = match hierarchy.coarse {
             Coarse::Inverse(dense) => CoarseThere::Inverse(backend.dense_matrix(dense)?),
+            Coarse::Diagonal { block, values } => {
+                CoarseThere::Diagonal(backend.level_diagonal(values, block)?)
+            }
             Coarse::Smoothed(coarse) => CoarseThere::Smoothed(smoother(backend, coarse)?),
         };
         Ok(Self {
@@ -103,8 +108,8 @@ impl<B: Backend> Multigrid<B> {
 fn smoother<B: Backend>(
     backend: &mut B,
     smoother: Smoother<B::Stored>,
-) -> Result<SmootherThere<B>, GpuError> {
-    let block = smoother.matrix.block[0];
+) -> Result<SmootherThere<B>, BackendError> {
+    let [block, _] = smoother.matrix.block();
     Ok(SmootherThere {
         inverse_diagonal: backend.level_diagonal(smoother.inverse_diagonal, block)?,
         matrix: backend.level_matrix(smoother.matrix)?,
@@ -128,15 +133,36 @@ fn v_cycle<B: Backend>(
     let Some((level, coarser)) = levels.split_first() else {
         match coarse {
             CoarseThere::Inverse(inverse) => backend.dense_product(state, inverse, &v.b, &mut v.x),
+            CoarseThere::Diagonal(inverse) => {
+                let one = B::Stored::from_f64(1.0);
+                backend.smooth_first(state, inverse, one, &v.b, &mut v.d, &mut v.x);
+            }
             CoarseThere::Smoothed(smoother) => smooth_from_zero(backend, state, smoother, v),
         }
         return;
     };
     smooth_from_zero(backend, state, &level.smoother, v);
-    backend.level_residual(state, &level.smoother.matrix, &v.b, &v.x, &mut v.d);
-    backend.level_product(state, &level.restriction, &v.d, &mut below[0].b);
+    let matrix = &level.smoother.matrix;
+    backend.level_multiply(state, matrix, Product::Residual, &v.b, &v.x, &mut v.d);
+    let coarse_b = &mut below[0].b;
+    backend.level_multiply(
+        state,
+        &level.restriction,
+        Product::Plain,
+        &v.b,
+        &v.d,
+        coarse_b,
+    );
     v_cycle(backend, state, coarser, coarse, below);
-    backend.level_product_add(state, &level.prolongation, &below[0].x, &mut v.x);
+    let coarse_x = &below[0].x;
+    backend.level_multiply(
+        state,
+        &level.prolongation,
+        Product::Added,
+        &v.b,
+        coarse_x,
+        &mut v.x,
+    );
     smooth(backend, state, &level.smoother, &level.smoother.steps, v);
 }
 
@@ -148,7 +174,7 @@ fn smooth_from_zero<B: Backend>(
     v: &mut LevelVectors<B>,
 ) {
     let [_, c] = smoother.steps[0];
-    backend.chebyshev_first(
+    backend.smooth_first(
         state,
         &smoother.inverse_diagonal,
         c,
@@ -168,7 +194,7 @@ fn smooth<B: Backend>(
     v: &mut LevelVectors<B>,
 ) {
     for &step in steps {
-        backend.chebyshev_step(
+        backend.smooth(
             state,
             &smoother.matrix,
             &smoother.inverse_diagonal,

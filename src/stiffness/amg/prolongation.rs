@@ -2,7 +2,7 @@
 
 use super::aggregation::{Aggregates, NONE};
 use super::product::add_product;
-use crate::sparse::BlockCsr;
+use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
 
 /// A column that keeps less than this part of its norm when the columns before it are projected out
@@ -12,31 +12,35 @@ const RANK_TOLERANCE: f64 = 1e-8;
 /// The values of M modes at one node with B components.
 pub(super) type Modes<const B: usize, const M: usize> = [[f64; M]; B];
 
-/// The modes of n nodes that move without strain: translations along x and y (M = 2), and with
-/// coordinates the rotation about the centre of all nodes (M = 3).
-pub(super) fn rigid_body_modes<const M: usize>(
+/// The modes of n nodes that move without strain: translations along the axes, and with coordinates the rotations in
+/// the planes of two axes about the centre of all nodes.
+pub(super) fn rigid_body_modes<const D: usize, const M: usize>(
     n: usize,
-    coordinates: Option<&[[f64; 2]]>,
-) -> Vec<Modes<2, M>> {
-    let mut modes = vec![[[0.0; M]; 2]; n];
+    coordinates: Option<&[[f64; D]]>,
+) -> Vec<Modes<D, M>> {
+    let mut modes = vec![[[0.0; M]; D]; n];
     for mode in &mut modes {
-        mode[0][0] = 1.0;
-        mode[1][1] = 1.0;
+        for c in 0..D {
+            mode[c][c] = 1.0;
+        }
     }
-    if let (Some(points), 3) = (coordinates, M) {
+    if let Some(points) = coordinates {
         // Centred, and of size about 1, so that the unit of length does not matter.
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let (mut low, mut high) = ([f64::INFINITY; D], [f64::NEG_INFINITY; D]);
         for x in points {
-            for c in 0..2 {
+            for c in 0..D {
                 low[c] = low[c].min(x[c]);
                 high[c] = high[c].max(x[c]);
             }
         }
-        let size = (high[0] - low[0]).max(high[1] - low[1]);
+        let size = (0..D).map(|c| high[c] - low[c]).fold(0.0, f64::max);
         if size > 0.0 {
-            for (mode, x) in modes.iter_mut().zip(points) {
-                mode[0][2] = -(x[1] - 0.5 * (low[1] + high[1])) / size;
-                mode[1][2] = (x[0] - 0.5 * (low[0] + high[0])) / size;
+            let planes = (0..D).flat_map(|a| (a + 1..D).map(move |b| (a, b)));
+            for (k, (a, b)) in (D..M).zip(planes) {
+                for (mode, x) in modes.iter_mut().zip(points) {
+                    mode[a][k] = -(x[b] - 0.5 * (low[b] + high[b])) / size;
+                    mode[b][k] = (x[a] - 0.5 * (low[a] + high[a])) / size;
+                }
             }
         }
     }
@@ -178,7 +182,6 @@ pub(super) fn smoothed<const B: usize, const M: usize>(
     aggregates: &Aggregates,
     q: &[Modes<B, M>],
 ) -> BlockCsr<B, M> {
-    const ROWS_PER_TASK: usize = 4096;
     let n = a.n_block_rows();
     let parts: Vec<(Vec<u32>, Vec<u32>, Vec<Modes<B, M>>)> = (0..n.div_ceil(ROWS_PER_TASK))
         .into_par_iter()

@@ -24,7 +24,7 @@ struct Solve {
 }
 
 /// Conjugate gradients preconditioned with M, to ‖K x − f‖ ≤ 1e-8 ‖f‖.
-fn pcg<S: Real>(k: &BlockCsr<2>, f: &[f64], m: &Hierarchy<S>) -> Solve {
+fn pcg<const D: usize, S: Real>(k: &BlockCsr<D>, f: &[f64], m: &Hierarchy<S>) -> Solve {
     let k = Arc::new(k.clone());
     let mut pcg = Pcg::with_hierarchy(Cpu::<S>::default(), &k, m.clone())
         .unwrap_or_else(|error| panic!("{error}"));
@@ -321,13 +321,13 @@ fn units_do_not_matter() {
 /// y = M x for any block size.
 fn multiply(m: &BlockMatrix<f64>, x: &[f64]) -> Vec<f64> {
     let mut y = vec![0.0; m.n_rows()];
-    let [rows, cols] = m.block;
+    let [rows, cols] = m.block();
     for i in 0..m.n_block_rows() {
-        for k in m.row_ptr[i] as usize..m.row_ptr[i + 1] as usize {
+        for k in m.row_ptr()[i] as usize..m.row_ptr()[i + 1] as usize {
             for a in 0..rows {
                 for b in 0..cols {
-                    y[i * rows + a] +=
-                        m.values[(k * rows + a) * cols + b] * x[m.col_idx[k] as usize * cols + b];
+                    y[i * rows + a] += m.values()[(k * rows + a) * cols + b]
+                        * x[m.col_idx()[k] as usize * cols + b];
                 }
             }
         }
@@ -373,15 +373,96 @@ fn coarse_matrices_are_galerkin_products() {
         panic!("{m}");
     };
     let last = m.levels.last().expect("there are levels");
-    let v = noise(inverse.n, 1);
+    let v = noise(inverse.n(), 1);
     let av = multiply(
         &last.restriction,
         &multiply(&last.smoother.matrix, &multiply(&last.prolongation, &v)),
     );
-    let back: Vec<f64> = (inverse.values.chunks(inverse.n))
+    let back: Vec<f64> = (inverse.values().chunks(inverse.n()))
         .map(|row| dot(row, &av))
         .collect();
     assert!(difference(&back, &v) < 1e-2);
+}
+
+/// A lattice of springs in space to the 26 neighbours of each node, held at x = 0 by its nodes there.
+fn lattice(cells: [usize; 3]) -> (BlockCsr<3>, Vec<[f64; 3]>) {
+    let [nx, ny, nz] = cells.map(|c| c as i64 + 1);
+    let number = |[i, j, k]: [i64; 3]| ((k * ny + j) * nx + i) as usize;
+    let (mut triplets, mut points) = (Vec::new(), Vec::new());
+    let all = |n: i64| 0..n;
+    for (k, j, i) in
+        all(nz).flat_map(|k| all(ny).flat_map(move |j| all(nx).map(move |i| (k, j, i))))
+    {
+        points.push([i as f64, j as f64, k as f64]);
+        let own = number([i, j, k]);
+        if i == 0 {
+            triplets.extend((0..3).map(|c| (3 * own + c, 3 * own + c, 1.0)));
+        }
+        for (a, b, c) in
+            (-1..2).flat_map(|a| (-1..2).flat_map(move |b| (-1..2).map(move |c| (a, b, c))))
+        {
+            let [x, y, z] = [i + a, j + b, k + c];
+            let inside = (0..nx).contains(&x) && (0..ny).contains(&y) && (0..nz).contains(&z);
+            let square = (a * a + b * b + c * c) as f64;
+            if !inside || square == 0.0 {
+                continue;
+            }
+            let (other, way) = (number([x, y, z]), [a, b, c].map(|v| v as f64));
+            for (p, q) in (0..3).flat_map(|p| (0..3).map(move |q| (p, q))) {
+                let value = way[p] * way[q] / square;
+                triplets.push((3 * own + p, 3 * own + q, value));
+                triplets.push((3 * own + p, 3 * other + q, -value));
+            }
+        }
+    }
+    let n = 3 * points.len();
+    (BlockCsr::from_triplets(n, n, triplets), points)
+}
+
+/// In space the levels have blocks of 3, then of 6, and the iterations hardly grow.
+#[test]
+fn a_lattice_in_space_is_solved() {
+    let mut iterations = Vec::new();
+    for cells in [[8, 8, 8], [16, 16, 16]] {
+        let (k, points) = lattice(cells);
+        let f = noise(k.n_rows(), 5);
+        let hierarchy = Hierarchy::<f32>::new(&k, Some(&points), &Default::default())
+            .unwrap_or_else(|error| panic!("{error}"));
+        let blocks: Vec<[usize; 2]> = (hierarchy.levels.iter())
+            .map(|level| level.smoother.matrix.block())
+            .collect();
+        assert_eq!(blocks[0], [3, 3]);
+        assert!(blocks[1..].iter().all(|&block| block == [6, 6]));
+        assert!(hierarchy.has_rotations());
+        let solved = pcg(&k, &f, &hierarchy);
+        assert!(solved.residual < 2e-8, "{solved:?}");
+        check_symmetric_definite(&k, &hierarchy, 1e-4);
+        iterations.push(solved.iterations);
+        let without = Hierarchy::<f32>::new(&k, None, &Default::default())
+            .unwrap_or_else(|error| panic!("{error}"));
+        assert!(!without.has_rotations());
+        assert!(pcg(&k, &f, &without).residual < 2e-8);
+        let jacobi = Hierarchy::block_jacobi(&k).unwrap_or_else(|error| panic!("{error}"));
+        assert!(pcg::<_, f32>(&k, &f, &jacobi).residual < 2e-8);
+    }
+    assert!(
+        iterations[1] <= iterations[0] + 6 && iterations[1] <= 30,
+        "{iterations:?}"
+    );
+    // Rigid motions are represented exactly.
+    let (k, points) = lattice([5, 4, 6]);
+    let modes = rigid_body_modes::<3, 6>(points.len(), Some(&points));
+    let aggregates = aggregate(&k, &strength(&k, 0.38), |_| false);
+    let tentative = tentative(&modes, &aggregates);
+    for (i, mode) in modes.iter().enumerate() {
+        let coarse = &tentative.coarse[aggregates.of_node[i] as usize];
+        for (c, row) in tentative.q[i].iter().enumerate() {
+            for m in 0..6 {
+                let found: f64 = (0..6).map(|p| row[p] * coarse[p][m]).sum();
+                assert!((found - mode[c][m]).abs() < 1e-12, "{found}");
+            }
+        }
+    }
 }
 
 #[test]
@@ -389,7 +470,7 @@ fn rigid_body_modes_are_interpolated_exactly() {
     let mesh = shaken([3.0, 1.0], [60, 20]);
     let (k, _, points) = clamped(&mesh, &[MATERIAL]);
     let n = k.n_block_rows();
-    let modes = rigid_body_modes::<3>(n, Some(&points));
+    let modes = rigid_body_modes::<2, 3>(n, Some(&points));
     let aggregates = aggregate(&k, &strength(&k, 0.38), |_| false);
     let tentative = tentative(&modes, &aggregates);
     for i in 0..n {
@@ -426,7 +507,11 @@ fn rigid_body_modes_are_interpolated_exactly() {
 }
 
 /// Checks xᵀM y = yᵀM x and xᵀM x > 0 on random vectors, relative to the norms of the products.
-fn check_symmetric_definite<S: Real>(k: &BlockCsr<2>, m: &Hierarchy<S>, tolerance: f64) {
+fn check_symmetric_definite<const D: usize, S: Real>(
+    k: &BlockCsr<D>,
+    m: &Hierarchy<S>,
+    tolerance: f64,
+) {
     let n = k.n_rows();
     let mut cycle = Cycle::new(m);
     let (mut mx, mut my) = (vec![0.0; n], vec![0.0; n]);
@@ -615,14 +700,17 @@ fn what_cannot_be_solved_is_refused() {
     let all: Vec<usize> = (0..n).collect();
     assert_eq!(
         refused(&springs(n, &[], &all[..n - 1]), None),
-        Err(AmgError::NotPositiveDefinite { node: n / 2 - 1 })
+        Err(AmgError::NotPositiveDefinite {
+            node: n / 2 - 1,
+            block: 2
+        })
     );
     assert_eq!(
         refused(
             &BlockCsr::from_triplets(2, 2, [(0, 0, -1.0), (1, 1, -1.0)]),
             None
         ),
-        Err(AmgError::NotPositiveDefinite { node: 0 })
+        Err(AmgError::NotPositiveDefinite { node: 0, block: 2 })
     );
     assert_eq!(
         refused(&springs(4, &[], &all[..4]), Some(&[[0.0; 2]])),

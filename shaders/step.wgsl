@@ -1,5 +1,9 @@
-// First half of a CG iteration with multigrid: α = rᵀz / pᵀKp, x += α p, r −= α Kp, r in f32 for the
-// cycle, and the partial sums of rᵀr.
+// First half of a CG iteration on one segment: α = rᵀz / pᵀKp, x += α p, r −= α Kp, r in f32 for the
+// preconditioner, and the partial sums of rᵀr.
+//
+// Flags: WRITES_STATE: one dispatch of a step does.
+//
+// Bytes: p, q, x and r read, x, r and r in f32 written.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> state: State;
@@ -14,12 +18,12 @@
 @group(0) @binding(8) var<storage, read_write> rounded: array<vec2<f32>>;
 
 @compute @workgroup_size(WIDTH)
-fn mg_step_1(
+fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let writes_state = group.x == 0u && lane == 0u;
+    let writes_state = (params.flags & WRITES_STATE) != 0u && group.x == 0u && lane == 0u;
     if state.done != 0u {
         if writes_state {
             next.done = 1u;

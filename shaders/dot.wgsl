@@ -1,4 +1,4 @@
-// The partial sums of rᵀz, z from the cycle in f32.
+// The partial sums of rᵀz on one segment, z from the preconditioner in f32.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> state: State;
@@ -7,7 +7,7 @@
 @group(0) @binding(4) var<storage, read_write> partials: array<real2>;
 
 @compute @workgroup_size(WIDTH)
-fn mg_dot(
+fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,

@@ -1,4 +1,4 @@
-// Whether the run is over, before a cycle is spent; one workgroup.
+// Whether the run is over, before the preconditioner is spent on it; one workgroup.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> state: State;
@@ -6,7 +6,7 @@
 @group(0) @binding(3) var<storage, read_write> next: State;
 
 @compute @workgroup_size(WIDTH)
-fn mg_check(@builtin(local_invocation_index) lane: u32) {
+fn main(@builtin(local_invocation_index) lane: u32) {
     if state.done != 0u {
         return;
     }

@@ -1,9 +1,4 @@
-// x = M b with a dense M: the inverse on the coarsest level. One workgroup per row.
-
-struct Params {
-    /// Rows of M, and of this dispatch.
-    count: u32,
-}
+// x = M b with a dense M: the inverse on the coarsest level. One workgroup per row, `count` rows and columns.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> state: State;
@@ -15,7 +10,7 @@ struct Params {
 var<workgroup> sums: array<f32, WIDTH>;
 
 @compute @workgroup_size(WIDTH)
-fn dense_apply(
+fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {

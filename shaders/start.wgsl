@@ -1,5 +1,7 @@
-// Start of CG with multigrid: x = 0 unless it continues, the residual in f32 for the cycle, and the partial
-// sums of rᵀr.
+// Start of CG on one segment: x = 0 unless it continues, the residual in f32 for the preconditioner, and the
+// partial sums of rᵀr.
+//
+// Flags: CONTINUES: from the x that is there.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> r: array<real2>;
@@ -8,7 +10,7 @@
 @group(0) @binding(4) var<storage, read_write> partials: array<real2>;
 
 @compute @workgroup_size(WIDTH)
-fn mg_load(
+fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,

@@ -1,8 +1,12 @@
-// Second half of a CG iteration with multigrid: β = new rᵀz / old rᵀz, p = z + β p; in the first
+// Second half of a CG iteration on one segment: β = new rᵀz / old rᵀz, p = z + β p; in the first
 // iteration p = z.
+//
+// Flags: WRITES_STATE: one dispatch of a step does.
+//
+// Bytes: z and p read, p written.
 
 @group(0) @binding(0) var<uniform> params: Params;
-/// As `mg_check` (or `mg_begin`) has left it: rᵀz is the old one.
+/// As `check` (or `begin`) has left it: rᵀz is the old one.
 @group(0) @binding(1) var<storage, read> state: State;
 @group(0) @binding(2) var<storage, read_write> next: State;
 /// The partial sums of rᵀz.
@@ -11,12 +15,12 @@
 @group(0) @binding(5) var<storage, read_write> p: array<real2>;
 
 @compute @workgroup_size(WIDTH)
-fn mg_step_2(
+fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let writes_state = group.x == 0u && lane == 0u;
+    let writes_state = (params.flags & WRITES_STATE) != 0u && group.x == 0u && lane == 0u;
     if state.done != 0u {
         if writes_state {
             next = state;

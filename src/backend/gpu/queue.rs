@@ -1,0 +1,288 @@
+//! Commands: recorded, submitted in bounded portions, and waited for where the host needs numbers.
+
+use super::arrays::State;
+use super::buffers::Handle;
+use super::kernels::Kernel;
+use super::{Gpu, Params};
+use crate::backend::{BackendError, Precision, Run};
+use std::collections::HashSet;
+use std::sync::{Arc, mpsc};
+use std::time::Instant;
+use wgpu::BufferUsages;
+
+/// Sets of parameters that are kept on the device at most: a hierarchy has some hundred.
+const MOST_UNIFORMS: usize = 4096;
+/// Submissions under way at most.
+const IN_FLIGHT: usize = 3;
+
+/// Bytes of a buffer to bring to the host.
+pub(super) struct Wanted<'a> {
+    pub from: &'a Handle,
+    pub offset: u64,
+    pub bytes: u64,
+}
+
+/// What is recorded.
+pub(super) enum Command {
+    Dispatch {
+        pipeline: wgpu::ComputePipeline,
+        bind_group: wgpu::BindGroup,
+        groups: u32,
+    },
+    Copy(Handle, Handle),
+    Clear(Handle),
+}
+
+impl Gpu {
+    /// Forgets the bind groups of buffers that are gone: they would be kept alive by nothing else.
+    fn forget(&mut self) {
+        if self.uniforms.len() > MOST_UNIFORMS {
+            self.uniforms.clear();
+        }
+        let gone = match self.gone.lock() {
+            Ok(mut gone) => std::mem::take(&mut *gone),
+            Err(_) => return,
+        };
+        if !gone.is_empty() {
+            let gone: HashSet<u64> = gone.into_iter().collect();
+            self.bind_groups
+                .retain(|(_, key), _| !key.iter().any(|id| gone.contains(id)));
+        }
+    }
+
+    fn uniform(&mut self, params: Params) -> Result<Handle, BackendError> {
+        let words = params.words();
+        if let Some(handle) = self.uniforms.get(&words) {
+            return Ok(Arc::clone(handle));
+        }
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let handle = self.allocate("parameters", size_of_val(&words) as u64, usage)?;
+        self.context
+            .queue
+            .write_buffer(&handle.buffer.buffer, 0, bytemuck::cast_slice(&words));
+        self.uniforms.insert(words, Arc::clone(&handle));
+        Ok(handle)
+    }
+
+    /// Records a kernel. `bytes` is what it moves, more or less.
+    pub(super) fn dispatch(
+        &mut self,
+        kernel: Kernel,
+        params: Params,
+        buffers: &[&Handle],
+        groups: u32,
+        bytes: u64,
+    ) {
+        // A fault is kept by the context and reported where results are read.
+        let Ok(uniform) = self.uniform(params) else {
+            return;
+        };
+        let mut key = [u64::MAX; 9];
+        key[0] = uniform.id;
+        for (place, handle) in key[1..].iter_mut().zip(buffers) {
+            *place = handle.id;
+        }
+        let context = &self.context;
+        let pipeline = context.kernels.pipeline(kernel);
+        let bind_group = self
+            .bind_groups
+            .entry((kernel, key))
+            .or_insert_with(|| {
+                let entries: Vec<_> = std::iter::once(&uniform)
+                    .chain(buffers.iter().copied())
+                    .enumerate()
+                    .map(|(binding, handle)| wgpu::BindGroupEntry {
+                        binding: binding as u32,
+                        resource: handle.buffer.buffer.as_entire_binding(),
+                    })
+                    .collect();
+                context
+                    .device
+                    .create_bind_group(&wgpu::BindGroupDescriptor {
+                        label: None,
+                        layout: &pipeline.get_bind_group_layout(0),
+                        entries: &entries,
+                    })
+            })
+            .clone();
+        self.counters.dispatches += 1;
+        self.commands.push(Command::Dispatch {
+            pipeline,
+            bind_group,
+            groups,
+        });
+        self.recorded_bytes += bytes;
+        // Seconds far below two even at a tenth of the bandwidth that such a device has.
+        let most = if context.adapter.is_software { 1 } else { 4 } << 30;
+        if self.recorded_bytes > most {
+            self.submit(None);
+        }
+    }
+
+    /// Hands the recorded commands to the device, with copies to the host at the end.
+    pub(super) fn submit(&mut self, copies: Option<(&Handle, &[Wanted])>) {
+        if self.commands.is_empty() && copies.is_none() {
+            return;
+        }
+        self.forget();
+        let context = &self.context;
+        let mut encoder = context.device.create_command_encoder(&Default::default());
+        let mut commands = self.commands.drain(..).peekable();
+        while let Some(command) = commands.next() {
+            match command {
+                Command::Copy(from, to) => {
+                    let (source, target) = (&from.buffer.buffer, &to.buffer.buffer);
+                    encoder.copy_buffer_to_buffer(source, 0, target, 0, from.buffer.size);
+                }
+                Command::Clear(handle) => encoder.clear_buffer(&handle.buffer.buffer, 0, None),
+                first @ Command::Dispatch { .. } => {
+                    let mut pass = encoder.begin_compute_pass(&Default::default());
+                    let mut next = Some(first);
+                    while let Some(Command::Dispatch {
+                        pipeline,
+                        bind_group,
+                        groups,
+                    }) = &next
+                    {
+                        pass.set_pipeline(pipeline);
+                        pass.set_bind_group(0, bind_group, &[]);
+                        pass.dispatch_workgroups(*groups, 1, 1);
+                        next = commands.next_if(|c| matches!(c, Command::Dispatch { .. }));
+                    }
+                }
+            }
+        }
+        if let Some((staging, sources)) = copies {
+            let mut to = 0;
+            for wanted in sources {
+                encoder.copy_buffer_to_buffer(
+                    &wanted.from.buffer.buffer,
+                    wanted.offset,
+                    &staging.buffer.buffer,
+                    to,
+                    wanted.bytes,
+                );
+                to += wanted.bytes;
+            }
+        }
+        context.submitting();
+        let index = context.queue.submit([encoder.finish()]);
+        self.counters.submissions += 1;
+        self.recorded_bytes = 0;
+        self.recorded_start = false;
+        self.in_flight.push_back(index);
+        if self.in_flight.len() > IN_FLIGHT {
+            // Waiting bounds the memory of what is under way; a fault shows where results are read.
+            let _ = context.device.poll(wgpu::PollType::Wait {
+                submission_index: self.in_flight.pop_front(),
+                timeout: None,
+            });
+        }
+    }
+
+    /// Submits all work, waits for it, and hands the wanted bytes, one after the other, to `take`.
+    pub(super) fn read(
+        &mut self,
+        sources: &[Wanted],
+        take: impl FnOnce(&[u8]),
+    ) -> Result<(), BackendError> {
+        self.context.check()?;
+        let bytes: u64 = sources.iter().map(|s| s.bytes).sum();
+        let staging = match self.staging.take() {
+            Some(staging) if staging.buffer.size >= bytes => staging,
+            _ => self.allocate(
+                "staging",
+                bytes,
+                BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+            )?,
+        };
+        self.submit(Some((&staging, sources)));
+        self.in_flight.clear();
+        self.counters.readbacks += 1;
+        let slice = staging.buffer.buffer.slice(0..bytes);
+        let (sender, receiver) = mpsc::channel();
+        slice.map_async(wgpu::MapMode::Read, move |result| {
+            // Nobody listens any more only if the wait below has failed.
+            let _ = sender.send(result);
+        });
+        let polled = self.context.wait();
+        self.context.check()?;
+        let fault = |reason: String| BackendError::Fault {
+            adapter: self.context.adapter.to_string(),
+            reason,
+        };
+        polled.map_err(|error| fault(error.to_string()))?;
+        match receiver.try_recv() {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(fault(error.to_string())),
+            Err(_) => return Err(fault("a buffer was not mapped".to_owned())),
+        }
+        let view = slice
+            .get_mapped_range()
+            .map_err(|error| fault(error.to_string()))?;
+        take(&view);
+        drop(view);
+        staging.buffer.buffer.unmap();
+        self.staging = Some(staging);
+        Ok(())
+    }
+
+    /// Sets the goals of the run that is about to be recorded.
+    pub(super) fn write_goals(&mut self, state: &State, run: Run) {
+        if self.recorded_start {
+            // Those of the one before must not be overwritten until they have been used.
+            self.submit(None);
+        }
+        self.recorded_start = true;
+        // The range of f32 ends at about 1e-38. A goal of zero stays zero: never reached.
+        let least = match self.context.precision {
+            Precision::F64 => 0.0,
+            Precision::F32 => 1e-30,
+        };
+        let within_range = |goal: f64| if goal > 0.0 { goal.max(least) } else { 0.0 };
+        let goals = [
+            run.residual_part * run.residual_part,
+            run.residual * run.residual,
+            run.remaining,
+            run.remaining_part,
+            run.to_come,
+        ];
+        let goals = self.real_array(&goals.map(within_range));
+        self.context
+            .queue
+            .write_buffer(&state.goals.buffer.buffer, 0, &goals);
+    }
+
+    /// Bytes per second of a copy on the device, read and written bytes added up: the measure for all that
+    /// memory bounds.
+    pub fn copy_bandwidth(&mut self) -> Result<f64, BackendError> {
+        const REPEATS: u64 = 10;
+        let most = if self.context.adapter.is_software {
+            64 << 20
+        } else {
+            512 << 20
+        };
+        let bytes = self.context.max_binding().min(most) / 16 * 16;
+        let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let from = self.allocate("copy", bytes, usage)?;
+        let to = self.allocate("copy", bytes, usage)?;
+        let mut best = f64::INFINITY;
+        for _ in 0..4 {
+            let mut encoder = self
+                .context
+                .device
+                .create_command_encoder(&Default::default());
+            for _ in 0..REPEATS {
+                let (from, to) = (&from.buffer.buffer, &to.buffer.buffer);
+                encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
+            }
+            let start = Instant::now();
+            self.context.queue.submit([encoder.finish()]);
+            // A fault shows in the check.
+            let _ = self.context.wait();
+            best = best.min(start.elapsed().as_secs_f64());
+            self.context.check()?;
+        }
+        Ok((2 * bytes * REPEATS) as f64 / best)
+    }
+}
