@@ -4,7 +4,7 @@
 #
 #   benches/gpu.sh [BINARY [OUTPUT.json]]
 #
-# Build and strip the binary elsewhere if need be: cargo build --release && strip target/release/signorini
+# Build the binary elsewhere if need be: cargo build --release makes target/release/signorini, stripped.
 set -eu
 binary="${1:-$(dirname "$0")/../target/release/signorini}"
 output="${2:-gpu.json}"

@@ -30,7 +30,7 @@ pub enum BackendError {
     /// It does not fit.
     #[error(
         "{what} needs {needed_mib} MiB, but the adapter \"{adapter}\" offers {offered_mib} MiB; \
-         use a coarser mesh, a larger GPU, or the CPU"
+         use a coarser mesh or a larger GPU"
     )]
     TooLarge {
         /// What there is no room for.
@@ -43,9 +43,7 @@ pub enum BackendError {
         offered_mib: u64,
     },
     /// The device has no memory left.
-    #[error(
-        "the adapter \"{adapter}\" has no memory left; close other programs that use it, or use the CPU"
-    )]
+    #[error("the adapter \"{adapter}\" has no memory left; close other programs that use it")]
     OutOfMemory {
         /// The device.
         adapter: String,
@@ -53,7 +51,7 @@ pub enum BackendError {
     /// A slice of a matrix exceeds a binding.
     #[error(
         "a row of the matrix has so many entries that 32 such rows exceed one binding of the adapter \
-         \"{adapter}\" ({limit_mib} MiB); use the CPU"
+         \"{adapter}\" ({limit_mib} MiB)"
     )]
     DenseRow {
         /// The device.

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "gpu")]
 mod adapters;
+mod advice;
 #[cfg(feature = "gpu")]
 mod bench;
 mod check;

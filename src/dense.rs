@@ -36,6 +36,24 @@ pub(crate) fn symmetric_eigen(matrix: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)>
     Some((values.column_vector().iter().copied().collect(), vectors))
 }
 
+/// The largest eigenvalue of a small symmetric tridiagonal matrix, as Lanczos leaves behind: `off` are the entries beside
+/// the diagonal, one fewer. NaN if an entry is not finite, or there is none.
+#[cfg_attr(
+    not(test),
+    expect(dead_code, reason = "its callers still have their own")
+)]
+pub(crate) fn tridiagonal_largest(diagonal: &[f64], off: &[f64]) -> f64 {
+    let n = diagonal.len();
+    let lower = Mat::from_fn(n, n, |i, j| match i.checked_sub(j) {
+        Some(0) => diagonal[i],
+        Some(1) => off[j],
+        _ => 0.0,
+    });
+    symmetric_eigen(&lower)
+        .and_then(|(values, _)| values.last().copied())
+        .unwrap_or(f64::NAN)
+}
+
 /// Singular values, the largest first, and all right singular vectors (columns): those of a matrix with few rows,
 /// too, that have no singular value. None if an entry is not finite.
 pub(crate) fn right_singular(matrix: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)> {
@@ -206,6 +224,20 @@ mod tests {
             close(&(inverse * (&gram + &one)), &one);
         }
         assert!(cholesky(Mat::from_fn(2, 2, |_, _| -1.0)).is_none());
+    }
+
+    #[test]
+    fn the_largest_eigenvalue_of_the_second_difference() {
+        for n in [1, 2, 7, 30] {
+            let angle = std::f64::consts::PI * n as f64 / (n + 1) as f64;
+            let expected = 2.0 - 2.0 * angle.cos();
+            for sign in [1.0, -1.0] {
+                let found = tridiagonal_largest(&vec![2.0; n], &vec![sign; n - 1]);
+                assert!((found - expected).abs() < 1e-14 * expected, "{n}: {found}");
+            }
+        }
+        assert!(tridiagonal_largest(&[], &[]).is_nan());
+        assert!(tridiagonal_largest(&[1.0, f64::NAN], &[0.0]).is_nan());
     }
 
     #[test]

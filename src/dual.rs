@@ -51,6 +51,8 @@ impl From<PcgError> for DualError {
 /// K⁻¹; the algorithms are written once over it. Where K⁻¹ is a matter of many iterations, they stop at the
 /// accuracy asked for, and end with [`DualError::Stopped`] once `stop` says so.
 pub trait DualOperator {
+    /// Rows of K, and of B (2m), of the problem that it was made for.
+    fn size(&self) -> (usize, usize);
     /// Goes on with the load f and the offsets c = (d, origin of slip), length 2m. A u that follows λ starts anew
     /// from zero, unless nothing has changed.
     fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError>;

@@ -35,7 +35,7 @@
 //! ```
 //!
 //! Each stage can be entered from outside: [`problem::ContactProblem`] is the door for matrices of your
-//! own, [`case::Case`] that for a case file, [`mesh::Mesh`] that for a mesh made in code. [`engine::Engine`]
+//! own, [`model::Model`] that for a mesh made in code, [`case::Case`] that for a case file. [`engine::Engine`]
 //! chooses between the ways to apply K⁻¹; [`dual::DirectDual`] is the plain one.
 //!
 //! # A problem from matrices
@@ -43,20 +43,20 @@
 //! Two springs in a row, the outer one pushed into a wall that is 1 away and rubs with at most 0.1:
 //!
 //! ```
-//! use signorini::problem::{ContactData, ContactProblem};
-//! use signorini::sparse::{BlockCsr, Csr};
+//! use signorini::problem::{ContactProblem, Matrices, SparseRef};
 //! use signorini::ssnm::{self, Settings, Status};
 //! use signorini::dual::DirectDual;
 //! use std::ops::ControlFlow;
 //!
-//! let problem = ContactProblem::new(ContactData {
-//!     stiffness: BlockCsr::from_triplets(2, 2, [(0, 0, 2.0), (0, 1, -1.0), (1, 0, -1.0), (1, 1, 1.0)]),
-//!     load: vec![0.0, 1.0],
-//!     normal: Csr::from_triplets(1, 2, [(0, 1, 1.0)]),
-//!     tangential: Csr::from_triplets(1, 2, [(0, 0, 1.0)]),
-//!     gap: vec![1.0],
-//!     slip_bound: vec![0.1],
-//!     coordinates: None,
+//! // Compressed rows: where each starts, the columns, the values. Matrices of faer: `k.as_ref().into()`.
+//! let problem = ContactProblem::from_matrices(Matrices {
+//!     stiffness: SparseRef::from_rows(2, 2, &[0, 2, 4], &[0, 1, 0, 1], &[2.0, -1.0, -1.0, 1.0]),
+//!     load: &[0.0, 1.0],
+//!     normal: SparseRef::from_rows(1, 2, &[0, 1], &[1], &[1.0]),
+//!     tangential: SparseRef::from_rows(1, 2, &[0, 1], &[0], &[1.0]),
+//!     gap: &[1.0],
+//!     slip_bound: &[0.1],
+//!     ..Matrices::default()
 //! })?;
 //! let mut dual = DirectDual::new(&problem)?;
 //! // The observer sees every outer step, and may stop the solve.
@@ -74,66 +74,44 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! [`problem::ContactProblem::solve`] does all of it in one call, on what suits the problem.
+//!
 //! # Two bodies from meshes made in code
 //!
-//! A block pressed on another one, meshes not matching, with Coulomb friction:
+//! A block let down on another one, meshes not matching, with Coulomb friction:
 //!
 //! ```
-//! use signorini::contact::{Friction, PairOptions, contact_rows, mortar_contact};
-//! use signorini::elasticity::{Body, Material, Plane, Unknowns, assemble};
-//! use signorini::mesh::structured::{CellShape, join, rectangle};
-//! use signorini::problem::{ContactData, ContactProblem};
-//! use signorini::quasistatic::{self, Load, Settings, State};
-//! use signorini::ssnm::Status;
 //! use signorini::dual::DirectDual;
+//! use signorini::elasticity::Material;
+//! use signorini::mesh::structured::{CellShape, join, rectangle};
+//! use signorini::model::{Model, Pair, Support};
+//! use signorini::quasistatic::{self, Settings, State};
+//! use signorini::ssnm::Status;
 //! use std::ops::ControlFlow;
 //!
 //! let mesh = join(
 //!     rectangle([0.0, 0.0], [2.0, 1.0], [10, 5], CellShape::Quad, "low", "low-"),
 //!     rectangle([0.0, 1.0], [2.0, 1.0], [7, 4], CellShape::Triangle, "up", "up-"),
 //! );
-//! let rubber = Material { young: 5e6, poisson: 0.4, density: 0.0 };
-//! let body = Body { mesh: &mesh, materials: &[rubber; 2], plane: Plane::PlaneStrain, thickness: 1.0 };
+//! let built = Model::on(mesh)
+//!     .material(Material { young: 5e6, poisson: 0.4, density: 0.0 })
+//!     .support(Support::on("low-bottom").fixed())
+//!     .support(Support::on("up-top").x(0.0).y(|x: [f64; 2]| -0.01 - 1e-4 * x[0]))
+//!     .contact(Pair::new("up-bottom", "low-top").coulomb(0.3))
+//!     .build()?;
 //!
-//! // Supports: the bottom is held, the top is let down by 1 cm.
-//! let mut prescribed = vec![[None; 2]; mesh.nodes.len()];
-//! for &node in mesh.boundaries["low-bottom"].iter().flatten() {
-//!     prescribed[node as usize] = [Some(0.0); 2];
-//! }
-//! for &node in mesh.boundaries["up-top"].iter().flatten() {
-//!     prescribed[node as usize] = [Some(0.0), Some(-0.01)];
-//! }
-//! let unknowns = Unknowns::new(prescribed);
-//! let (stiffness, load) = assemble(&body, &unknowns, &vec![[0.0; 2]; mesh.nodes.len()]);
-//!
-//! let options = PairOptions { friction: Friction::Coulomb(&|_| 0.3), ..Default::default() };
-//! let nodes = mortar_contact(&body, &mesh.boundaries["up-bottom"], &mesh.boundaries["low-top"], &options)?;
-//! let rows = contact_rows(&body, &unknowns, &nodes)?;
-//! let problem = ContactProblem::new(ContactData {
-//!     stiffness,
-//!     load,
-//!     gap: rows.gap(&unknowns),
-//!     slip_bound: rows.slip_bound.clone(),
-//!     normal: rows.normal.clone(),
-//!     tangential: rows.tangential.clone(),
-//!     coordinates: Some(unknowns.coordinates(&mesh)),
-//! })?
-//! .with_friction_coefficient(rows.coefficient.clone());
-//!
-//! let mut dual = DirectDual::new(&problem)?;
+//! let problem = &built.problem;
+//! let mut dual = DirectDual::new(problem)?;
+//! let (step, start) = (built.step(0)?, State::at_rest(problem));
 //! let solution = quasistatic::solve_step(
-//!     &problem,
-//!     &Load::of(&problem),
-//!     &State::at_rest(&problem),
-//!     &mut dual,
-//!     &Settings::default(),
-//!     |_| ControlFlow::Continue(()),
+//!     problem, &step.load, &start, &mut dual, &Settings::default(), |_| ControlFlow::Continue(()),
 //! )?;
 //! assert_eq!(solution.status, Status::Converged);
 //!
 //! // Displacements of all nodes, and pressures at the contact nodes.
-//! let u = unknowns.displacements(&solution.u);
-//! let pressures: Vec<f64> = rows.nodes.iter().zip(&solution.lambda).map(|(node, l)| l / node.area).collect();
+//! let u = step.unknowns.displacements(&solution.u);
+//! let nodes = built.elastic.contact.nodes.iter();
+//! let pressures: Vec<f64> = nodes.zip(&solution.lambda).map(|(node, l)| l / node.area).collect();
 //! assert!(u.iter().all(|u| u[1] <= 0.0));
 //! assert!(pressures.iter().all(|&p| p > 2e4 && p < 5e4));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -175,6 +153,7 @@ pub mod backend;
 #[cfg(feature = "gpu")]
 pub mod bench;
 pub mod case;
+mod constraint;
 pub mod contact;
 pub mod control;
 mod dense;
@@ -182,11 +161,15 @@ pub mod dual;
 pub mod elasticity;
 pub mod engine;
 pub mod matrix_market;
+mod memory;
 pub mod mesh;
+pub mod model;
 pub mod output;
 pub mod problem;
 pub mod quasistatic;
 pub mod reference;
+mod rigid;
+pub mod solve;
 pub mod sparse;
 pub mod ssnm;
 pub mod stiffness;

@@ -1,55 +1,77 @@
 //! The algebraic contact problem (1)–(3) of the paper, validated: the door for users with their own
 //! discretisation.
+//!
+//! D is the number of unknowns per node: 2 in the plane, where it may be left out, and 3 in space. There a contact
+//! node slides in two directions, so that T has two rows for each, one after the other.
 
+mod check;
 mod free;
 mod kkt;
+mod matrices;
+#[cfg(test)]
+mod tests;
 
+pub use check::ProblemError;
 pub use free::{FreeBodies, FreeBody};
 pub use kkt::Kkt;
 pub(crate) use kkt::{ROUNDING, slip_violation};
+pub use matrices::{Index, Matrices, SparseRef};
 
 use crate::sparse::{BlockCsr, Csr, norm, norm_max};
-use rayon::prelude::*;
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
-/// The data of a [`ContactProblem`], not yet checked.
+/// The data of a [`ContactProblem`], not yet checked; [`Matrices`] is the same with scalar matrices.
 ///
-/// The letters are those of the paper: find u ∈ ℝⁿ and λν, λτ ∈ ℝᵐ with
+/// The letters are those of the paper: find u ∈ ℝⁿ, λν ∈ ℝᵐ and λτ, with D − 1 components for each contact node,
 ///
 /// ```text
 /// (1)  K u + Nᵀλν + Tᵀλτ = f
 /// (2)  N u − d ≤ 0,   λν ≥ 0,   λνᵀ(N u − d) = 0
 /// (3)  |λτ,i| ≤ gᵢ;   |λτ,i| < gᵢ ⇒ (T u)ᵢ = 0;   |λτ,i| = gᵢ ⇒ (T u)ᵢ = cᵢ λτ,i with cᵢ ≥ 0
 /// ```
+///
+/// In space |λτ,i| is the Euclidean length of the two components, and (3) keeps it in a disc.
 #[derive(Clone, Debug)]
-pub struct ContactData {
-    /// K, n × n, symmetric positive definite. For odd n, [`BlockCsr::from_triplets`] pads to n + 1.
-    pub stiffness: BlockCsr<2>,
+pub struct ContactData<const D: usize = 2> {
+    /// K, n × n, symmetric positive definite, or semidefinite where bodies can move as a whole. Where n is no
+    /// multiple of D, [`BlockCsr::from_triplets`] completes the last block.
+    pub stiffness: BlockCsr<D>,
     /// f, length n.
     pub load: Vec<f64>,
     /// N, m × n: the displacement of contact node i towards the obstacle is (N u)ᵢ.
     pub normal: Csr,
-    /// T, m × n: the displacement of contact node i along the boundary is (T u)ᵢ. A row may be empty
-    /// where gᵢ = 0 (a node that cannot move sideways).
+    /// T, (D − 1)m × n: the displacement of contact node i along the boundary is (T u)ᵢ; in space its components
+    /// along two directions at right angles, rows 2i and 2i + 1 counted from 0. All rows of a node may be empty
+    /// where gᵢ = 0 (it cannot move sideways), and in space one of the two (it can move along a line).
     pub tangential: Csr,
     /// d, length m: the initial gap, ≥ 0.
     pub gap: Vec<f64>,
     /// g, length m: the slip bound (a force per contact node), ≥ 0; for Coulomb's law see
     /// [`ContactProblem::with_friction_coefficient`].
     pub slip_bound: Vec<f64>,
-    /// One point per pair of unknowns, if they are the displacements of nodes; gives rigid body modes.
-    pub coordinates: Option<Vec<[f64; 2]>>,
+    /// One point per D unknowns, if they are the displacements of nodes; gives rigid body modes.
+    pub coordinates: Option<Vec<[f64; D]>>,
+}
+
+/// How many directions a contact node slides in, in D dimensions.
+pub(crate) const fn tangents<const D: usize>() -> usize {
+    D - 1
+}
+
+/// The rows of T, and the entries of λτ, that belong to contact node i.
+pub(crate) fn tangents_of<const D: usize>(i: usize) -> Range<usize> {
+    tangents::<D>() * i..tangents::<D>() * (i + 1)
 }
 
 /// A validated contact problem: everything that works on it may trust its claims.
 #[derive(Clone, Debug)]
-pub struct ContactProblem {
+pub struct ContactProblem<const D: usize = 2> {
     n: usize,
     n_free: usize,
     /// Shared, since backends on the CPU work on it where it is.
-    stiffness: Arc<BlockCsr<2>>,
+    stiffness: Arc<BlockCsr<D>>,
     load: Vec<f64>,
     normal: Csr,
     tangential: Csr,
@@ -57,8 +79,8 @@ pub struct ContactProblem {
     slip_bound: Vec<f64>,
     /// μ, length m, 0 where the slip bound is given; empty without Coulomb friction.
     friction: Vec<f64>,
-    coordinates: Option<Vec<[f64; 2]>>,
-    /// Where slip is counted from: T u less this is the slip, length m.
+    coordinates: Option<Vec<[f64; D]>>,
+    /// Where slip is counted from: T u less this is the slip, an entry per row of T.
     slip_origin: Vec<f64>,
     /// The areas that turn nodal forces into pressures, length m.
     areas: Arc<Vec<f64>>,
@@ -66,199 +88,26 @@ pub struct ContactProblem {
     travelled: f64,
     /// ‖forces that act on the bodies‖: ‖f‖, but for what prescribed displacements add to f.
     acting: f64,
-    free: Arc<FreeBodies>,
+    free: Arc<FreeBodies<D>>,
     /// The connected part of K that each node belongs to.
     parts: Arc<Vec<u32>>,
-    /// Σⱼ Bᵢⱼ²/Kⱼⱼ, length 2m.
+    /// Σⱼ Bᵢⱼ²/Kⱼⱼ, length D m.
     compliance: Arc<Vec<f64>>,
     /// The same with the share that each row has of the unknowns of several.
     own_compliance: Arc<Vec<f64>>,
 }
 
-/// A claim of [`ContactProblem::new`] that the data breaks. Rows and columns count from 1.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum ProblemError {
-    #[error("the stiffness matrix K is {rows} × {cols}: it must be square")]
-    NotSquare { rows: usize, cols: usize },
-    #[error("the problem has no unknowns")]
-    Empty,
-    #[error("{name} has length {found}, expected {expected} ({reason})")]
-    Length {
-        name: &'static str,
-        found: usize,
-        expected: usize,
-        reason: &'static str,
-    },
-    #[error(
-        "{name} is {rows} × {cols}, expected {m} × {n} (one row per entry of d, one column per unknown)"
-    )]
-    Shape {
-        name: &'static str,
-        rows: usize,
-        cols: usize,
-        m: usize,
-        n: usize,
-    },
-    #[error("{name}: entry {place} is {value}, not a finite number")]
-    NotFinite {
-        name: &'static str,
-        place: String,
-        value: f64,
-    },
-    #[error(
-        "the stiffness matrix K is not symmetric: K({row}, {col}) = {value:e} but K({col}, {row}) = {mirror:e}"
-    )]
-    NotSymmetric {
-        row: usize,
-        col: usize,
-        value: f64,
-        mirror: f64,
-    },
-    #[error(
-        "the stiffness matrix K is not positive definite: its diagonal entry {row} is {value:e}, must be > 0"
-    )]
-    Diagonal { row: usize, value: f64 },
-    #[error(
-        "the gap d has the negative entry d({row}) = {value:e}: the bodies overlap before loading; move them apart"
-    )]
-    NegativeGap { row: usize, value: f64 },
-    #[error("the slip bound g has the negative entry g({row}) = {value:e}")]
-    NegativeSlipBound { row: usize, value: f64 },
-    #[error("row {row} of {name} has no nonzero entry, so (N; T) has no full row rank{hint}")]
-    ZeroRow {
-        name: &'static str,
-        row: usize,
-        hint: &'static str,
-    },
-    #[error("rows {first} and {second} of (N; T) are parallel, so it has no full row rank: {name}")]
-    ParallelRows {
-        first: usize,
-        second: usize,
-        name: &'static str,
-    },
-    #[error("(N; T) has {rows} rows for {n} unknowns, so it has no full row rank")]
-    TooManyRows { rows: usize, n: usize },
-}
-
-/// Relative asymmetry of K that counts as rounding.
-const SYMMETRY_LIMIT: f64 = 1e-9;
-
-impl ContactProblem {
+impl<const D: usize> ContactProblem<D> {
     /// Checks the data: shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0, no
     /// zero or parallel rows in B = (N; T). That K is positive definite shows when it is factorised.
-    pub fn new(mut data: ContactData) -> Result<Self, ProblemError> {
-        let (rows, cols) = (data.stiffness.n_rows(), data.stiffness.n_cols());
-        if rows != cols {
-            return Err(ProblemError::NotSquare { rows, cols });
-        }
+    ///
+    /// # Errors
+    /// What is wrong with which entry.
+    pub fn new(data: ContactData<D>) -> Result<Self, ProblemError> {
+        const { assert!(D == 2 || D == 3, "contact is in the plane or in space") };
         let n = data.load.len();
-        if n == 0 || rows == 0 {
-            return Err(ProblemError::Empty);
-        }
-        if n.div_ceil(2) * 2 != rows {
-            return Err(ProblemError::Length {
-                name: "the load f",
-                found: n,
-                expected: rows,
-                reason: "one entry per row of K",
-            });
-        }
+        let data = check::checked(data)?;
         let m = data.gap.len();
-        if data.slip_bound.len() != m {
-            return Err(ProblemError::Length {
-                name: "the slip bound g",
-                found: data.slip_bound.len(),
-                expected: m,
-                reason: "one entry per entry of the gap d",
-            });
-        }
-        for (name, matrix) in [("N", &data.normal), ("T", &data.tangential)] {
-            let (rows, cols) = (matrix.n_rows(), matrix.n_cols());
-            if rows != m || cols != n {
-                return Err(ProblemError::Shape {
-                    name,
-                    rows,
-                    cols,
-                    m,
-                    n,
-                });
-            }
-        }
-        if let Some(coordinates) = &data.coordinates
-            && coordinates.len() * 2 != n
-        {
-            return Err(ProblemError::Length {
-                name: "the coordinates",
-                found: coordinates.len(),
-                expected: n / 2,
-                reason: "one point per pair of unknowns",
-            });
-        }
-
-        for (name, vector) in [
-            ("the load f", &data.load),
-            ("the gap d", &data.gap),
-            ("the slip bound g", &data.slip_bound),
-        ] {
-            if let Some(i) = vector.iter().position(|v| !v.is_finite()) {
-                return Err(ProblemError::NotFinite {
-                    name,
-                    place: format!("{}", i + 1),
-                    value: vector[i],
-                });
-            }
-        }
-        let matrix_entry = |name, found: Option<(usize, usize, f64)>| match found {
-            Some((i, j, value)) => Err(ProblemError::NotFinite {
-                name,
-                place: format!("({}, {})", i + 1, j + 1),
-                value,
-            }),
-            None => Ok(()),
-        };
-        if data
-            .stiffness
-            .values()
-            .par_iter()
-            .any(|block| block.as_flattened().iter().any(|v| !v.is_finite()))
-        {
-            matrix_entry(
-                "the stiffness matrix K",
-                data.stiffness.triplets().find(|(_, _, v)| !v.is_finite()),
-            )?;
-        }
-        matrix_entry("N", data.normal.triplets().find(|(_, _, v)| !v.is_finite()))?;
-        matrix_entry(
-            "T",
-            data.tangential.triplets().find(|(_, _, v)| !v.is_finite()),
-        )?;
-
-        if n % 2 == 1 {
-            data = pad(data);
-        }
-        check_symmetric(&data.stiffness)?;
-        if let Some((i, &value)) = data
-            .stiffness
-            .diagonal()
-            .iter()
-            .enumerate()
-            .find(|(_, v)| !(**v > 0.0))
-        {
-            return Err(ProblemError::Diagonal { row: i + 1, value });
-        }
-        if let Some(i) = data.gap.iter().position(|&v| v < 0.0) {
-            return Err(ProblemError::NegativeGap {
-                row: i + 1,
-                value: data.gap[i],
-            });
-        }
-        if let Some(i) = data.slip_bound.iter().position(|&v| v < 0.0) {
-            return Err(ProblemError::NegativeSlipBound {
-                row: i + 1,
-                value: data.slip_bound[i],
-            });
-        }
-        check_rows(&data, n)?;
         let (count, parts) = data.stiffness.components();
         let free = match &data.coordinates {
             Some(points) => FreeBodies::among(&data.stiffness, points, count, &parts),
@@ -268,7 +117,7 @@ impl ContactProblem {
         Ok(Self {
             n,
             n_free: n,
-            slip_origin: vec![0.0; m],
+            slip_origin: vec![0.0; tangents::<D>() * m],
             areas: Arc::new(vec![1.0; m]),
             travelled: 0.0,
             acting: norm(&data.load),
@@ -289,26 +138,67 @@ impl ContactProblem {
 
     /// Gives contact nodes Coulomb's law: where μᵢ > 0 the slip bound is μᵢλν,i and `slip_bound` says nothing.
     ///
-    /// # Panics
-    /// If the length is not m (or 0: no Coulomb friction), or an entry is negative or NaN.
-    pub fn with_friction_coefficient(mut self, mu: Vec<f64>) -> Self {
-        assert!(mu.is_empty() || mu.len() == self.m());
-        assert!(mu.iter().all(|&mu| mu >= 0.0));
+    /// # Errors
+    /// If the length is not m (or 0: no Coulomb friction), an entry is negative or not finite, or is above 0 on a
+    /// node whose rows of T are empty.
+    pub fn with_friction_coefficient(mut self, mu: Vec<f64>) -> Result<Self, ProblemError> {
+        if !mu.is_empty() {
+            check::friction::<D>(&mu, self.m(), &self.tangential)?;
+        }
         self.friction = if mu.iter().all(|&mu| mu == 0.0) {
             Vec::new()
         } else {
             mu
         };
-        self
+        Ok(self)
     }
 
     /// The problem with the same K, N and T and another load, gap, origin of slip and slip bound: a load step, or
-    /// one of several problems in a row. (3) is then about T u − `slip_origin`. The gap may be negative here,
-    /// where a prescribed motion has closed it.
+    /// one of several problems in a row. `load` is as long as K has rows, `gap` and `slip_bound` have length m,
+    /// `slip_origin` as many entries as T has rows: (3) is then about T u − `slip_origin`. The gap may be negative
+    /// here, where a prescribed motion has closed it.
+    ///
+    /// # Errors
+    /// If a length differs, an entry is not finite, or one of the slip bound is negative.
+    pub fn with_data(
+        &self,
+        load: Vec<f64>,
+        gap: Vec<f64>,
+        slip_origin: Vec<f64>,
+        slip_bound: Vec<f64>,
+    ) -> Result<Self, ProblemError> {
+        let lengths = [
+            ("the load f", &load, &self.load, "one entry per row of K"),
+            (
+                "the origin of slip",
+                &slip_origin,
+                &self.slip_origin,
+                "one entry per row of T",
+            ),
+        ];
+        for (name, new, old, reason) in lengths {
+            if new.len() != old.len() {
+                return Err(ProblemError::Length {
+                    name,
+                    found: new.len(),
+                    expected: old.len(),
+                    reason,
+                });
+            }
+        }
+        check::length("the gap d", &gap, self.m())?;
+        check::finite("the load f", &load)?;
+        check::finite("the gap d", &gap)?;
+        check::finite("the origin of slip", &slip_origin)?;
+        check::slip_bound(&slip_bound, self.m())?;
+        Ok(self.with_step(load, gap, slip_origin, slip_bound))
+    }
+
+    /// [`ContactProblem::with_data`] on the way of a solve, where numbers may have become anything.
     ///
     /// # Panics
-    /// If a length differs, or an entry of the slip bound is negative or NaN.
-    pub fn with_data(
+    /// If a length differs.
+    pub(crate) fn with_step(
         &self,
         load: Vec<f64>,
         gap: Vec<f64>,
@@ -317,8 +207,7 @@ impl ContactProblem {
     ) -> Self {
         assert_eq!(load.len(), self.load.len());
         assert_eq!((gap.len(), slip_bound.len()), (self.m(), self.m()));
-        assert_eq!(slip_origin.len(), self.m());
-        assert!(slip_bound.iter().all(|&g| g >= 0.0));
+        assert_eq!(slip_origin.len(), self.slip_origin.len());
         Self {
             acting: norm(&load),
             load,
@@ -332,17 +221,24 @@ impl ContactProblem {
     /// Gives the area of each contact node, length m: what turns its force into a pressure. Without, forces are
     /// compared as they are.
     ///
-    /// # Panics
-    /// If the length differs.
-    pub fn with_areas(mut self, areas: Vec<f64>) -> Self {
-        assert_eq!(areas.len(), self.m());
+    /// # Errors
+    /// If the length differs, or an entry is not a positive number.
+    pub fn with_areas(mut self, areas: Vec<f64>) -> Result<Self, ProblemError> {
+        check::length("the areas", &areas, self.m())?;
+        check::finite("the areas", &areas)?;
+        if let Some(i) = areas.iter().position(|&area| !(area > 0.0)) {
+            return Err(ProblemError::Area {
+                row: i + 1,
+                value: areas[i],
+            });
+        }
         self.areas = Arc::new(areas);
-        self
+        Ok(self)
     }
 
     /// Says how large the forces are that act on the bodies (a Euclidean norm), where the load f is larger by
     /// what prescribed displacements add to it.
-    pub fn with_acting_forces(mut self, acting: f64) -> Self {
+    pub(crate) fn with_acting_forces(mut self, acting: f64) -> Self {
         self.acting = acting;
         self
     }
@@ -361,7 +257,7 @@ impl ContactProblem {
     }
 
     /// Says how many of the unknowns are free, where some rows of K only hold a prescribed component.
-    pub fn with_free_unknowns(mut self, n_free: usize) -> Self {
+    pub(crate) fn with_free_unknowns(mut self, n_free: usize) -> Self {
         self.n_free = n_free.min(self.n);
         self
     }
@@ -397,17 +293,17 @@ impl ContactProblem {
         self.gap.len()
     }
 
-    /// K; for odd n with one decoupled unknown more.
-    pub fn stiffness(&self) -> &Arc<BlockCsr<2>> {
+    /// K; where n is no multiple of D with decoupled unknowns that complete the last block.
+    pub fn stiffness(&self) -> &Arc<BlockCsr<D>> {
         &self.stiffness
     }
 
-    /// B = (N; T): 2m rows, and as many columns as K.
+    /// B = (N; T): D m rows, and as many columns as K.
     pub fn contact_matrix(&self) -> Csr {
         let m = self.m();
         let tangential = self.tangential.triplets().map(|(i, j, v)| (i + m, j, v));
         Csr::from_triplets(
-            2 * m,
+            D * m,
             self.stiffness.n_cols(),
             self.normal
                 .triplets()
@@ -420,7 +316,7 @@ impl ContactProblem {
     pub(crate) fn touched(&self) -> Vec<bool> {
         let mut touched = vec![false; self.stiffness.n_block_rows()];
         for (_, j, v) in self.normal.triplets().chain(self.tangential.triplets()) {
-            touched[j / 2] |= v != 0.0;
+            touched[j / D] |= v != 0.0;
         }
         touched
     }
@@ -446,18 +342,18 @@ impl ContactProblem {
     }
 
     /// The bodies that can move as a whole, as far as K and the coordinates tell.
-    pub fn free_bodies(&self) -> &FreeBodies {
+    pub fn free_bodies(&self) -> &FreeBodies<D> {
         &self.free
     }
 
-    /// How far a multiplier moves its own contact node at least, per force: Σⱼ Bᵢⱼ²/Kⱼⱼ ≤ Aᵢᵢ, length 2m; 0 for
+    /// How far a multiplier moves its own contact node at least, per force: Σⱼ Bᵢⱼ²/Kⱼⱼ ≤ Aᵢᵢ, length D m; 0 for
     /// an empty row.
     pub(crate) fn compliance(&self) -> &[f64] {
         &self.compliance
     }
 
     /// Σⱼ Bᵢⱼ²/Kⱼⱼ with what each row has of the unknowns that several share: by about so much a force of its own closes a
-    /// gap that is the difference of neighbours, length 2m.
+    /// gap that is the difference of neighbours, length D m.
     pub(crate) fn own_compliance(&self) -> &[f64] {
         &self.own_compliance
     }
@@ -497,8 +393,8 @@ impl ContactProblem {
         coulomb_bounds(&self.slip_bound, &self.friction, lambda)
     }
 
-    /// The points that the pairs of unknowns belong to, if known.
-    pub fn coordinates(&self) -> Option<&[[f64; 2]]> {
+    /// The points that each D unknowns belong to, if known.
+    pub fn coordinates(&self) -> Option<&[[f64; D]]> {
         self.coordinates.as_deref()
     }
 
@@ -507,12 +403,12 @@ impl ContactProblem {
         is_coupled(&self.stiffness, unknown)
     }
 
-    /// " at (x, y)" for an unknown whose place is known.
+    /// " at (x, y)", in space " at (x, y, z)", for an unknown whose place is known.
     pub(crate) fn place_of(&self, unknown: usize) -> String {
         match &self.coordinates {
-            Some(points) if unknown / 2 < points.len() => {
-                let [x, y] = points[unknown / 2];
-                format!(" at ({x:.6e}, {y:.6e})")
+            Some(points) if unknown / D < points.len() => {
+                let place = points[unknown / D].map(|x| format!("{x:.6e}"));
+                format!(" at ({})", place.join(", "))
             }
             _ => String::new(),
         }
@@ -538,16 +434,16 @@ pub(crate) fn coulomb_bounds<'a>(given: &'a [f64], mu: &[f64], lambda: &[f64]) -
 }
 
 /// Whether K ties an unknown to another one.
-fn is_coupled(k: &BlockCsr<2>, unknown: usize) -> bool {
-    let (i, a) = (unknown / 2, unknown % 2);
+fn is_coupled<const D: usize>(k: &BlockCsr<D>, unknown: usize) -> bool {
+    let (i, a) = (unknown / D, unknown % D);
     let (cols, blocks) = k.row(i);
     (cols.iter().zip(blocks))
-        .any(|(&j, block)| (0..2).any(|b| 2 * j as usize + b != unknown && block[a][b] != 0.0))
+        .any(|(&j, block)| (0..D).any(|b| D * j as usize + b != unknown && block[a][b] != 0.0))
 }
 
 /// Σⱼ Bᵢⱼ²/Kⱼⱼ for each row i of B, and Σⱼ sᵢⱼ Bᵢⱼ²/Kⱼⱼ with the share sᵢⱼ = Bᵢⱼ²/Σₖ Bₖⱼ² of row i among those of N,
 /// or of T, that have an entry in column j.
-fn compliances(data: &ContactData) -> (Vec<f64>, Vec<f64>) {
+fn compliances<const D: usize>(data: &ContactData<D>) -> (Vec<f64>, Vec<f64>) {
     let diagonal = data.stiffness.diagonal();
     let (mut whole, mut own) = (Vec::new(), Vec::new());
     for matrix in [&data.normal, &data.tangential] {
@@ -555,7 +451,7 @@ fn compliances(data: &ContactData) -> (Vec<f64>, Vec<f64>) {
         for (_, j, v) in matrix.triplets() {
             columns[j] += v * v;
         }
-        for i in 0..data.gap.len() {
+        for i in 0..matrix.n_rows() {
             let (cols, values) = matrix.row(i);
             let (mut sum, mut shared) = (0.0, 0.0);
             for (&j, v) in cols.iter().zip(values) {
@@ -570,115 +466,4 @@ fn compliances(data: &ContactData) -> (Vec<f64>, Vec<f64>) {
         }
     }
     (whole, own)
-}
-
-/// Completes the last block for odd n: a decoupled unknown with the equation 1 · u = 0.
-fn pad(data: ContactData) -> ContactData {
-    let n = data.load.len();
-    let resize = |matrix: &Csr| Csr::from_triplets(matrix.n_rows(), n + 1, matrix.triplets());
-    let mut load = data.load;
-    load.push(0.0);
-    ContactData {
-        stiffness: BlockCsr::from_triplets(
-            n + 1,
-            n + 1,
-            data.stiffness
-                .triplets()
-                .filter(|&(i, j, _)| i < n && j < n)
-                .chain([(n, n, 1.0)]),
-        ),
-        load,
-        normal: resize(&data.normal),
-        tangential: resize(&data.tangential),
-        ..data
-    }
-}
-
-fn check_symmetric(k: &BlockCsr<2>) -> Result<(), ProblemError> {
-    let diagonal = k.diagonal();
-    let bad = (0..k.n_block_rows())
-        .into_par_iter()
-        .with_min_len(1024)
-        .find_map_first(|i| {
-            let (cols, blocks) = k.row(i);
-            for (&j, block) in cols.iter().zip(blocks) {
-                let j = j as usize;
-                let mirror = if i == j { Some(block) } else { k.block(j, i) };
-                for a in 0..2 {
-                    for b in 0..2 {
-                        let value = block[a][b];
-                        let other = mirror.map_or(0.0, |block| block[b][a]);
-                        let scale = (diagonal[2 * i + a].abs() * diagonal[2 * j + b].abs()).sqrt();
-                        if (value - other).abs() > SYMMETRY_LIMIT * scale.max(value.abs()) {
-                            return Some(ProblemError::NotSymmetric {
-                                row: 2 * i + a + 1,
-                                col: 2 * j + b + 1,
-                                value,
-                                mirror: other,
-                            });
-                        }
-                    }
-                }
-            }
-            None
-        });
-    bad.map_or(Ok(()), Err)
-}
-
-/// What can be seen cheaply of the row rank of B: zero rows, parallel rows, too many rows.
-fn check_rows(data: &ContactData, n: usize) -> Result<(), ProblemError> {
-    let m = data.gap.len();
-    let mut seen: HashMap<Vec<(u32, u64)>, usize> = HashMap::new();
-    let mut count = 0;
-    for (name, matrix, offset) in [("N", &data.normal, 0), ("T", &data.tangential, m)] {
-        for i in 0..m {
-            let (cols, values) = matrix.row(i);
-            let entries: Vec<(u32, f64)> = cols
-                .iter()
-                .zip(values)
-                .map(|(&j, v)| (j, v[0][0]))
-                .filter(|&(_, v)| v != 0.0)
-                .collect();
-            let Some(&(_, lead)) = entries
-                .iter()
-                .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
-            else {
-                let tangential = offset > 0;
-                if tangential && data.slip_bound[i] == 0.0 {
-                    continue;
-                }
-                return Err(ProblemError::ZeroRow {
-                    name,
-                    row: i + 1,
-                    hint: if tangential {
-                        " (a node that cannot move sideways needs the slip bound 0)"
-                    } else {
-                        ""
-                    },
-                });
-            };
-            count += 1;
-            // Equal up to a factor and rounding: compare eight digits of the entries over the largest.
-            let key = entries
-                .iter()
-                .map(|&(j, v)| (j, (v / lead * 1e8).round() as i64 as u64))
-                .collect();
-            if let Some(first) = seen.insert(key, offset + i) {
-                let both_normal = first < m && offset == 0;
-                return Err(ProblemError::ParallelRows {
-                    first: first + 1,
-                    second: offset + i + 1,
-                    name: match (both_normal, first < m) {
-                        (true, _) => "two rows of N (the same node stands twice in the contact)",
-                        (_, true) => "a row of N and a row of T (normal and tangent are the same)",
-                        _ => "two rows of T (the same node stands twice in the contact)",
-                    },
-                });
-            }
-        }
-    }
-    if count > n {
-        return Err(ProblemError::TooManyRows { rows: count, n });
-    }
-    Ok(())
 }

@@ -14,7 +14,9 @@ mod rounds;
 use crate::dual::DualOperator;
 use crate::problem::{ContactProblem, Kkt};
 use crate::sparse::{norm, norm_max};
-use crate::ssnm::{self, Info, Memory, Sets, Solution, SolveError, Status};
+use crate::ssnm::{
+    self, Cause, Info, Memory, Sets, SettingsError, Solution, SolveError, Status, Step,
+};
 use rounds::Rounds;
 use std::cell::RefCell;
 use std::ops::ControlFlow;
@@ -43,6 +45,14 @@ impl Load {
             slide: vec![0.0; problem.m()],
         }
     }
+
+    /// Whether it is one of this problem.
+    fn check_for(&self, problem: &ContactProblem) -> Result<(), SettingsError> {
+        let (n, m) = (problem.stiffness().n_rows(), problem.m());
+        SettingsError::unless_numbers(&self.force, n, "load.force")?;
+        SettingsError::unless_numbers(&self.gap, m, "load.gap")?;
+        SettingsError::unless_numbers(&self.slide, m, "load.slide")
+    }
 }
 
 /// Where a step starts from.
@@ -64,6 +74,14 @@ impl State {
             lambda: vec![0.0; 2 * problem.m()],
             slide: vec![0.0; problem.m()],
         }
+    }
+
+    /// Whether it is one of this problem.
+    fn check_for(&self, problem: &ContactProblem) -> Result<(), SettingsError> {
+        let (n, m) = (problem.stiffness().n_rows(), problem.m());
+        SettingsError::unless_numbers(&self.u, n, "start.u")?;
+        SettingsError::unless_numbers(&self.lambda, 2 * m, "start.lambda")?;
+        SettingsError::unless_numbers(&self.slide, m, "start.slide")
     }
 }
 
@@ -88,6 +106,17 @@ impl Settings<'_> {
         self.friction_tolerance
             .unwrap_or(FRICTION * self.ssnm.tolerance)
     }
+
+    /// Whether the numbers make sense for any problem: see [`ssnm::Settings::check`].
+    ///
+    /// # Errors
+    /// The first setting that does not.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        self.ssnm.check()?;
+        self.friction_tolerance.map_or(Ok(()), |tolerance| {
+            SettingsError::unless_part(tolerance, "friction_tolerance")
+        })
+    }
 }
 
 impl Default for Settings<'_> {
@@ -104,6 +133,7 @@ impl Default for Settings<'_> {
 
 /// One solve of a step: all of it, or a round or an attempt where that did not do.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Round {
     /// From 1.
     pub round: usize,
@@ -120,13 +150,14 @@ pub struct Round {
 /// What an observer hears.
 pub enum Event<'a> {
     /// An outer step of the Newton method.
-    Newton(&'a ssnm::Step),
+    Newton(&'a Step),
     /// A solve with frozen slip bounds has ended, or one whose coupled steps have not got on.
     Round(&'a Round),
 }
 
 /// A body that contact and friction do not hold.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct NotHeld {
     /// Its number among [`ContactProblem::free_bodies`].
     pub body: usize,
@@ -136,6 +167,7 @@ pub struct NotHeld {
 
 /// The end of a step.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct StepSolution {
     /// How it ended.
     pub status: Status,
@@ -155,6 +187,27 @@ pub struct StepSolution {
     pub kkt: Kkt,
     /// The bodies that nothing holds, where the status says so.
     pub not_held: Vec<NotHeld>,
+}
+
+/// A step that could not be finished, with what it had reached.
+#[derive(Debug, thiserror::Error)]
+#[error("{}", error.cause)]
+#[non_exhaustive]
+pub struct StepError {
+    /// What went wrong in which solve; its λ is a start for another one.
+    pub error: SolveError,
+    /// The solves that were finished before.
+    pub rounds: Vec<Round>,
+}
+
+impl<C: Into<Cause>> From<C> for StepError {
+    /// Nothing had been reached.
+    fn from(cause: C) -> Self {
+        Self {
+            error: cause.into().into(),
+            rounds: Vec::new(),
+        }
+    }
 }
 
 impl StepSolution {
@@ -193,10 +246,8 @@ const BURST: usize = 3;
 /// Solves one load step from `start`; the operator belongs to `problem`.
 ///
 /// # Errors
-/// If the operator fails; λ is that of the last solve.
-///
-/// # Panics
-/// If a length does not fit.
+/// If a setting makes no sense, if something else is of another size than the problem, or if the operator fails; the
+/// error keeps the rounds made, and of the last one λ and the steps.
 pub fn solve_step(
     problem: &ContactProblem,
     load: &Load,
@@ -204,47 +255,19 @@ pub fn solve_step(
     dual: &mut (impl DualOperator + ?Sized),
     settings: &Settings,
     mut observer: impl FnMut(Event) -> ControlFlow<()>,
-) -> Result<StepSolution, SolveError> {
+) -> Result<StepSolution, StepError> {
+    settings.check()?;
+    load.check_for(problem)?;
+    start.check_for(problem)?;
     let memory = RefCell::default();
     let memory = settings.ssnm.memory.unwrap_or(&memory);
     let mut step = Process::new(problem, load, start, dual, settings, memory, &mut observer);
-    let tolerance = settings.ssnm.tolerance;
-    let mut from = start.lambda.clone();
-    let mut reached = f64::INFINITY;
-    if settings.coupled || !problem.has_coulomb() {
-        let solution = step.solve(None, &from, tolerance)?;
-        if !problem.has_coulomb() || !has_given_up(solution.status) {
-            return Ok(step.end(solution, None));
-        }
-        from.clone_from(&solution.lambda);
-        reached = solution.info.err_relative;
-    }
-    let mut rounds = Rounds::new(&step, &from, reached);
-    let mut burst = if settings.coupled { BURST } else { usize::MAX };
-    loop {
-        let (solution, more) = rounds.make(&mut step, burst)?;
-        let settled = solution.status == Status::Converged;
-        if !settings.coupled || !(settled || more) {
-            return Ok(step.end(solution, Some(rounds.bounds)));
-        }
-        let coupled = step.solve(None, &rounds.lambda, tolerance)?;
-        if !has_given_up(coupled.status) {
-            return Ok(step.end(coupled, None));
-        }
-        if settled {
-            // What has settled is as good as the law itself says.
-            let kkt = step.lawful().kkt(&solution.u, &solution.lambda);
-            if coupled.info.kkt.max() < kkt.max() {
-                return Ok(step.end(coupled, None));
-            }
-            let mut solution = solution;
-            solution.info.kkt = kkt;
-            if !(kkt.max() <= ssnm::MET * tolerance) {
-                solution.status = Status::Stagnated;
-            }
-            return Ok(step.end(solution, Some(rounds.bounds)));
-        }
-        burst *= 2;
+    match step.make(start) {
+        Ok((solution, frozen)) => Ok(step.end(solution, frozen)),
+        Err(error) => Err(StepError {
+            error,
+            rounds: step.made,
+        }),
     }
 }
 
@@ -308,12 +331,64 @@ impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'
         }
     }
 
+    /// The step, with the bounds that were frozen for what it has ended with: coupled Newton steps, and rounds where
+    /// those give up.
+    fn make(&mut self, start: &State) -> Result<(Solution, Option<Vec<f64>>), SolveError> {
+        let tolerance = self.settings.ssnm.tolerance;
+        let has_coulomb = self.whole.has_coulomb();
+        let coupled = self.settings.coupled;
+        let (mut from, mut reached) = (start.lambda.clone(), f64::INFINITY);
+        if coupled || !has_coulomb {
+            let solution = self.solve(None, &from, tolerance)?;
+            if !has_coulomb || !has_given_up(solution.status) {
+                return Ok((solution, None));
+            }
+            (from, reached) = (solution.lambda, solution.info.err_relative);
+        }
+        let mut rounds = Rounds::new(self, &from, reached);
+        let mut burst = if coupled { BURST } else { usize::MAX };
+        loop {
+            let (solution, more) = rounds.make(self, burst)?;
+            let settled = solution.status == Status::Converged;
+            if !coupled || !(settled || more) {
+                return Ok((solution, Some(rounds.bounds)));
+            }
+            // From where rounds have led, the coupled step may get on.
+            let again = self.solve(None, &rounds.lambda, tolerance)?;
+            if !has_given_up(again.status) {
+                return Ok((again, None));
+            }
+            if settled {
+                return Ok(self.better_of(solution, rounds.bounds, again));
+            }
+            burst *= 2;
+        }
+    }
+
+    /// Of what rounds have settled on and a coupled step that has given up: what the law itself says is better.
+    fn better_of(
+        &self,
+        mut settled: Solution,
+        bounds: Vec<f64>,
+        coupled: Solution,
+    ) -> (Solution, Option<Vec<f64>>) {
+        let kkt = self.lawful().kkt(&settled.u, &settled.lambda);
+        if coupled.info.kkt.max() < kkt.max() {
+            return (coupled, None);
+        }
+        settled.info.kkt = kkt;
+        if !(kkt.max() <= ssnm::MET * self.settings.ssnm.tolerance) {
+            settled.status = Status::Stagnated;
+        }
+        (settled, Some(bounds))
+    }
+
     /// The problem of this step.
     fn lawful(&self) -> ContactProblem {
         let Load { force, gap, .. } = self.load.clone();
         let given = self.whole.slip_bound().to_vec();
         (self.whole)
-            .with_data(force, gap, self.origin.clone(), given)
+            .with_step(force, gap, self.origin.clone(), given)
             .with_acting_forces(self.load.acting)
             .with_travelled(self.travelled)
     }
@@ -348,7 +423,7 @@ impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'
             self.dual,
             &ssnm::Settings {
                 tolerance,
-                initial: Some(initial),
+                initial: Some(initial).filter(|l| l.iter().all(|v| v.is_finite())),
                 place: Some(&self.place),
                 sigma_max: self.sigma,
                 first_error: *first_error,
@@ -364,8 +439,9 @@ impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'
                 flow
             },
         )?;
-        self.sigma = Some(solution.info.sigma_max);
-        *first_error = Some(solution.info.first_error);
+        // What has overflowed is no use.
+        self.sigma = Some(solution.info.sigma_max).filter(|v| v.is_finite());
+        *first_error = Some(solution.info.first_error).filter(|v| v.is_finite());
         let friction_change = frozen.map_or(0.0, |bounds| {
             let law = self.whole.bounds(&solution.lambda);
             self.relative(&solution.lambda, &difference(&law, bounds))
@@ -422,4 +498,160 @@ fn pushed(problem: &ContactProblem, imbalance: &[f64]) -> Vec<NotHeld> {
             motion: free.describe(part),
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::{Accuracy, Stop};
+    use crate::dual::{DirectDual, DualError};
+    use crate::problem::ContactData;
+    use crate::sparse::{BlockCsr, Csr};
+    use crate::stiffness::cholesky::FactorError;
+
+    /// Two springs in a row, the outer one pushed to a wall that rubs on both.
+    fn springs(nodes: usize) -> ContactProblem {
+        let one = |j: usize| Csr::from_triplets(1, 2 * nodes, [(0, j, 1.0)]);
+        let chain = (0..2 * nodes).flat_map(|i| {
+            let next = (i + 1 < 2 * nodes).then_some((i, i + 1, -1.0));
+            let before = i.checked_sub(1).map(|j| (i, j, -1.0));
+            [Some((i, i, 2.0)), next, before].into_iter().flatten()
+        });
+        let mut load = vec![0.0; 2 * nodes];
+        load[1] = 5.0;
+        let problem = ContactProblem::new(ContactData {
+            stiffness: BlockCsr::from_triplets(2 * nodes, 2 * nodes, chain),
+            load,
+            normal: one(1),
+            tangential: one(0),
+            gap: vec![1.0],
+            slip_bound: vec![0.0],
+            coordinates: None,
+        });
+        let problem = problem.unwrap_or_else(|error| panic!("{error}"));
+        (problem.with_friction_coefficient(vec![0.1])).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// Fails after so many displacements.
+    struct Failing(DirectDual, usize);
+
+    impl DualOperator for Failing {
+        fn size(&self) -> (usize, usize) {
+            self.0.size()
+        }
+        fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
+            self.0.set_data(load, offsets)
+        }
+        fn apply(
+            &mut self,
+            p: &[f64],
+            y: &mut [f64],
+            accuracy: Accuracy,
+            stop: &Stop,
+        ) -> Result<(), DualError> {
+            self.0.apply(p, y, accuracy, stop)
+        }
+        fn right_hand_side(
+            &mut self,
+            b: &mut [f64],
+            accuracy: Accuracy,
+            stop: &Stop,
+        ) -> Result<(), DualError> {
+            self.0.right_hand_side(b, accuracy, stop)
+        }
+        fn displacement(
+            &mut self,
+            lambda: &[f64],
+            residual: f64,
+            stop: &Stop,
+        ) -> Result<Vec<f64>, DualError> {
+            if self.1 == 0 {
+                return Err(FactorError::TooLarge.into());
+            }
+            self.1 -= 1;
+            self.0.displacement(lambda, residual, stop)
+        }
+    }
+
+    fn solve(
+        problem: &ContactProblem,
+        load: &Load,
+        dual: &mut impl DualOperator,
+        settings: &Settings,
+    ) -> Result<StepSolution, StepError> {
+        let start = State::at_rest(problem);
+        solve_step(problem, load, &start, dual, settings, |_| {
+            ControlFlow::Continue(())
+        })
+    }
+
+    fn direct(problem: &ContactProblem) -> DirectDual {
+        DirectDual::new(problem).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    #[test]
+    fn an_error_keeps_the_rounds_made() {
+        let problem = springs(1);
+        let settings = Settings {
+            coupled: false,
+            ..Default::default()
+        };
+        let load = Load::of(&problem);
+        let whole = solve(&problem, &load, &mut direct(&problem), &settings);
+        let whole = whole.unwrap_or_else(|error| panic!("{error}"));
+        assert!(whole.status == Status::Converged && whole.rounds.len() > 1);
+        let error = solve(
+            &problem,
+            &load,
+            &mut Failing(direct(&problem), 1),
+            &settings,
+        );
+        let error = error.map(|_| ()).expect_err("it fails");
+        assert!(matches!(error.error.cause, Cause::Operator(_)), "{error}");
+        assert_eq!(error.rounds.len(), 1);
+        let (kept, made) = (&error.rounds[0].info, &whole.rounds[0].info);
+        assert_eq!((kept.iter, kept.n_a), (made.iter, made.n_a));
+        assert_eq!(error.error.lambda.len(), 2);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_an_error() {
+        let (problem, other) = (springs(1), springs(2));
+        let good = Settings::default();
+        let load = Load::of(&problem);
+        let said = |load: &Load, dual: &mut DirectDual, settings: &Settings| {
+            let outcome = solve(&problem, load, dual, settings);
+            outcome.map(|_| ()).expect_err("it is wrong").to_string()
+        };
+        let text = said(&load, &mut direct(&other), &good);
+        assert!(
+            text.contains("another problem, with 4 rows of K and 2"),
+            "{text}"
+        );
+        let mut dual = direct(&problem);
+        let text = said(&Load::of(&other), &mut dual, &good);
+        assert_eq!(text, "load.force must have 2 entries, it has 4");
+        let mut infinite = load.clone();
+        infinite.gap[0] = f64::NAN;
+        assert_eq!(
+            said(&infinite, &mut dual, &good),
+            "load.gap must have finite entries"
+        );
+        let wrong = Settings {
+            friction_tolerance: Some(2.0),
+            ..good
+        };
+        let text = said(&load, &mut dual, &wrong);
+        assert_eq!(text, "friction_tolerance must lie between 0 and 1");
+
+        let initial = [0.0; 3];
+        let wrong = ssnm::Settings {
+            initial: Some(&initial),
+            ..Default::default()
+        };
+        let go_on = |_: &Step| ControlFlow::Continue(());
+        let error = ssnm::solve(&problem, &mut dual, &wrong, go_on).map(|_| ());
+        let text = error.expect_err("it is wrong").to_string();
+        assert_eq!(text, "initial must have 2 entries, it has 3");
+    }
 }

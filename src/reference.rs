@@ -67,8 +67,10 @@ pub const CASE_B: Loads = Loads {
 /// A reference problem could not be built.
 #[derive(Debug, thiserror::Error)]
 pub enum ReferenceError {
+    /// Its contact is faulty.
     #[error(transparent)]
     Contact(#[from] ContactError),
+    /// Its matrices are.
     #[error(transparent)]
     Problem(#[from] ProblemError),
 }

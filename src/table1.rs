@@ -35,23 +35,31 @@ optimality conditions, checked in f64 against K, are met to 10 ε as well, which
 /// One cell of the table.
 #[derive(Clone, Debug, Serialize)]
 pub struct Cell {
+    /// The refinement.
     pub k: usize,
+    /// Number of free unknowns.
     pub n: usize,
     /// Number of contact nodes.
     pub contact_nodes: usize,
+    /// β, of ρ = β/σ_max.
     pub beta: f64,
+    /// How the solve ended.
     pub status: Status,
     /// Until err ≤ ε err⁰.
     pub iter: usize,
+    /// Products with A until then.
     #[serde(rename = "n_A")]
     pub n_a: usize,
     /// Until the final check passed.
     pub iter_checked: usize,
+    /// Products with A until then.
     #[serde(rename = "n_A_checked")]
     pub n_a_checked: usize,
     /// (iter, n_A) of the paper, for the sizes and β that it has.
     pub paper: Option<(usize, usize)>,
+    /// The error at the end over err⁰.
     pub err_relative: f64,
+    /// The optimality conditions at the end, against K.
     pub kkt: crate::problem::Kkt,
     /// Seconds for b, σ_max, the outer steps and the check.
     pub seconds: f64,
@@ -60,10 +68,13 @@ pub struct Cell {
 /// A row could not be computed.
 #[derive(Debug, thiserror::Error)]
 pub enum Table1Error {
+    /// The problem could not be built.
     #[error(transparent)]
     Reference(#[from] ReferenceError),
+    /// The solver could not be set up.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// The solve failed.
     #[error(transparent)]
     Solve(#[from] ssnm::SolveError),
 }

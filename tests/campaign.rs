@@ -1294,9 +1294,8 @@ fn known(random: &mut Random) -> Problem {
         slip_bound: bound.clone(),
         coordinates: None,
     })
-    .unwrap_or_else(|error| panic!("{name}: {error}\n{text}"))
-    .with_friction_coefficient(mu)
-    .with_areas(areas);
+    .and_then(|problem| problem.with_friction_coefficient(mu)?.with_areas(areas))
+    .unwrap_or_else(|error| panic!("{name}: {error}\n{text}"));
     let known = (!coulomb).then(|| {
         let (blur, loose) = sensitivity(&made, &u, &lambda);
         Known {
@@ -1472,9 +1471,8 @@ fn matrices(random: &mut Random) -> Trial {
         slip_bound: bound,
         coordinates: None,
     })
-    .unwrap_or_else(|error| panic!("{name}: {error}\n{text}"))
-    .with_friction_coefficient(mu)
-    .with_areas(areas);
+    .and_then(|problem| problem.with_friction_coefficient(mu)?.with_areas(areas))
+    .unwrap_or_else(|error| panic!("{name}: {error}\n{text}"));
     let whole = Load::of(&problem);
     let loads = (factors.iter())
         .map(|factor| Load {

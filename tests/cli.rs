@@ -687,7 +687,10 @@ fn settings_replace_and_add() {
     assert_eq!(case.tables.title, "a b");
     for (setting, expected) in [
         ("solver.tolerance", "key.path=value"),
-        ("contact.3.boundary=top", "there is no entry 3"),
+        (
+            "contact.3.boundary=top",
+            "setting \"contact.3.boundary=top\": there is no entry 3",
+        ),
         ("solver.tolerence=1", "unknown field"),
         ("title.deep=1", "unknown"),
     ] {

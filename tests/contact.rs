@@ -3,6 +3,7 @@
 mod common;
 
 use common::{Solved, case, solve_case_twice};
+use signorini::output::NodeStatus;
 
 const ROCK: &str = "[[material]]\nyoung = 1e9\npoisson = 0.3\n";
 
@@ -24,7 +25,7 @@ fn resultant(solved: &Solved) -> [f64; 2] {
     let mut sum = [0.0; 2];
     for (i, node) in solved.elastic().contact.nodes.iter().enumerate() {
         for c in 0..2 {
-            sum[c] -= lambda[i] * node.normal[c] + lambda[m + i] * node.tangent()[c];
+            sum[c] -= lambda[i] * node.frame[0][c] + lambda[m + i] * node.frame[1][c];
         }
     }
     sum
@@ -171,7 +172,7 @@ fn a_box_in_a_corner_rests_on_both_walls() {
     for (i, &pair) in elastic.pair_of.iter().enumerate() {
         let expected = [2e6, 3e6][pair as usize];
         assert!((fields.pressure[i] / expected - 1.0).abs() < 1e-6);
-        assert_eq!(fields.status(i), "contact");
+        assert_eq!(fields.status(i), NodeStatus::Frictionless);
     }
     for friction in ["{ coulomb = 0.2 }", "{ tresca = 1e5 }"] {
         let solved = run(&text(friction));

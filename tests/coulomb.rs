@@ -167,8 +167,8 @@ fn algebraic(random: &mut Random) -> Trial {
         slip_bound: bound.clone(),
         coordinates: None,
     })
-    .unwrap_or_else(|error| panic!("{error}"))
-    .with_friction_coefficient(mu.clone());
+    .and_then(|problem| problem.with_friction_coefficient(mu.clone()))
+    .unwrap_or_else(|error| panic!("{error}"));
     let steps = pick(random, &[1, 1, 2, 3, 4]);
     let factors: Vec<f64> = if steps == 1 {
         vec![1.0]
@@ -730,7 +730,8 @@ fn the_check_tells_a_neighbouring_problem() {
             };
             let mu = trial.problem.friction_coefficient().iter();
             let problem = (trial.problem.clone())
-                .with_friction_coefficient(mu.map(|mu| factor * mu).collect());
+                .with_friction_coefficient(mu.map(|mu| factor * mu).collect())
+                .unwrap_or_else(|error| panic!("{error}"));
             let mut load = trial.loads[0].clone();
             let mut start = rest.clone();
             if what == "wider gap" {

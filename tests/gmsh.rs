@@ -861,6 +861,7 @@ fn hostile_files_are_errors() {
     assert_eq!(mesh_of(far.as_bytes()).areas(), [1.0, 1.0]);
 }
 
+#[cfg(feature = "cli")]
 #[test]
 fn check_lists_groups_and_inner_boundaries() {
     let directory = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));

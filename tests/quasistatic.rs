@@ -8,6 +8,7 @@ use signorini::contact::{PairOptions, mortar_contact};
 use signorini::dual::DirectDual;
 use signorini::elasticity::{Body, Material, Plane};
 use signorini::mesh::structured::{CellShape, join, rectangle};
+use signorini::output::NodeStatus;
 use signorini::quasistatic::{self, Event, Load, State};
 use signorini::ssnm::Status;
 use std::ops::ControlFlow;
@@ -80,7 +81,7 @@ fn mortar_weights_reproduce_what_they_must() {
                 let sum: f64 = node.partners.iter().map(|p| p.1).sum();
                 assert!((sum - 1.0).abs() < 1e-12, "round {round}: {sum}");
                 assert!(node.area > 0.0 && node.gap >= 0.0);
-                let tangent = node.tangent();
+                let tangent = node.frame[1];
                 let along = |i: u32| {
                     let x = mesh.nodes[i as usize];
                     x[0] * tangent[0] + x[1] * tangent[1]
@@ -188,7 +189,7 @@ fn a_moving_tool_drags_the_block() {
     let m = stick.build.problem.m();
     // The far end of the sheared block lifts off, the rest goes with the tool.
     let sticking: Vec<usize> = (0..m)
-        .filter(|&i| stick.fields().status(i) == "stick")
+        .filter(|&i| stick.fields().status(i) == NodeStatus::Stick)
         .collect();
     assert!(sticking.len() > m / 2, "{} of {m}", sticking.len());
     for i in sticking {
@@ -198,7 +199,9 @@ fn a_moving_tool_drags_the_block() {
     }
     let slip = solve_case_twice(&text(0.1), 1e-8);
     let fields = slip.fields();
-    let slipping = (0..m).filter(|&i| fields.status(i) == "slip").count();
+    let slipping = (0..m)
+        .filter(|&i| fields.status(i) == NodeStatus::Slip)
+        .count();
     assert!(slipping > m / 2, "{slipping} of {m}");
     for i in 0..m {
         // The block stays behind the tool, and the tool pulls it along: τ points along −x on top.
@@ -237,7 +240,7 @@ fn bodies_that_only_contact_holds() {
             .filter(|&i| elastic.pair_of[i] == pair)
             .map(|i| {
                 let node = &elastic.contact.nodes[i];
-                lambda[i] * node.normal[1] + lambda[i + elastic.pair_of.len()] * node.tangent()[1]
+                lambda[i] * node.frame[0][1] + lambda[i + elastic.pair_of.len()] * node.frame[1][1]
             })
             .sum()
     };
@@ -253,7 +256,7 @@ fn bodies_that_only_contact_holds() {
         &text("[[traction]]\nboundary = \"up-top\"\npressure = 3", ""),
         1e-8,
     );
-    assert_eq!(pressed.build.problem.free_bodies().bodies.len(), 2);
+    assert_eq!(pressed.build.problem.free_bodies().bodies().len(), 2);
     // The guide holds x along a line: the plate may still rise and turn.
     assert_eq!(pressed.build.problem.free_bodies().n_motions(), 5);
     // Pulled up it has nothing to hold it: no panic, no false success.

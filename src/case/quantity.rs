@@ -1,19 +1,13 @@
-//! Numbers that may depend on the place.
+//! Numbers that may depend on the place, as a case file writes them.
 
 mod expression;
 
+use crate::model::Quantity;
 use expression::Expression;
 use serde::Deserialize;
+use serde::de::Error as _;
 
 /// A constant, or an expression of x and y such as `"-2e7 * (1 - x / 1.5)"`.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(try_from = "Text")]
-pub enum Quantity {
-    Constant(f64),
-    Expression(Box<Expression>),
-}
-
-/// The two spellings in the file.
 #[derive(Deserialize)]
 #[serde(
     untagged,
@@ -24,33 +18,15 @@ enum Text {
     Expression(String),
 }
 
-impl TryFrom<Text> for Quantity {
-    type Error = String;
-
-    fn try_from(text: Text) -> Result<Self, String> {
-        match text {
-            Text::Number(value) if value.is_finite() => Ok(Self::Constant(value)),
-            Text::Number(value) => Err(format!("{value} is not a finite number")),
-            Text::Expression(text) => Ok(Self::Expression(Box::new(Expression::parse(text)?))),
-        }
-    }
-}
-
-impl Quantity {
-    /// The value at a point; NaN where the expression has none.
-    pub fn at(&self, x: [f64; 2]) -> f64 {
-        match self {
-            Self::Constant(value) => *value,
-            Self::Expression(expression) => expression.at(x),
-        }
-    }
-}
-
-impl std::fmt::Display for Quantity {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        match self {
-            Self::Constant(value) => write!(f, "{value}"),
-            Self::Expression(expression) => write!(f, "{expression}"),
+impl<'de> Deserialize<'de> for Quantity {
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        match Text::deserialize(from)? {
+            Text::Number(value) if value.is_finite() => Ok(value.into()),
+            Text::Number(value) => Err(D::Error::custom(format!("{value} is not a finite number"))),
+            Text::Expression(text) => {
+                let expression = Expression::parse(&text).map_err(D::Error::custom)?;
+                Ok(Self::described(&text, move |x| expression.at(x)))
+            }
         }
     }
 }

@@ -1,5 +1,6 @@
 //! `signorini bench`.
 
+use super::advice::told;
 use super::{BenchArguments, NOT_CONVERGED, print};
 use signorini::backend::gpu::Context;
 use signorini::backend::{GpuOptions, Precision};
@@ -20,55 +21,8 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
     }
     let contexts = contexts(arguments)?;
     let software = contexts.first().is_some_and(|c| c.adapter.is_software);
-    match contexts.first() {
-        None => print("No adapter: only the CPU is measured.\n\n")?,
-        Some(context) => {
-            print(&format!(
-                "GPU: {}, {}\n",
-                context.adapter, context.adapter.driver
-            ))?;
-            if software {
-                print(
-                    "This is a software adapter: its rows test the kernels and measure NO GPU; they say \
-                     nothing about the speed of one.\n",
-                )?;
-            }
-            print("\n")?;
-        }
-    }
-    let terminal = std::io::stderr().is_terminal();
-    let progress = |line: &str| {
-        if terminal {
-            eprint!("\r\x1b[2K{line}");
-        }
-    };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let (mut speeds, mut rows) = (Vec::new(), Vec::new());
-    for &k in &arguments.k {
-        progress(&format!("k = {k}: assembly"));
-        let mesh = reference::mesh(Geometry::OneBody, k);
-        let problem =
-            reference::problem(Geometry::OneBody, &mesh, &CASE_B).map_err(|e| e.to_string())?;
-        let n = problem.n_free();
-        let failed = |e| format!("k = {k}: {e}");
-        speeds.push(bench::measure(&problem).map_err(failed)?);
-        for context in &contexts {
-            progress(&format!("k = {k}: simple work, {}", context.precision));
-            speeds.push(bench::measure_gpu(&problem, context).map_err(failed)?);
-        }
-        let mut paths = Vec::new();
-        if n <= arguments.max_cholesky {
-            paths.push(Path::CpuCholesky);
-        }
-        paths.push(Path::CpuPcg);
-        paths.extend(contexts.iter().cloned().map(Path::Gpu));
-        let found = bench::solve_on(&paths, k, &problem, TOLERANCE, &speeds, |path| {
-            progress(&format!("k = {k}: {path}"));
-        });
-        rows.extend(found.map_err(|e| format!("k = {k}: {e}"))?);
-    }
-    progress("");
-
+    print(&device(contexts.first().map(|context| &**context)))?;
+    let (speeds, rows) = measure(arguments, &contexts)?;
     print(&speeds_table(&speeds))?;
     print(&rows_table(&rows))?;
     let fits = fits(&rows);
@@ -81,6 +35,7 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
         }
         print("\n")?;
     }
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
     print(&format!("{threads} threads.\n"))?;
     if let Some(path) = &arguments.json {
         let document = serde_json::json!({
@@ -95,7 +50,7 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
             "solves": rows,
             "growth": fits,
         });
-        write_whole(path, format!("{document:#}\n").as_bytes()).map_err(|e| e.to_string())?;
+        write_whole(path, format!("{document:#}\n").as_bytes()).map_err(|e| told(&e))?;
     }
     let sound = |row: &Row| row.status == Status::Converged && row.difference < 1e-3;
     Ok(if rows.iter().all(sound) {
@@ -106,13 +61,66 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
     })
 }
 
+/// What is measured beside the CPU.
+fn device(context: Option<&Context>) -> String {
+    let Some(context) = context else {
+        return "No adapter: only the CPU is measured.\n\n".to_owned();
+    };
+    let warning = if context.adapter.is_software {
+        "This is a software adapter: its rows test the kernels and measure NO GPU; they say nothing about the speed of \
+         one.\n"
+    } else {
+        ""
+    };
+    let (adapter, driver) = (&context.adapter, &context.adapter.driver);
+    format!("GPU: {adapter}, {driver}\n{warning}\n")
+}
+
+/// Simple work and whole solves of every size, on the CPU and on each device.
+fn measure(
+    arguments: &BenchArguments,
+    contexts: &[Arc<Context>],
+) -> Result<(Vec<Speeds>, Vec<Row>), String> {
+    let terminal = std::io::stderr().is_terminal();
+    let progress = |line: &str| {
+        if terminal {
+            eprint!("\r\x1b[2K{line}");
+        }
+    };
+    let (mut speeds, mut rows) = (Vec::new(), Vec::new());
+    for &k in &arguments.k {
+        progress(&format!("k = {k}: assembly"));
+        let mesh = reference::mesh(Geometry::OneBody, k);
+        let problem =
+            reference::problem(Geometry::OneBody, &mesh, &CASE_B).map_err(|e| told(&e))?;
+        let failed = |e| format!("k = {k}: {e}");
+        speeds.push(bench::measure(&problem).map_err(failed)?);
+        for context in contexts {
+            progress(&format!("k = {k}: simple work, {}", context.precision));
+            speeds.push(bench::measure_gpu(&problem, context).map_err(failed)?);
+        }
+        let mut paths = Vec::new();
+        if problem.n_free() <= arguments.max_cholesky {
+            paths.push(Path::CpuCholesky);
+        }
+        paths.push(Path::CpuPcg);
+        paths.extend(contexts.iter().cloned().map(Path::Gpu));
+        let found = bench::solve_on(&paths, k, &problem, TOLERANCE, &speeds, |path| {
+            progress(&format!("k = {k}: {path}"));
+        });
+        rows.extend(found.map_err(|e| format!("k = {k}: {e}"))?);
+    }
+    progress("");
+    Ok((speeds, rows))
+}
+
 /// The device in every precision that was not excluded; none where there is no adapter and none was named.
 fn contexts(arguments: &BenchArguments) -> Result<Vec<Arc<Context>>, String> {
     let options = arguments.gpu.options();
     let named = options.adapter.is_some();
     let first = match Context::new(&options) {
         Ok(context) => context,
-        Err(error) if named => return Err(error.to_string()),
+        Err(error) if named => return Err(told(&error)),
         Err(_) => return Ok(Vec::new()),
     };
     let mut contexts = vec![first];
@@ -121,7 +129,7 @@ fn contexts(arguments: &BenchArguments) -> Result<Vec<Arc<Context>>, String> {
             precision: Some(Precision::F32),
             ..options
         };
-        contexts.push(Context::new(&options).map_err(|e| e.to_string())?);
+        contexts.push(Context::new(&options).map_err(|e| told(&e))?);
     }
     Ok(contexts)
 }

@@ -1,19 +1,23 @@
 //! `signorini solve`.
 
+mod log;
+mod pictures;
+mod summary;
+
+use super::advice::told;
 use super::{NOT_CONVERGED, SolveArguments};
-use signorini::case::{Build, Case, StepData};
-use signorini::control::Costs;
+use log::Log;
+use pictures::Pictures;
+use signorini::case::{Build, Case};
 use signorini::dual::DualOperator as _;
 use signorini::engine::Engine;
+use signorini::model::StepData;
 use signorini::output::{
-    ContactReport, EnginePath, Picture, Report, Timings, pictures, prepare, step_pictures,
-    write_index, write_pictures, write_report, write_solution,
+    EnginePath, Report, Timings, prepare, write_index, write_report, write_solution,
 };
-use signorini::quasistatic::{self, Event, Load, Round, State, StepSolution};
-use signorini::ssnm::{SetSizes, Status, Step};
+use signorini::quasistatic::{self, Event, Load, State, StepSolution};
+use signorini::ssnm::Status;
 use std::cell::RefCell;
-use std::fmt::Write as _;
-use std::io::{IsTerminal as _, Write as _};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,7 +34,8 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
             std::process::exit(130);
         }
     });
-    let case = Case::read(&arguments.case, &arguments.settings).map_err(|e| e.to_string())?;
+    let pictures = arguments.plots.then(Pictures::new).transpose()?;
+    let case = Case::read(&arguments.case, &arguments.settings).map_err(|e| told(&e))?;
     let output = match &arguments.output {
         Some(directory) => directory.clone(),
         None => {
@@ -41,8 +46,8 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     };
     let log = Log::new(arguments);
 
-    let build = case.build().map_err(|e| e.to_string())?;
-    prepare(&output).map_err(|e| e.to_string())?;
+    let build = case.build().map_err(|e| told(&e))?;
+    prepare(&output).map_err(|e| told(&e))?;
     log.say(format_args!(
         "n = {}, m = {}: assembled in {:.3} s, of which the contacts {:.4} s",
         build.problem.n_free(),
@@ -62,7 +67,7 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         build: &build,
         report: Report::new(&case.tables.title, &build),
         files: Vec::new(),
-        drawn: Vec::new(),
+        pictures,
         output_seconds: 0.0,
     };
     // What was finished before an error is written nevertheless.
@@ -74,7 +79,7 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     solved?;
     written?;
     if !arguments.quiet {
-        super::print(&summary(&run.report, &run.files))?;
+        super::print(&summary::text(&run.report, &run.files))?;
     }
     Ok(if run.report.status == Some(Status::Converged) {
         0
@@ -93,11 +98,17 @@ struct Run<'a> {
     build: &'a Build,
     report: Report,
     files: Vec<PathBuf>,
-    drawn: Vec<Picture>,
+    /// None: not asked for.
+    pictures: Option<Pictures>,
     output_seconds: f64,
 }
 
 impl Run<'_> {
+    /// An error of the solver, with the case that it has met.
+    fn failed(&self, error: impl std::error::Error + 'static) -> String {
+        format!("{}: {}", self.arguments.case.display(), told(&error))
+    }
+
     /// Sets up and makes the load steps.
     fn solve(&mut self) -> Result<(), String> {
         let (build, log) = (self.build, self.log);
@@ -105,10 +116,9 @@ impl Run<'_> {
             return Ok(());
         }
         let start = Instant::now();
-        let mut engine = Engine::new(&build.problem, self.arguments.engine.options(), |line| {
-            log.tell(line)
-        })
-        .map_err(|e| format!("{}: {e}", self.arguments.case.display()))?;
+        let options = self.arguments.engine.options();
+        let mut engine = Engine::new(&build.problem, options, |line| log.tell(line))
+            .map_err(|error| self.failed(error))?;
         self.report.timings.factor = start.elapsed().as_secs_f64();
         self.report.timings.linear_reference = engine
             .cholesky()
@@ -116,9 +126,7 @@ impl Run<'_> {
         log.engine(&engine, self.report.timings.factor);
 
         let made = self.steps(&mut engine);
-        if let Some(costs) = engine.costs() {
-            log.say(format_args!("{}", describe_costs(&costs)));
-        }
+        log.costs(&engine);
         let mut path = EnginePath::of(&engine);
         if self.report.status == Some(Status::Converged) {
             // What the whole solve has cost in linear solves; whoever has asked to stop does not wait for it.
@@ -130,15 +138,15 @@ impl Run<'_> {
 
     /// Makes the load steps, until one does not converge.
     fn steps(&mut self, engine: &mut Engine) -> Result<(), String> {
-        let (build, log) = (self.build, self.log);
+        let (build, log, n_steps) = (self.build, self.log, self.case.n_steps());
         let mut settings = self.case.settings();
         let memory = RefCell::default();
         settings.ssnm.memory = Some(&memory);
         settings.ssnm.interrupt = Some(&INTERRUPTED);
         let limit = settings.ssnm.time_limit;
         let mut state = State::at_rest(&build.problem);
-        for number in 0..self.case.n_steps() {
-            let data = (self.case.step(build, number)).map_err(|e| e.to_string())?;
+        for number in 0..n_steps {
+            let data = self.case.step(build, number).map_err(|e| told(&e))?;
             let of_problem;
             let load = match &data {
                 Some(data) => &data.load,
@@ -147,29 +155,29 @@ impl Run<'_> {
                     &of_problem
                 }
             };
-            if self.case.n_steps() > 1 {
+            if n_steps > 1 {
                 log.tell(&format!(
-                    "load step {} of {}, factor {}",
+                    "load step {} of {n_steps}, factor {}",
                     number + 1,
-                    self.case.n_steps(),
                     data.as_ref().map_or(1.0, |data| data.factor)
                 ));
             }
             settings.ssnm.time_limit =
                 limit.map(|limit| limit.saturating_sub(self.start.elapsed()));
             let mut steps = Vec::new();
-            let solution =
-                quasistatic::solve_step(&build.problem, load, &state, engine, &settings, |event| {
-                    match event {
-                        Event::Newton(step) => {
-                            log.step(step);
-                            steps.push(*step);
-                        }
-                        Event::Round(round) => log.round(round),
+            let observer = |event: Event| {
+                match event {
+                    Event::Newton(step) => {
+                        log.step(step);
+                        steps.push(*step);
                     }
-                    ControlFlow::Continue(())
-                })
-                .map_err(|e| format!("{}: {e}", self.arguments.case.display()))?;
+                    Event::Round(round) => log.round(round),
+                }
+                ControlFlow::Continue(())
+            };
+            let solution =
+                quasistatic::solve_step(&build.problem, load, &state, engine, &settings, observer)
+                    .map_err(|error| self.failed(error))?;
             log.finish(&steps, settings.ssnm.tolerance);
             settings.ssnm.sigma_max = Some(solution.last().info.sigma_max);
             self.report.add_step(build, data.as_ref(), &solution);
@@ -198,22 +206,16 @@ impl Run<'_> {
             solution,
             several.then_some(number),
         );
-        self.files.extend(written.map_err(|e| e.to_string())?);
+        self.files.extend(written.map_err(|e| told(&e))?);
         if several {
             // After every step, so that ParaView can look in.
-            let index = write_index(self.output, &self.report.steps).map_err(|e| e.to_string())?;
+            let index = write_index(self.output, &self.report.steps).map_err(|e| told(&e))?;
             if number == 1 {
                 self.files.push(index);
             }
         }
-        if self.arguments.plots {
-            self.drawn.extend(step_pictures(
-                &self.report,
-                self.build,
-                data,
-                solution,
-                several,
-            ));
+        if let Some(pictures) = &mut self.pictures {
+            pictures.add_step(&self.report, self.build, data, solution, several);
         }
         self.output_seconds += start.elapsed().as_secs_f64();
         Ok(())
@@ -229,333 +231,18 @@ impl Run<'_> {
             total: self.start.elapsed().as_secs_f64(),
             ..self.report.timings
         };
-        let mut drawn = Ok(Vec::new());
-        if self.arguments.plots {
-            self.drawn.extend(pictures(&self.report));
-            drawn = write_pictures(self.output, &self.report, &self.drawn);
-        }
+        let drawn = match &mut self.pictures {
+            Some(pictures) => pictures.write(self.output, &self.report),
+            None => Ok(Vec::new()),
+        };
+        let drawn = drawn.map_err(|e| told(&e));
         if let Err(error) = &drawn {
-            self.report.fail(&error.to_string());
+            self.report.fail(error);
         }
         // Whether or not there was room for pictures.
-        let report = write_report(self.output, &self.report).map_err(|e| e.to_string())?;
-        self.files.extend(drawn.map_err(|e| e.to_string())?);
+        let report = write_report(self.output, &self.report).map_err(|e| told(&e))?;
+        self.files.extend(drawn?);
         self.files.push(report);
         Ok(())
-    }
-}
-
-/// What the systems with K have cost.
-fn describe_costs(costs: &Costs) -> String {
-    let Costs { solves, device } = costs;
-    let mut text = format!(
-        "{} systems with K, {} PCG iterations",
-        solves.solves, solves.iterations
-    );
-    if device.dispatches > 0 {
-        let per_iteration = device.dispatches as f64 / solves.iterations.max(1) as f64;
-        write!(
-            text,
-            "; {} dispatches ({per_iteration:.2} per iteration, all others included), {} read-backs \
-             (one per {:.0} iterations), {} submissions",
-            device.dispatches,
-            device.readbacks,
-            solves.iterations as f64 / device.readbacks.max(1) as f64,
-            device.submissions
-        )
-        .expect("writing to a string cannot fail");
-    }
-    text
-}
-
-fn describe(status: Option<Status>) -> &'static str {
-    let Some(status) = status else {
-        return "ended by an error";
-    };
-    match status {
-        Status::Converged => "converged",
-        Status::IterationLimit => {
-            "NOT converged: the limit of outer steps (solver.max_iterations) or rounds (solver.max_rounds) is reached"
-        }
-        Status::Stagnated => {
-            "NOT converged: no progress any more; loosen solver.tolerance or, where PCG is used, try --stiffness cholesky"
-        }
-        Status::NotHeld => {
-            "NOT converged: contact and friction do not hold every body under this load"
-        }
-        Status::TimeLimit => "NOT converged: the time limit is reached (solver.time_limit)",
-        Status::Interrupted => "NOT converged: interrupted",
-    }
-}
-
-fn summary(report: &Report, files: &[PathBuf]) -> String {
-    let SetSizes {
-        separated,
-        stick,
-        slip_plus,
-        slip_minus,
-        frictionless,
-    } = report.sets;
-    let mut text = String::new();
-    let contact = report.m - separated;
-    writeln!(text, "{}", describe(report.status)).expect("writing to a string cannot fail");
-    for one in report.steps.last().iter().flat_map(|step| &step.not_held) {
-        writeln!(
-            text,
-            "  {} {}: add a [[support]], friction, or change the load",
-            one.body, one.motion
-        )
-        .expect("writing to a string cannot fail");
-    }
-    writeln!(
-        text,
-        "  {} outer steps, {} products with A, err {:.1e} of the first; optimality conditions met to {:.1e}",
-        report.iter,
-        report.n_a,
-        report.err_relative,
-        report.kkt.max()
-    )
-    .expect("writing to a string cannot fail");
-    if let Some(step) = report.steps.last().filter(|step| step.rounds > 1) {
-        let steps = match report.steps.len() {
-            1 => String::new(),
-            n => format!(" in the last of {n} load steps"),
-        };
-        writeln!(
-            text,
-            "  {} solves{steps}: coupled steps alone did not get on, {}",
-            step.rounds,
-            if step.friction_change == 0.0 {
-                "rounds with frozen slip bounds between them helped".to_owned()
-            } else {
-                format!("frozen slip bounds are off by {:.1e}", step.friction_change)
-            }
-        )
-        .expect("writing to a string cannot fail");
-    }
-    let (contact, separated, stick, slip, frictionless) = match report.steps.last() {
-        Some(step) if !step.contacts.is_empty() => {
-            let sum =
-                |of: &dyn Fn(&ContactReport) -> usize| step.contacts.iter().map(of).sum::<usize>();
-            let (separated, stick, slip) =
-                (sum(&|c| c.separated), sum(&|c| c.stick), sum(&|c| c.slip));
-            let frictionless = sum(&|c| c.frictionless);
-            (
-                stick + slip + frictionless,
-                separated,
-                stick,
-                slip,
-                frictionless,
-            )
-        }
-        // Without geometry the sets are all there is: a separated multiplier sticks or slips as well.
-        _ => (
-            contact,
-            separated,
-            stick,
-            slip_plus + slip_minus,
-            frictionless,
-        ),
-    };
-    let mut states = Vec::new();
-    if stick + slip > 0 {
-        states.push(format!("{stick} stick, {slip} slip"));
-    }
-    if frictionless > 0 {
-        states.push(format!("{frictionless} without friction"));
-    }
-    writeln!(
-        text,
-        "  {contact} of {} nodes in contact, {separated} separated{}{}",
-        report.m,
-        if states.is_empty() { "" } else { "; " },
-        states.join(", ")
-    )
-    .expect("writing to a string cannot fail");
-    writeln!(
-        text,
-        "  {:.3} s in all: mesh {:.3}, assembly {:.3}, factor {:.3}, set-up {:.3}, contact {:.3}, output {:.3}",
-        report.timings.total,
-        report.timings.mesh,
-        report.timings.assembly,
-        report.timings.factor,
-        report.timings.setup,
-        report.timings.ssnm,
-        report.timings.output
-    )
-    .expect("writing to a string cannot fail");
-    if let Some(step) = report.steps.last() {
-        for contact in &step.contacts {
-            let [x, y] = contact.force;
-            writeln!(
-                text,
-                "  contact {} / {}: force on the first ({x:.6e}, {y:.6e}) {}, pressure up to {:.4e} {}",
-                contact.boundary,
-                contact.against,
-                report.units.force,
-                contact.max_pressure,
-                report.units.stress()
-            )
-            .expect("writing to a string cannot fail");
-        }
-        for support in &step.supports {
-            let [x, y] = support.force;
-            writeln!(
-                text,
-                "  support {}: force ({x:.6e}, {y:.6e}) {}",
-                support.support, report.units.force
-            )
-            .expect("writing to a string cannot fail");
-        }
-    }
-    for hint in &report.hints {
-        writeln!(text, "  hint: {hint}").expect("writing to a string cannot fail");
-    }
-    for file in files {
-        writeln!(text, "  {}", file.display()).expect("writing to a string cannot fail");
-    }
-    text
-}
-
-/// Progress on standard error.
-struct Log {
-    quiet: bool,
-    verbose: bool,
-    terminal: bool,
-}
-
-const HEADER: &str = "step  inner  products       err   contact   stick  slip+  slip−  changes";
-
-fn row(step: &Step, m: usize) -> String {
-    format!(
-        "{:4}  {:5}  {:8}  {:8.2e}  {:8}  {:6} {:6} {:6}  {:7}{}",
-        step.iter,
-        step.inner,
-        step.n_a,
-        step.err,
-        m - step.sets.separated,
-        step.sets.stick,
-        step.sets.slip_plus,
-        step.sets.slip_minus,
-        step.changes,
-        if step.safeguarded { "  safeguard" } else { "" }
-    )
-}
-
-/// The number of contact nodes of a step.
-fn nodes(step: &Step) -> usize {
-    let sets = &step.sets;
-    sets.stick + sets.slip_plus + sets.slip_minus + sets.frictionless
-}
-
-impl Log {
-    fn new(arguments: &SolveArguments) -> Self {
-        Self {
-            quiet: arguments.quiet,
-            verbose: arguments.verbose,
-            terminal: std::io::stderr().is_terminal(),
-        }
-    }
-
-    /// What the user should know without asking.
-    fn tell(&self, line: &str) {
-        if !self.quiet {
-            eprintln!("{line}");
-        }
-    }
-
-    /// With -v.
-    fn say(&self, line: std::fmt::Arguments) {
-        if self.verbose && !self.quiet {
-            eprintln!("{line}");
-        }
-    }
-
-    /// What solves the systems with K, with -v.
-    fn engine(&self, engine: &Engine, seconds: f64) {
-        match engine.cholesky() {
-            Some(dual) => self.say(format_args!(
-                "Cholesky: {} entries ({:.0} MiB), factorised in {:.3} s, one solve {:.4} s",
-                dual.factor().entries(),
-                dual.factor().entries() as f64 * 8.0 / (1 << 20) as f64,
-                dual.factor().seconds,
-                dual.solve_seconds
-            )),
-            None => {
-                self.say(format_args!(
-                    "PCG on the {}, set up in {seconds:.3} s",
-                    engine.backend()
-                ));
-                if let Some(table) = engine.hierarchy() {
-                    self.say(format_args!("{table}"));
-                }
-            }
-        }
-    }
-
-    /// One line that is written over on a terminal, and one after the other elsewhere.
-    fn step(&self, step: &Step) {
-        if self.quiet {
-            return;
-        }
-        let line = format!(
-            "step {}: err {:.2e}, {} products, {} of {} nodes in contact",
-            step.iter,
-            step.err,
-            step.n_a,
-            nodes(step) - step.sets.separated,
-            nodes(step)
-        );
-        if self.terminal {
-            eprint!("\r\x1b[2K{line}");
-            let _ = std::io::stderr().flush();
-        } else {
-            eprintln!("{line}");
-        }
-    }
-
-    /// The end of a solve that may not be the last of its step.
-    fn round(&self, round: &Round) {
-        if self.quiet {
-            return;
-        }
-        if self.terminal {
-            eprint!("\r\x1b[2K");
-        }
-        let Round { round: k, info, .. } = round;
-        let cost = format!("{} steps, {} products", info.iter, info.n_a);
-        if round.frozen {
-            eprintln!(
-                "solve {k}: slip bounds frozen, in the end off by {:.2e}; {cost}",
-                round.friction_change
-            );
-        } else {
-            eprintln!(
-                "solve {k}: coupled steps do not get on, least err {:.2e}; {cost}; next with frozen slip bounds",
-                info.err_relative
-            );
-        }
-    }
-
-    /// The table of all steps.
-    fn finish(&self, history: &[Step], tolerance: f64) {
-        if self.quiet {
-            return;
-        }
-        if self.terminal {
-            eprint!("\r\x1b[2K");
-        }
-        if history.is_empty() {
-            return;
-        }
-        eprintln!("{HEADER}");
-        for step in history {
-            let met = if step.err <= tolerance {
-                "  err met"
-            } else {
-                ""
-            };
-            eprintln!("{}{met}", row(step, nodes(step)));
-        }
     }
 }

@@ -1,5 +1,6 @@
 //! `signorini table1`.
 
+use super::advice::told;
 use super::{GeometryArgument, NOT_CONVERGED, Table1Arguments, print};
 use signorini::output::write_whole;
 use signorini::reference::Geometry;
@@ -9,17 +10,46 @@ use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
 
 pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
-    let engine = arguments.engine.options();
-    if let Some(beta) = arguments
-        .beta
-        .iter()
-        .find(|b| !(**b > 0.0 && b.is_finite()))
-    {
+    let usable = |beta: &f64| *beta > 0.0 && beta.is_finite();
+    if let Some(beta) = arguments.beta.iter().find(|beta| !usable(beta)) {
         return Err(format!("--beta {beta}: β must be positive"));
     }
     if arguments.max_k < 1 {
         return Err("--max-k 0: the smallest row is k = 1".into());
     }
+    let cells = table(arguments)?;
+    let failed = cells
+        .iter()
+        .filter(|c| c.status != Status::Converged)
+        .count();
+    let above = cells
+        .iter()
+        .filter(|c| c.paper.is_some_and(|(_, n)| c.n_a > n))
+        .count();
+    print(&format!(
+        "\n{} of {} cells converged; n_A is above the paper's figure in {above}.\n\n{ASSUMPTIONS}\n",
+        cells.len() - failed,
+        cells.len()
+    ))?;
+    if let Some(path) = &arguments.json {
+        let document = serde_json::json!({
+            "geometry": match arguments.geometry {
+                GeometryArgument::OneBody => "one-body",
+                GeometryArgument::TwoBody => "two-body",
+            },
+            "tolerance": TOLERANCE,
+            "assumptions": ASSUMPTIONS,
+            "cells": cells,
+        });
+        let text = format!("{document:#}\n");
+        write_whole(path, text.as_bytes()).map_err(|e| told(&e))?;
+    }
+    Ok(if failed == 0 { 0 } else { NOT_CONVERGED })
+}
+
+/// Computes the table and prints it row by row.
+fn table(arguments: &Table1Arguments) -> Result<Vec<Cell>, String> {
+    let engine = arguments.engine.options();
     let (geometry, name) = match arguments.geometry {
         GeometryArgument::OneBody => (Geometry::OneBody, "one body on a rigid plane"),
         GeometryArgument::TwoBody => (Geometry::TwoBodies, "two bodies, matching nodes"),
@@ -49,57 +79,40 @@ pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
             }
             ControlFlow::Continue(())
         })
-        .map_err(|e| e.to_string())?;
+        .map_err(|e| told(&e))?;
         if terminal {
             eprint!("\r\x1b[2K");
         }
-        if let Some(first) = found.first() {
-            // The paper's m: for two bodies the total number of multipliers.
-            let m = match geometry {
-                Geometry::OneBody => first.contact_nodes,
-                Geometry::TwoBodies => 2 * first.contact_nodes,
-            };
-            print(&format!("{:>12}", format!("{}/{m}", first.n)))?;
-        }
-        for cell in &found {
-            let paper = cell
-                .paper
-                .map_or("      ".to_owned(), |(i, n)| format!("{i:2}/{n:3}"));
-            let mark = if cell.status == Status::Converged {
-                ' '
-            } else {
-                '!'
-            };
-            print(&format!(
-                "  {paper} | {:2}/{:3} ({:2}/{:3}){mark}",
-                cell.iter, cell.n_a, cell.iter_checked, cell.n_a_checked
-            ))?;
-        }
-        print("\n")?;
+        print(&described(geometry, &found))?;
         cells.extend(found);
     }
-    let failed = cells
-        .iter()
-        .filter(|c| c.status != Status::Converged)
-        .count();
-    let above = cells
-        .iter()
-        .filter(|c| c.paper.is_some_and(|(_, n)| c.n_a > n))
-        .count();
-    print(&format!(
-        "\n{} of {} cells converged; n_A is above the paper's figure in {above}.\n\n{ASSUMPTIONS}\n",
-        cells.len() - failed,
-        cells.len()
-    ))?;
-    if let Some(path) = &arguments.json {
-        let document = serde_json::json!({
-            "geometry": match geometry { Geometry::OneBody => "one-body", Geometry::TwoBodies => "two-body" },
-            "tolerance": TOLERANCE,
-            "assumptions": ASSUMPTIONS,
-            "cells": cells,
-        });
-        let text = format!("{document:#}\n");
-        write_whole(path, text.as_bytes()).map_err(|e| e.to_string())?;
+    Ok(cells)
+}
+
+/// A row of the table.
+fn described(geometry: Geometry, cells: &[Cell]) -> String {
+    let size = cells.first().map_or(String::new(), |first| {
+        // The paper's m: for two bodies the total number of multipliers.
+        let m = match geometry {
+            Geometry::OneBody => first.contact_nodes,
+            Geometry::TwoBodies => 2 * first.contact_nodes,
+        };
+        format!("{}/{m}", first.n)
+    });
+    let mut text = format!("{size:>12}");
+    for cell in cells {
+        let paper = match cell.paper {
+            Some((iter, n_a)) => format!("{iter:2}/{n_a:3}"),
+            None => "      ".to_owned(),
+        };
+        let mark = match cell.status {
+            Status::Converged => ' ',
+            _ => '!',
+        };
+        text += &format!(
+            "  {paper} | {:2}/{:3} ({:2}/{:3}){mark}",
+            cell.iter, cell.n_a, cell.iter_checked, cell.n_a_checked
+        );
     }
-    Ok(if failed == 0 { 0 } else { NOT_CONVERGED })
+    text + "\n"
 }

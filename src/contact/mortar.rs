@@ -14,21 +14,15 @@
 //! along the field of averaged normals of the first boundary. Where an edge is covered in part, its ψ are
 //! biorthogonal on that part (Cichosz and Bischoff 2011).
 
-use super::{ContactError, ContactNode, Friction, PairOptions, checked, rounding};
+use super::search::{Bounds, Search};
+use super::{ContactError, ContactNode, Friction, PairOptions, checked, frame, rounding};
 use crate::elasticity::{Body, edge_points};
-use crate::mesh::bounds;
+use crate::mesh::Mesh;
+use crate::mesh::vector::{dot, length, minus, unit};
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 type Point = [f64; 2];
-
-fn minus(a: Point, b: Point) -> Point {
-    [a[0] - b[0], a[1] - b[1]]
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
-}
 
 fn cross(a: Point, b: Point) -> f64 {
     a[0] * b[1] - a[1] * b[0]
@@ -37,29 +31,6 @@ fn cross(a: Point, b: Point) -> f64 {
 /// a + s (b − a).
 fn between(a: Point, b: Point, s: f64) -> Point {
     [a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])]
-}
-
-/// The box around some points.
-#[derive(Clone, Copy)]
-struct Bounds {
-    low: Point,
-    high: Point,
-}
-
-impl Bounds {
-    fn around(points: impl IntoIterator<Item = Point>) -> Self {
-        let (low, high) = bounds(points);
-        Self { low, high }
-    }
-
-    fn distance(&self, other: &Self) -> f64 {
-        let apart = |c: usize| {
-            (self.low[c] - other.high[c])
-                .max(other.low[c] - self.high[c])
-                .max(0.0)
-        };
-        apart(0).hypot(apart(1))
-    }
 }
 
 /// An edge of the first boundary: its ends and the averaged normals there.
@@ -72,11 +43,7 @@ impl Edge {
     /// The place at s ∈ [0, 1] and the unit normal there.
     fn at(&self, s: f64) -> (Point, Point) {
         let normal = between(self.normals[0], self.normals[1], s);
-        let length = normal[0].hypot(normal[1]);
-        (
-            between(self.ends[0], self.ends[1], s),
-            normal.map(|v| v / length),
-        )
+        (between(self.ends[0], self.ends[1], s), unit(normal))
     }
 
     /// The s whose normal goes through x: a root of (x − p(s)) × n(s), the one nearest to the edge.
@@ -152,58 +119,22 @@ pub fn mortar_contact(
 ) -> Result<Vec<ContactNode>, ContactError> {
     let mesh = body.mesh;
     let place = |node: u32| mesh.nodes[node as usize];
-    let other_nodes: std::collections::HashSet<u32> = others.iter().flatten().copied().collect();
+    let other_nodes: HashSet<u32> = others.iter().flatten().copied().collect();
     if let Some(&node) = edges.iter().flatten().find(|n| other_nodes.contains(n)) {
-        let [x, y] = place(node);
-        return Err(ContactError::Shared { x, y });
+        let place = place(node).into();
+        return Err(ContactError::Shared { place });
     }
     // What lies just at the distance is within it.
     let distance = options.distance_between(body, edges, others) * (1.0 + 1e-9);
     let rounding = rounding(body);
-
-    // Averaged normals.
-    let mut normals: HashMap<u32, Point> = HashMap::new();
-    for &edge in edges {
-        let (_, n) = mesh.edge_normal(edge);
-        for node in edge {
-            let sum = normals.entry(node).or_default();
-            *sum = [sum[0] + n[0], sum[1] + n[1]];
-        }
-    }
-    for (&node, normal) in &mut normals {
-        let length = normal[0].hypot(normal[1]);
-        if !(length > 1e-6) {
-            let [x, y] = place(node);
-            return Err(ContactError::Folded { x, y });
-        }
-        *normal = normal.map(|v| v / length);
-    }
-
-    // The others along the axis in which they extend most: what may be near an edge is a range of them.
-    let (low, high) = super::around(body, others);
-    let axis = usize::from(high[1] - low[1] > high[0] - low[0]);
-    let mut sorted: Vec<(Bounds, [u32; 2])> = others
-        .iter()
-        .map(|&edge| (Bounds::around(edge.map(place)), edge))
-        .collect();
-    sorted.sort_by(|a, b| a.0.low[axis].total_cmp(&b.0.low[axis]));
-    let longest = sorted
-        .iter()
-        .map(|(b, _)| b.high[axis] - b.low[axis])
-        .fold(0.0, f64::max);
-
+    let normals = averaged_normals(mesh, edges)?;
+    let search = Search::new(mesh, others);
     let shares: Vec<Shares> = edges
         .par_iter()
         .map(|&edge| {
-            let here = Bounds::around(edge.map(place));
-            let first =
-                sorted.partition_point(|(b, _)| b.low[axis] < here.low[axis] - distance - longest);
             let (_, normal) = mesh.edge_normal(edge);
-            let near: Vec<[u32; 2]> = sorted[first..]
-                .iter()
-                .take_while(|(b, _)| b.low[axis] <= here.high[axis] + distance)
-                .filter(|(b, _)| b.distance(&here) <= distance)
-                .map(|&(_, other)| other)
+            let near: Vec<[u32; 2]> = search
+                .near(Bounds::around(mesh, &edge), distance)
                 .filter(|&other| dot(mesh.edge_normal(other).1, normal) < FACING)
                 .collect();
             let geometry = Edge {
@@ -213,98 +144,115 @@ pub fn mortar_contact(
             integrate(body, &geometry, &near, distance, rounding, options)
         })
         .collect();
-
     if let Some(worst) = shares
         .iter()
         .max_by(|a, b| a.depth.total_cmp(&b.depth))
         .filter(|worst| worst.depth > 0.0)
     {
-        let [x, y] = worst.place;
         return Err(ContactError::BodiesOverlap {
-            x,
-            y,
+            place: worst.place.into(),
             depth: worst.depth,
         });
     }
 
     // The sums at the nodes, in the order of the edges.
-    #[derive(Default)]
-    struct Sums {
-        full: f64,
-        area: f64,
-        bound: f64,
-        gap: f64,
-        facing: Point,
-        partners: Vec<(u32, f64)>,
-    }
-    let mut sums: HashMap<u32, Sums> = HashMap::new();
+    let mut sums: BTreeMap<u32, Sums> = BTreeMap::new();
     for (&edge, shares) in edges.iter().zip(&shares) {
         let half = 0.5 * body.thickness * mesh.edge_normal(edge).0;
-        for (a, &node) in edge.iter().enumerate() {
-            let sum = sums.entry(node).or_default();
-            sum.full += half;
-            sum.area += shares.area[a];
-            sum.bound += shares.bound[a];
-            sum.gap += shares.gap[a];
-            for c in 0..2 {
-                sum.facing[c] += shares.facing[a][c];
-            }
-            for &(other, weight) in &shares.partners {
-                match sum.partners.iter_mut().find(|p| p.0 == other) {
-                    Some(partner) => partner.1 += weight[a],
-                    None => sum.partners.push((other, weight[a])),
-                }
-            }
+        for (end, &node) in edge.iter().enumerate() {
+            sums.entry(node).or_default().add(half, shares, end);
         }
     }
-    let mut nodes: Vec<u32> = sums.keys().copied().collect();
-    nodes.sort_unstable();
-    let mut found = Vec::with_capacity(nodes.len());
-    for node in nodes {
-        let sum = &sums[&node];
-        if sum.area <= 1e-6 * sum.full {
-            continue;
-        }
-        let x = place(node);
-        let slip_bound = options.friction.at(x, sum.bound)?;
-        // ν lies between the normals of both sides, so that it does not matter which of them is named first.
-        let own = normals[&node];
-        let normal: Point = std::array::from_fn(|c| own[c] - sum.facing[c] / sum.area);
-        let length = normal[0].hypot(normal[1]);
-        let normal = normal.map(|v| v / length);
-        let gap = sum.gap / sum.area * dot(own, normal);
-        if !gap.is_finite() {
-            checked("gap", x, f64::NAN)?;
-        }
-        let mut partners: Vec<(u32, f64)> = sum
-            .partners
-            .iter()
-            .map(|&(other, weight)| (other, weight / sum.area))
-            .filter(|p| p.1.abs() > 1e-14)
-            .collect();
-        partners.sort_unstable_by_key(|p| p.0);
-        found.push(ContactNode {
-            node,
-            partners,
-            normal,
-            // ψ has negative parts, so that the mean of a gap that is nowhere negative may be, by O(h²).
-            gap: gap.max(0.0),
-            area: sum.area,
-            slip_bound,
-        });
-    }
+    let covered = (sums.into_iter()).filter(|(_, sums)| !(sums.area <= 1e-6 * sums.full));
+    let found = covered
+        .map(|(node, sums)| sums.contact_node(node, place(node), normals[&node], options))
+        .collect::<Result<Vec<_>, _>>()?;
     if found.is_empty() {
-        let boxes: Vec<Bounds> = edges
-            .iter()
-            .map(|&edge| Bounds::around(edge.map(place)))
-            .collect();
-        let nearest = sorted
-            .iter()
-            .flat_map(|(there, _)| boxes.iter().map(|here| here.distance(there)))
-            .fold(f64::INFINITY, f64::min);
+        let nearest = search.nearest(edges.iter().map(|edge| Bounds::around(mesh, edge)));
         return Err(ContactError::Apart { distance, nearest });
     }
     Ok(found)
+}
+
+/// At each node of a boundary the unit normal halfway between those of its edges.
+fn averaged_normals(mesh: &Mesh, edges: &[[u32; 2]]) -> Result<HashMap<u32, Point>, ContactError> {
+    let mut normals: HashMap<u32, Point> = HashMap::new();
+    for &edge in edges {
+        let (_, n) = mesh.edge_normal(edge);
+        for node in edge {
+            let sum = normals.entry(node).or_default();
+            *sum = [sum[0] + n[0], sum[1] + n[1]];
+        }
+    }
+    for (&node, normal) in &mut normals {
+        if !(length(*normal) > 1e-6) {
+            let place = mesh.nodes[node as usize].into();
+            return Err(ContactError::Folded { place });
+        }
+        *normal = unit(*normal);
+    }
+    Ok(normals)
+}
+
+/// What the edges of the first boundary add up to at a node.
+#[derive(Default)]
+struct Sums {
+    /// ∫ φ over all of them, covered or not.
+    full: f64,
+    area: f64,
+    bound: f64,
+    gap: f64,
+    facing: Point,
+    partners: Vec<(u32, f64)>,
+}
+
+impl Sums {
+    /// Adds the shares of an edge of which the node is this end.
+    fn add(&mut self, full: f64, shares: &Shares, end: usize) {
+        self.full += full;
+        self.area += shares.area[end];
+        self.bound += shares.bound[end];
+        self.gap += shares.gap[end];
+        for c in 0..2 {
+            self.facing[c] += shares.facing[end][c];
+        }
+        for &(other, weight) in &shares.partners {
+            match self.partners.iter_mut().find(|p| p.0 == other) {
+                Some(partner) => partner.1 += weight[end],
+                None => self.partners.push((other, weight[end])),
+            }
+        }
+    }
+
+    fn contact_node(
+        &self,
+        node: u32,
+        x: Point,
+        own: Point,
+        options: &PairOptions,
+    ) -> Result<ContactNode, ContactError> {
+        let slip_bound = options.friction.at(x, self.bound)?;
+        // ν lies between the normals of both sides, so that it does not matter which of them is named first.
+        let normal = unit(minus(own, self.facing.map(|c| c / self.area)));
+        let gap = self.gap / self.area * dot(own, normal);
+        if !gap.is_finite() {
+            checked("gap", x, f64::NAN)?;
+        }
+        let mut partners: Vec<(u32, f64)> = (self.partners.iter())
+            .map(|&(other, weight)| (other, weight / self.area))
+            .filter(|p| p.1.abs() > 1e-14)
+            .collect();
+        partners.sort_unstable_by_key(|p| p.0);
+        Ok(ContactNode {
+            node,
+            partners,
+            frame: frame(normal),
+            // ψ has negative parts, so that the mean of a gap that is nowhere negative may be, by O(h²).
+            gap: gap.max(0.0),
+            area: self.area,
+            slip_bound,
+        })
+    }
 }
 
 /// The integrals over one edge of the first boundary.
@@ -317,45 +265,14 @@ fn integrate(
     options: &PairOptions,
 ) -> Shares {
     let place = |node: u32| body.mesh.nodes[node as usize];
-    // The part of the edge that each of the others covers.
-    let covers: Vec<([u32; 2], f64, f64)> = near
-        .iter()
-        .filter_map(|&other| {
-            let [a, b] = other.map(|node| edge.projection(place(node)));
-            let (a, b) = (a?, b?);
-            let (low, high) = (a.min(b).max(0.0), a.max(b).min(1.0));
-            (high - low > 1e-10).then_some((other, low, high))
-        })
-        .collect();
-    let mut cuts: Vec<f64> = covers.iter().flat_map(|&(_, a, b)| [a, b]).collect();
-    cuts.sort_by(f64::total_cmp);
-    cuts.dedup_by(|b, a| *b - *a < 1e-10);
-
-    // Segments between the cuts, each with the nearest of those that cover it.
-    let mut segments: Vec<([u32; 2], f64, f64)> = Vec::new();
-    for cut in cuts.windows(2) {
-        let middle = 0.5 * (cut[0] + cut[1]);
-        let (x, n) = edge.at(middle);
-        let nearest = covers
-            .iter()
-            .filter(|&&(_, a, b)| a < middle && middle < b)
-            .map(|&(other, ..)| (other, meet(x, n, other.map(place)).1))
-            .filter(|(_, gap)| gap.abs() <= distance)
-            .min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-        if let Some((other, _)) = nearest {
-            segments.push((other, cut[0], cut[1]));
-        }
-    }
+    let segments = segments(body.mesh, edge, near, distance);
     let covered: f64 = segments.iter().map(|&(_, a, b)| b - a).sum();
     let mut shares = Shares::default();
     if covered < COVERED {
         return shares;
     }
 
-    let length = {
-        let [dx, dy] = minus(edge.ends[1], edge.ends[0]);
-        dx.hypot(dy) * body.thickness
-    };
+    let length = length(minus(edge.ends[1], edge.ends[0])) * body.thickness;
     let points = |a: f64, b: f64| {
         // In the parameter of the edge; the weights of a segment add up to its length.
         edge_points([[a, 0.0], [b, 0.0]]).map(|([s, _], _, w)| (s, w * (b - a) * length))
@@ -417,4 +334,43 @@ fn integrate(
         }
     }
     shares
+}
+
+/// The parts of an edge, from and to a parameter of it, each with the nearest of the edges that cover it.
+fn segments(
+    mesh: &Mesh,
+    edge: &Edge,
+    near: &[[u32; 2]],
+    distance: f64,
+) -> Vec<([u32; 2], f64, f64)> {
+    let place = |node: u32| mesh.nodes[node as usize];
+    // The part of the edge that each of the others covers.
+    let covers: Vec<([u32; 2], f64, f64)> = near
+        .iter()
+        .filter_map(|&other| {
+            let [a, b] = other.map(|node| edge.projection(place(node)));
+            let (a, b) = (a?, b?);
+            let (low, high) = (a.min(b).max(0.0), a.max(b).min(1.0));
+            (high - low > 1e-10).then_some((other, low, high))
+        })
+        .collect();
+    let mut cuts: Vec<f64> = covers.iter().flat_map(|&(_, a, b)| [a, b]).collect();
+    cuts.sort_by(f64::total_cmp);
+    cuts.dedup_by(|b, a| *b - *a < 1e-10);
+
+    let mut segments: Vec<([u32; 2], f64, f64)> = Vec::new();
+    for cut in cuts.windows(2) {
+        let middle = 0.5 * (cut[0] + cut[1]);
+        let (x, n) = edge.at(middle);
+        let nearest = covers
+            .iter()
+            .filter(|&&(_, a, b)| a < middle && middle < b)
+            .map(|&(other, ..)| (other, meet(x, n, other.map(place)).1))
+            .filter(|(_, gap)| gap.abs() <= distance)
+            .min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        if let Some((other, _)) = nearest {
+            segments.push((other, cut[0], cut[1]));
+        }
+    }
+    segments
 }

@@ -6,6 +6,7 @@
 
 use super::{ContactError, ContactNode, SlipBound};
 use crate::elasticity::{Body, Unknowns};
+use crate::mesh::{Kind, Place, Topology};
 use crate::sparse::Csr;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -16,112 +17,92 @@ type Held = (u32, usize, f64);
 
 /// N, T, d, g over the unknowns, with the contact nodes that their rows belong to.
 #[derive(Clone, Debug)]
-pub struct ContactRows {
-    /// The contact node of each row.
-    pub nodes: Vec<ContactNode>,
+pub struct ContactRows<const D: usize = 2> {
+    /// The contact node of each row of N.
+    pub nodes: Vec<ContactNode<D>>,
     /// Which of the candidates that is.
     pub candidate: Vec<usize>,
+    /// N: a row per contact node, along ν.
     pub normal: Csr,
+    /// T: D − 1 rows per contact node, one after the other, along the tangents of its frame.
     pub tangential: Csr,
-    /// Given slip bounds; 0 under Coulomb's law and where a node has no friction.
+    /// Given slip bounds of the nodes; 0 under Coulomb's law and where a node has no friction.
     pub slip_bound: Vec<f64>,
-    /// μ of each row; 0 under the other laws and where a node has no friction.
+    /// μ of the nodes; 0 under the other laws and where a node has no friction.
     pub coefficient: Vec<f64>,
     /// What prescribed displacements add to N u and to T u, row by row.
     held: [Vec<Vec<Held>>; 2],
     /// Candidates whose normal motion is prescribed altogether: their place, gap, and that motion.
-    fixed: Vec<([f64; 2], f64, Vec<Held>)>,
+    fixed: Vec<(Place, f64, Vec<Held>)>,
 }
 
 /// Writes the rows of the contact nodes.
 ///
 /// A node may stand in several contacts if their normals differ, and supports may hold it, or what it meets, in any
 /// direction: what they prescribe counts in [`ContactRows::gap`] and [`ContactRows::held_motion`]. A node whose
-/// normal motion is prescribed altogether has no row and is only checked ([`ContactRows::check`]). Friction needs a
-/// direction of its own: on a rigid obstacle a node that supports or another contact keep from sliding gets an empty
-/// row in T and no friction.
+/// normal motion is prescribed altogether has no row and is only checked ([`ContactRows::check`]). Friction needs
+/// directions of its own: on a rigid obstacle a node gets an empty row in T where supports or another contact keep it
+/// from sliding along the tangent, and no friction where that leaves none. In space the tangents of a node that a
+/// support holds in one direction are turned so that the first is free of it.
 ///
 /// # Errors
 /// If the normal rows are not independent, or the tangential ones of nodes with friction that meet another body.
-pub fn contact_rows(
-    body: &Body,
-    unknowns: &Unknowns,
-    candidates: &[ContactNode],
-) -> Result<ContactRows, ContactError> {
-    let place = |node: u32| body.mesh.nodes[node as usize];
+pub fn contact_rows<const D: usize>(
+    body: &Body<D>,
+    unknowns: &Unknowns<D>,
+    candidates: &[ContactNode<D>],
+) -> Result<ContactRows<D>, ContactError>
+where
+    Kind: Topology<D>,
+{
+    let place = |node: u32| Place::from(body.mesh.nodes[node as usize]);
     let mut times: HashMap<u32, usize> = HashMap::new();
     for candidate in candidates {
         *times.entry(candidate.node).or_default() += 1;
     }
-    let (mut nodes, mut own, mut fixed) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut nodes, mut numbers, mut fixed) = (Vec::new(), Vec::new(), Vec::new());
     let mut rows: [Vec<Vec<Entry>>; 2] = Default::default();
     let mut held: [Vec<Vec<Held>>; 2] = Default::default();
     for (number, candidate) in candidates.iter().enumerate() {
-        let (entries, motion) = row(unknowns, candidate, candidate.normal);
+        let (entries, motion) = row(unknowns, candidate, candidate.frame[0]);
         if entries.is_empty() {
             fixed.push((place(candidate.node), candidate.gap, motion));
             continue;
         }
         rows[0].push(entries);
         held[0].push(motion);
-        let (entries, motion) = row(unknowns, candidate, candidate.tangent());
-        rows[1].push(entries);
-        held[1].push(motion);
-        nodes.push(number);
-        // Its own unknowns belong to no other row of its kind.
-        let alone = times[&candidate.node] == 1;
-        own.push(if alone {
-            unknowns.block(candidate.node)
-        } else {
-            None
-        });
-    }
-
-    let mut independent = Independent::default();
-    for ((row, &number), own) in rows[0].iter().zip(&nodes).zip(&own) {
-        if !independent.add(row, *own) {
-            let node = candidates[number].node;
-            let [x, y] = place(node);
-            return Err(if times[&node] > 1 {
-                ContactError::Twice { x, y }
-            } else {
-                ContactError::Dependent { x, y }
-            });
+        let node = turned(candidate, unknowns.prescribed(candidate.node));
+        for &tangent in &node.frame[1..] {
+            let (entries, motion) = row(unknowns, &node, tangent);
+            rows[1].push(entries);
+            held[1].push(motion);
         }
+        nodes.push(node);
+        numbers.push(number);
     }
-    for ((row, &number), own) in rows[1].iter_mut().zip(&nodes).zip(&own) {
-        if !row.is_empty() && !independent.add(row, *own) {
-            row.clear();
-            let candidate = &candidates[number];
-            // What it meets could slide, but has too few unknowns for all that it meets.
-            if candidate.slip_bound.is_any() && !candidate.partners.is_empty() {
-                let [x, y] = place(candidate.node);
-                return Err(ContactError::Dependent { x, y });
-            }
-        }
-    }
+    make_independent(&mut rows, &nodes, unknowns, &times, place)?;
 
     let (mut slip_bound, mut coefficient) = (Vec::new(), Vec::new());
-    for (row, &number) in rows[1].iter().zip(&nodes) {
-        let (given, mu) = match candidates[number].slip_bound {
-            _ if row.is_empty() => (0.0, 0.0),
+    for (rows, node) in rows[1].chunks(D - 1).zip(&nodes) {
+        let (given, mu) = match node.slip_bound {
+            _ if rows.iter().all(Vec::is_empty) => (0.0, 0.0),
             SlipBound::Given(bound) => (bound, 0.0),
             SlipBound::Coulomb(mu) => (0.0, mu),
         };
         slip_bound.push(given);
         coefficient.push(mu);
     }
-    let (m, n) = (nodes.len(), 2 * unknowns.n_blocks());
     let [normal, tangential] = rows.map(|rows| {
+        let (n_rows, n) = (rows.len(), D * unknowns.n_blocks());
         let entries = rows.into_iter().enumerate();
         let entries = entries.flat_map(|(i, row)| row.into_iter().map(move |(j, v)| (i, j, v)));
-        Csr::from_triplets(m, n, entries.collect::<Vec<_>>())
+        Csr::from_triplets(n_rows, n, entries.collect::<Vec<_>>())
     });
     Ok(ContactRows {
         normal,
         tangential,
-        nodes: nodes.iter().map(|&i| candidates[i].clone()).collect(),
-        candidate: nodes,
+        nodes,
+        candidate: numbers,
         slip_bound,
         coefficient,
         held,
@@ -129,24 +110,78 @@ pub fn contact_rows(
     })
 }
 
+/// Checks that normal rows are independent, and empties tangential ones that depend on what comes before them.
+fn make_independent<const D: usize>(
+    rows: &mut [Vec<Vec<Entry>>; 2],
+    nodes: &[ContactNode<D>],
+    unknowns: &Unknowns<D>,
+    times: &HashMap<u32, usize>,
+    place: impl Fn(u32) -> Place,
+) -> Result<(), ContactError> {
+    let mut independent = Independent::<D>::default();
+    // Its own unknowns belong to no other row of its kind.
+    let own = |node: u32| unknowns.block(node).filter(|_| times[&node] == 1);
+    for (row, &ContactNode { node, .. }) in rows[0].iter().zip(nodes) {
+        if !independent.add(row, own(node)) {
+            let place = place(node);
+            return Err(if times[&node] > 1 {
+                ContactError::Twice { place }
+            } else {
+                ContactError::Dependent { place }
+            });
+        }
+    }
+    for (rows, node) in rows[1].chunks_mut(D - 1).zip(nodes) {
+        for row in rows {
+            if !row.is_empty() && !independent.add(row, own(node.node)) {
+                row.clear();
+                // What it meets could slide, but has too few unknowns for all that it meets.
+                if node.slip_bound.is_any() && !node.partners.is_empty() {
+                    let place = place(node.node);
+                    return Err(ContactError::Dependent { place });
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The node with its tangents turned, in space, so that the first has no part in the only direction in which
+/// supports hold it: what is left to slide along.
+fn turned<const D: usize>(node: &ContactNode<D>, held: [Option<f64>; D]) -> ContactNode<D> {
+    let mut node = node.clone();
+    let mut components = (0..D).filter(|&c| held[c].is_some());
+    if let (3, Some(c), None) = (D, components.next(), components.next()) {
+        let [s, t] = [node.frame[1], node.frame[2]];
+        let length = s[c].hypot(t[c]);
+        if length > 0.0 {
+            let (cos, sin) = (t[c] / length, s[c] / length);
+            node.frame[1] = std::array::from_fn(|i| cos * s[i] - sin * t[i]);
+            node.frame[2] = std::array::from_fn(|i| sin * s[i] + cos * t[i]);
+        }
+    }
+    node
+}
+
 /// The relative motion of a contact node along v: v at the node, −v at its partners; what is unknown of it, and what
 /// is prescribed.
-fn row(unknowns: &Unknowns, candidate: &ContactNode, v: [f64; 2]) -> (Vec<Entry>, Vec<Held>) {
+fn row<const D: usize>(
+    unknowns: &Unknowns<D>,
+    candidate: &ContactNode<D>,
+    v: [f64; D],
+) -> (Vec<Entry>, Vec<Held>) {
     let (mut entries, mut held) = (Vec::new(), Vec::new());
     let partners = candidate.partners.iter().map(|&(node, w)| (node, -w));
     for (node, factor) in [(candidate.node, 1.0)].into_iter().chain(partners) {
-        for c in 0..2 {
+        for c in 0..D {
             let value = factor * v[c];
             // What is left of a cosine of a right angle is rounding.
             if v[c].abs() < 1e-14 || value == 0.0 {
                 continue;
             }
-            match unknowns.prescribed(node)[c] {
-                Some(_) => held.push((node, c, value)),
-                None => {
-                    let block = unknowns.block(node).expect("it has a free component");
-                    entries.push((2 * block as usize + c, value));
-                }
+            match (unknowns.prescribed(node)[c], unknowns.block(node)) {
+                (None, Some(block)) => entries.push((D * block as usize + c, value)),
+                _ => held.push((node, c, value)),
             }
         }
     }
@@ -159,14 +194,14 @@ fn row(unknowns: &Unknowns, candidate: &ContactNode, v: [f64; 2]) -> (Vec<Entry>
 
 /// Rows with full row rank, by elimination.
 #[derive(Default)]
-struct Independent {
+struct Independent<const D: usize> {
     /// Rows without the pivots of those before them; column and value of the pivot first.
     rows: Vec<(Entry, Vec<Entry>)>,
     /// The row whose pivot is in a column.
     of_column: HashMap<usize, usize>,
 }
 
-impl Independent {
+impl<const D: usize> Independent<D> {
     /// What is left of a row, relative to its largest entry, and counts as none. Normals of two contacts of a node
     /// that differ by less would press it like a wedge.
     const NOTHING: f64 = 1e-4;
@@ -202,7 +237,7 @@ impl Independent {
         if !(after > Self::NOTHING * before) {
             return false;
         }
-        let is_own = |column: usize| own.is_some_and(|block| column / 2 == block as usize);
+        let is_own = |column: usize| own.is_some_and(|block| column / D == block as usize);
         let largest = |own: bool| {
             (left.iter())
                 .filter(|&(&column, value)| {
@@ -220,9 +255,9 @@ impl Independent {
     }
 }
 
-impl ContactRows {
-    /// What the prescribed displacements of `unknowns` add to N u and to T u.
-    pub fn held_motion(&self, unknowns: &Unknowns) -> (Vec<f64>, Vec<f64>) {
+impl<const D: usize> ContactRows<D> {
+    /// What the prescribed displacements of `unknowns` add to N u (m values) and to T u ((D − 1) m).
+    pub fn held_motion(&self, unknowns: &Unknowns<D>) -> (Vec<f64>, Vec<f64>) {
         let [normal, tangential] = [0, 1].map(|of: usize| {
             let rows = self.held[of].iter();
             rows.map(|held| motion(held, unknowns)).collect()
@@ -232,7 +267,7 @@ impl ContactRows {
 
     /// d: the initial gaps, less what the prescribed displacements of `unknowns` close of them. Negative where
     /// a prescribed motion pushes the bodies into each other.
-    pub fn gap(&self, unknowns: &Unknowns) -> Vec<f64> {
+    pub fn gap(&self, unknowns: &Unknowns<D>) -> Vec<f64> {
         let (moved, _) = self.held_motion(unknowns);
         self.nodes
             .iter()
@@ -245,18 +280,19 @@ impl ContactRows {
     ///
     /// # Errors
     /// [`ContactError::Driven`] if the prescribed displacements of `unknowns` push one of them into what it meets.
-    pub fn check(&self, unknowns: &Unknowns) -> Result<(), ContactError> {
-        for &([x, y], gap, ref held) in &self.fixed {
+    pub fn check(&self, unknowns: &Unknowns<D>) -> Result<(), ContactError> {
+        for (place, gap, held) in &self.fixed {
             let moved = motion(held, unknowns);
             let depth = moved - gap;
             if depth > 1e-9 * gap.max(moved.abs()) {
-                return Err(ContactError::Driven { x, y, depth });
+                let place = place.clone();
+                return Err(ContactError::Driven { place, depth });
             }
         }
         Ok(())
     }
 
-    /// Whether a law of friction is stated for the node of a row that supports or another contact keep from sliding.
+    /// Whether a law of friction is stated for a contact node that supports or another contact keep from sliding.
     pub fn keeps_from_sliding(&self, row: usize) -> bool {
         self.nodes[row].slip_bound.is_any()
             && self.slip_bound[row] == 0.0
@@ -265,7 +301,7 @@ impl ContactRows {
 }
 
 /// What prescribed displacements add to a row.
-fn motion(held: &[Held], unknowns: &Unknowns) -> f64 {
+fn motion<const D: usize>(held: &[Held], unknowns: &Unknowns<D>) -> f64 {
     let prescribed = |node, c: usize| unknowns.prescribed(node)[c].unwrap_or(0.0);
     (held.iter())
         .map(|&(node, c, factor)| factor * prescribed(node, c))

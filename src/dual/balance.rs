@@ -6,6 +6,7 @@
 //! gradient is Gλ − e. Newton's method with a line search finds them in finitely many steps; where φ has no
 //! minimum no λ ∈ Λ balances the bodies, and the gradient that is left tells which body is pushed where.
 
+use crate::constraint::{Projected, at, put, row_of};
 use crate::dense::{pseudo_inverse, symmetric_eigen};
 use crate::problem::FreeBodies;
 use crate::sparse::{Csr, norm_max};
@@ -35,9 +36,6 @@ const EXACTLY: f64 = 100.0 * ROUNDING;
 const DEPENDENT: f64 = 1e-12;
 /// The slope at the end of a line search, relative to that at its start.
 const SEARCHED: f64 = 1e-2;
-
-/// A pair (λν, λτ) of a contact node with what it depends on: the derivative of the projection.
-pub(crate) type Projected = ([f64; 2], [[f64; 2]; 2]);
 
 /// G and e of all free bodies.
 #[derive(Clone, Debug)]
@@ -159,13 +157,16 @@ impl Balance {
     }
 
     /// The point of Λₑ next to x, or the one of Λ whose imbalance is least; `project` is P_Λ on a contact node.
-    pub fn nearest(&self, x: &[f64], project: impl Fn(usize, [f64; 2]) -> Projected) -> Nearest {
-        let (k, m) = (self.count(), x.len() / 2);
+    pub fn nearest<const D: usize>(
+        &self,
+        x: &[f64],
+        project: impl Fn(usize, [f64; D]) -> Projected<D>,
+    ) -> Nearest {
+        let (k, m) = (self.count(), x.len() / D);
         let all = |z: &[f64]| -> Vec<f64> {
             let mut lambda = vec![0.0; z.len()];
             for i in 0..m {
-                let ([n, t], _) = project(i, [z[i], z[m + i]]);
-                (lambda[i], lambda[m + i]) = (n, t);
+                put(&mut lambda, i, project(i, at(z, i)).0);
             }
             lambda
         };
@@ -240,23 +241,23 @@ impl Balance {
     }
 
     /// −H⁻¹ slope, with H = G P' Gᵀ and the added curvature.
-    fn newton_direction(
+    fn newton_direction<const D: usize>(
         &self,
         z: &[f64],
         slope: &[f64],
         curvature: f64,
-        project: &impl Fn(usize, [f64; 2]) -> Projected,
+        project: &impl Fn(usize, [f64; D]) -> Projected<D>,
     ) -> Vec<f64> {
-        let (k, m) = (self.count(), z.len() / 2);
+        let (k, m) = (self.count(), z.len() / D);
         let mut hessian = Mat::<f64>::zeros(k, k);
         for i in 0..m {
-            let (_, derivative) = project(i, [z[i], z[m + i]]);
+            let (_, derivative) = project(i, at(z, i));
             for (a, row) in derivative.iter().enumerate() {
                 for (b, &d) in row.iter().enumerate() {
                     if d == 0.0 {
                         continue;
                     }
-                    let (left, right) = (self.motions.row(a * m + i), self.motions.row(b * m + i));
+                    let [left, right] = [a, b].map(|a| self.motions.row(row_of::<D>(m, i, a)));
                     for (&p, v) in left.0.iter().zip(left.1) {
                         for (&q, w) in right.0.iter().zip(right.1) {
                             hessian[(p as usize, q as usize)] += d * v[0][0] * w[0][0];
@@ -299,7 +300,10 @@ impl Balance {
 
     /// The least forces that balance the bodies. What of an imbalance none can remove is given up: from here on the
     /// rest is to be balanced.
-    pub fn least(&mut self, project: impl Fn(usize, [f64; 2]) -> Projected) -> Nearest {
+    pub fn least<const D: usize>(
+        &mut self,
+        project: impl Fn(usize, [f64; D]) -> Projected<D>,
+    ) -> Nearest {
         let zero = vec![0.0; self.motions.n_rows()];
         let near = self.nearest(&zero, &project);
         if near.balanced {
@@ -350,7 +354,7 @@ impl Balance {
             let row: Vec<(usize, f64)> = match follows {
                 None => row.collect(),
                 Some(s) => {
-                    let (cols, values) = self.motions.row(m + i);
+                    let (cols, values) = self.motions.row(row_of::<2>(m, i, 1));
                     let more = cols.iter().zip(values);
                     row.chain(more.map(|(&j, v)| (j as usize, s * v[0][0])))
                         .collect()
@@ -387,8 +391,9 @@ impl FaceBalance {
         let m = forces.len() / 2;
         // F Fᵀ.
         for (i, &s) in self.slope.iter().enumerate().filter(|(_, s)| **s != 0.0) {
-            let y = forces[i] + s * forces[m + i];
-            (forces[i], forces[m + i]) = (y, s * y);
+            let [normal, tangential] = at(&forces, i);
+            let y = normal + s * tangential;
+            put(&mut forces, i, [y, s * y]);
         }
         for (i, (l, f)) in lambda.iter_mut().zip(forces).enumerate() {
             let follows = i >= m && self.slope.get(i - m).is_some_and(|&s| s != 0.0);
@@ -495,47 +500,20 @@ fn where_it_turns(rise: impl Fn(f64) -> f64) -> f64 {
     t
 }
 
-/// P_Λ on a node with the slip bound g: the interval (4), (5).
-pub(crate) fn interval(g: f64, [n, t]: [f64; 2]) -> Projected {
-    let sticks = t.abs() < g;
-    (
-        [n.max(0.0), t.clamp(-g, g)],
-        [
-            [f64::from(u8::from(n > 0.0)), 0.0],
-            [0.0, f64::from(u8::from(sticks))],
-        ],
-    )
-}
-
-/// The nearest point with |λτ| ≤ μλν: the projection on Coulomb's cone.
-fn cone(mu: f64, [n, t]: [f64; 2]) -> Projected {
-    if n > 0.0 && t.abs() <= mu * n {
-        return ([n, t], [[1.0, 0.0], [0.0, 1.0]]);
-    }
-    if n <= -mu * t.abs() {
-        return ([0.0; 2], [[0.0; 2]; 2]);
-    }
-    let edge = [1.0, mu * t.signum()];
-    let square = 1.0 + mu * mu;
-    let length = (n + edge[1] * t) / square;
-    (
-        edge.map(|e| e * length),
-        edge.map(|a| edge.map(|b| a * b / square)),
-    )
-}
-
-/// The projection of a node on Coulomb's cone where μ > 0, on the interval of the given slip bound elsewhere.
-pub(crate) fn lawful(given: f64, mu: f64, z: [f64; 2]) -> Projected {
-    if mu > 0.0 {
-        cone(mu, z)
-    } else {
-        interval(given, z)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::constraint::lawful;
+
+    /// On Coulomb's cone.
+    fn cone(mu: f64, z: [f64; 2]) -> Projected<2> {
+        lawful(0.0, mu, z)
+    }
+
+    /// Within a slip bound.
+    fn interval(g: f64, z: [f64; 2]) -> Projected<2> {
+        lawful(g, 0.0, z)
+    }
 
     /// A block on a floor: m nodes along it, λν up and λτ along, motions x, y and a rotation.
     fn block(m: usize) -> Csr {

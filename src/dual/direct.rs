@@ -170,6 +170,10 @@ impl DirectDual {
 }
 
 impl DualOperator for DirectDual {
+    fn size(&self) -> (usize, usize) {
+        (self.load.len(), self.offsets.len())
+    }
+
     fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
         if self.load != load {
             self.reduced_load = self.factor.reduce(load);

@@ -191,6 +191,10 @@ fn loads(transposed: &Csr, f: &[f64]) -> Csr {
 }
 
 impl<B: Backend> DualOperator for NestedDual<B> {
+    fn size(&self) -> (usize, usize) {
+        (self.load.len(), self.offsets.len())
+    }
+
     fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
         self.offsets.copy_from_slice(offsets);
         if self.load == load {

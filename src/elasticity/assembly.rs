@@ -1,7 +1,9 @@
 //! The stiffness matrix, pattern first and row by row.
 
-use super::element::stiffness_points;
+use super::element::{Element, Elements, Visit};
 use super::{Body, Unknowns};
+use crate::mesh::vector::dot;
+use crate::mesh::{self, Kind, Mesh, Topology};
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
 
@@ -12,8 +14,10 @@ struct Incidence {
 }
 
 impl Incidence {
-    fn new(body: &Body) -> Self {
-        let mesh = body.mesh;
+    fn new<const D: usize>(mesh: &Mesh<D>) -> Self
+    where
+        Kind: Topology<D>,
+    {
         let mut start = vec![0u32; mesh.nodes.len() + 1];
         for element in &mesh.elements {
             for &node in element.nodes() {
@@ -56,30 +60,74 @@ fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize]) -> Vec<&'a mut [T]> {
         .collect()
 }
 
-/// The stiffness matrix K of the free unknowns and the load f, both in blocks of two per node.
-///
-/// `forces` are the nodal forces (two per node of the mesh). Prescribed displacements move to the
-/// right-hand side; a component prescribed at a node that keeps another free one has the decoupled
-/// equation `k u = 0` with the diagonal entry k that it would have had.
-///
-/// Each row is computed from the elements around its node, so that threads share nothing and the sum
-/// has one order.
-pub fn assemble(body: &Body, unknowns: &Unknowns, forces: &[[f64; 2]]) -> (BlockCsr<2>, Vec<f64>) {
-    let mesh = body.mesh;
-    let n_blocks = unknowns.n_blocks();
-    let incidence = Incidence::new(body);
-    let lame: Vec<(f64, f64)> = body
-        .materials
-        .iter()
-        .map(|m| m.lame(body.plane))
-        .map(|(lambda, mu)| (lambda * body.thickness, mu * body.thickness))
-        .collect();
+/// Hands the blocks of row `corner` of an element's stiffness matrix to `take`, each with its node:
+/// K_ab = ∫ λ ∇φ_a ∇φ_bᵀ + μ ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I.
+struct Row<'a, const D: usize, F>
+where
+    Kind: Elements<D>,
+{
+    mesh: &'a Mesh<D>,
+    element: &'a mesh::Element<D>,
+    corner: usize,
+    /// (λ, μ) of each region.
+    moduli: &'a [(f64, f64)],
+    take: F,
+}
 
-    let neighbours = |row: usize, found: &mut Vec<u32>| {
+impl<const D: usize, F: FnMut(u32, &[[f64; D]; D])> Visit<D> for Row<'_, D, F>
+where
+    Kind: Elements<D>,
+{
+    type Output = ();
+
+    #[inline]
+    fn visit<E: Element<D, N>, const N: usize>(mut self) {
+        let x = self.mesh.coordinates(self.element);
+        let (lambda, mu) = self.moduli[self.element.region as usize];
+        let mut blocks = [[[0.0; D]; D]; N];
+        for point in E::stiffness_points(&x) {
+            let ga = point.gradient[self.corner];
+            let (l, m) = (lambda * point.weight, mu * point.weight);
+            for (block, gb) in blocks.iter_mut().zip(&point.gradient) {
+                let dot = m * dot(ga, *gb);
+                for i in 0..D {
+                    for j in 0..D {
+                        block[i][j] += if i == j {
+                            (l + m) * ga[i] * gb[i] + dot
+                        } else {
+                            l * ga[i] * gb[j] + m * gb[i] * ga[j]
+                        };
+                    }
+                }
+            }
+        }
+        for (&node, block) in self.element.nodes().iter().zip(&blocks) {
+            (self.take)(node, block);
+        }
+    }
+}
+
+/// The rows of K: those of a node come from the elements around it.
+struct Rows<'a, const D: usize>
+where
+    Kind: Elements<D>,
+{
+    mesh: &'a Mesh<D>,
+    unknowns: &'a Unknowns<D>,
+    incidence: Incidence,
+    moduli: Vec<(f64, f64)>,
+}
+
+impl<const D: usize> Rows<'_, D>
+where
+    Kind: Elements<D>,
+{
+    /// The columns of a block row.
+    fn columns(&self, row: usize, found: &mut Vec<u32>) {
         found.clear();
-        for &(e, _) in incidence.of(unknowns.node(row)) {
-            for &node in mesh.elements[e as usize].nodes() {
-                if let Some(block) = unknowns.block(node)
+        for &(e, _) in self.incidence.of(self.unknowns.node(row)) {
+            for &node in self.mesh.elements[e as usize].nodes() {
+                if let Some(block) = self.unknowns.block(node)
                     && !found.contains(&block)
                 {
                     found.push(block);
@@ -87,6 +135,61 @@ pub fn assemble(body: &Body, unknowns: &Unknowns, forces: &[[f64; 2]]) -> (Block
             }
         }
         found.sort_unstable();
+    }
+
+    /// Adds up the blocks of a row, of which the columns are known.
+    fn fill(&self, row: usize, columns: &[u32], values: &mut [[[f64; D]; D]]) {
+        let node = self.unknowns.node(row);
+        let fixed = self.unknowns.prescribed(node);
+        for &(e, corner) in self.incidence.of(node) {
+            let element = &self.mesh.elements[e as usize];
+            element.kind().with(Row {
+                mesh: self.mesh,
+                element,
+                corner: corner as usize,
+                moduli: &self.moduli,
+                take: |other, block: &[[f64; D]; D]| {
+                    let Some(column) = self.unknowns.block(other) else {
+                        return;
+                    };
+                    let given = self.unknowns.prescribed(other);
+                    let place = columns.partition_point(|&c| c < column);
+                    for a in 0..D {
+                        for b in 0..D {
+                            let decoupled = fixed[a].is_some() || given[b].is_some();
+                            if !decoupled || (other == node && a == b) {
+                                values[place][a][b] += block[a][b];
+                            }
+                        }
+                    }
+                },
+            });
+        }
+    }
+}
+
+/// The stiffness matrix K of the free unknowns and the load f, both in blocks of D per node.
+///
+/// `forces` are the nodal forces (D per node of the mesh). Prescribed displacements move to the
+/// right-hand side; a component prescribed at a node that keeps another free one has the decoupled
+/// equation `k u = 0` with the diagonal entry k that it would have had.
+///
+/// Each row is computed from the elements around its node, so that threads share nothing and the sum
+/// has one order.
+pub fn assemble<const D: usize>(
+    body: &Body<D>,
+    unknowns: &Unknowns<D>,
+    forces: &[[f64; D]],
+) -> (BlockCsr<D>, Vec<f64>)
+where
+    Kind: Elements<D>,
+{
+    let n_blocks = unknowns.n_blocks();
+    let rows = Rows {
+        mesh: body.mesh,
+        unknowns,
+        incidence: Incidence::new(body.mesh),
+        moduli: body.moduli(),
     };
 
     let mut row_ptr = vec![0usize; n_blocks + 1];
@@ -96,7 +199,7 @@ pub fn assemble(body: &Body, unknowns: &Unknowns, forces: &[[f64; 2]]) -> (Block
         .for_each(|(chunk, counts)| {
             let mut found = Vec::with_capacity(16);
             for (k, count) in counts.iter_mut().enumerate() {
-                neighbours(chunk * ROWS_PER_TASK + k, &mut found);
+                rows.columns(chunk * ROWS_PER_TASK + k, &mut found);
                 *count = found.len();
             }
         });
@@ -105,43 +208,19 @@ pub fn assemble(body: &Body, unknowns: &Unknowns, forces: &[[f64; 2]]) -> (Block
     }
 
     let mut col_idx = vec![0u32; row_ptr[n_blocks]];
-    let mut values = vec![[[0.0; 2]; 2]; row_ptr[n_blocks]];
+    let mut values = vec![[[0.0; D]; D]; row_ptr[n_blocks]];
     split(&mut col_idx, &row_ptr)
         .into_par_iter()
         .zip(split(&mut values, &row_ptr))
         .enumerate()
-        .for_each(|(chunk, (cols, values))| {
+        .for_each(|(chunk, (columns, values))| {
             let first = chunk * ROWS_PER_TASK;
             let mut found = Vec::with_capacity(16);
             for row in first..(first + ROWS_PER_TASK).min(n_blocks) {
                 let range = row_ptr[row] - row_ptr[first]..row_ptr[row + 1] - row_ptr[first];
-                neighbours(row, &mut found);
-                let (cols, values) = (&mut cols[range.clone()], &mut values[range]);
-                cols.copy_from_slice(&found);
-
-                let node = unknowns.node(row);
-                let fixed = unknowns.prescribed(node);
-                for &(e, corner) in incidence.of(node) {
-                    let element = &mesh.elements[e as usize];
-                    let nodes = element.nodes();
-                    let (lambda, mu) = lame[element.region as usize];
-                    let x = mesh.coordinates(element);
-                    let blocks = element_row(nodes.len(), &x, corner as usize, lambda, mu);
-                    for (&other, block) in nodes.iter().zip(&blocks) {
-                        let given = unknowns.prescribed(other);
-                        if let Some(column) = unknowns.block(other) {
-                            let place = cols.partition_point(|&c| c < column);
-                            for a in 0..2 {
-                                for b in 0..2 {
-                                    let decoupled = fixed[a].is_some() || given[b].is_some();
-                                    if !decoupled || (other == node && a == b) {
-                                        values[place][a][b] += block[a][b];
-                                    }
-                                }
-                            }
-                        }
-                    }
-                }
+                rows.columns(row, &mut found);
+                columns[range.clone()].copy_from_slice(&found);
+                rows.fill(row, &found, &mut values[range]);
             }
         });
     (
@@ -150,16 +229,23 @@ pub fn assemble(body: &Body, unknowns: &Unknowns, forces: &[[f64; 2]]) -> (Block
     )
 }
 
-/// The load f of the free unknowns, in blocks of two per node: the nodal forces (two per node of the mesh)
+/// The load f of the free unknowns, in blocks of D per node: the nodal forces (D per node of the mesh)
 /// and what prescribed displacements add; 0 for a prescribed component at a node that keeps a free one.
-pub fn load_vector(body: &Body, unknowns: &Unknowns, forces: &[[f64; 2]]) -> Vec<f64> {
-    let zero = vec![0.0; 2 * unknowns.n_blocks()];
+pub fn load_vector<const D: usize>(
+    body: &Body<D>,
+    unknowns: &Unknowns<D>,
+    forces: &[[f64; D]],
+) -> Vec<f64>
+where
+    Kind: Elements<D>,
+{
+    let zero = vec![0.0; D * unknowns.n_blocks()];
     let held = internal_forces(body, unknowns, &unknowns.displacements(&zero));
     let mut load = zero;
-    for (row, load) in load.chunks_mut(2).enumerate() {
+    for (row, load) in load.chunks_mut(D).enumerate() {
         let node = unknowns.node(row);
         let fixed = unknowns.prescribed(node);
-        for c in 0..2 {
+        for c in 0..D {
             if fixed[c].is_none() {
                 load[c] = forces[node as usize][c] - held[node as usize][c];
             }
@@ -170,49 +256,36 @@ pub fn load_vector(body: &Body, unknowns: &Unknowns, forces: &[[f64; 2]]) -> Vec
 
 /// The nodal forces that the displacements of all nodes take, from the elements with a prescribed
 /// displacement at one of their nodes: complete at these nodes.
-pub fn internal_forces(
-    body: &Body,
-    unknowns: &Unknowns,
-    displacement: &[[f64; 2]],
-) -> Vec<[f64; 2]> {
-    let mesh = body.mesh;
-    let mut forces = vec![[0.0; 2]; mesh.nodes.len()];
-    for element in &mesh.elements {
+pub fn internal_forces<const D: usize>(
+    body: &Body<D>,
+    unknowns: &Unknowns<D>,
+    displacement: &[[f64; D]],
+) -> Vec<[f64; D]>
+where
+    Kind: Elements<D>,
+{
+    let moduli = body.moduli();
+    let mut forces = vec![[0.0; D]; body.mesh.nodes.len()];
+    for element in &body.mesh.elements {
         let nodes = element.nodes();
         let held = |&node: &u32| unknowns.prescribed(node).iter().any(Option::is_some);
         if !nodes.iter().any(held) {
             continue;
         }
-        let (lambda, mu) = body.materials[element.region as usize].lame(body.plane);
-        let (lambda, mu) = (lambda * body.thickness, mu * body.thickness);
-        let x = mesh.coordinates(element);
         for (corner, &node) in nodes.iter().enumerate() {
-            let row = element_row(nodes.len(), &x, corner, lambda, mu);
-            for (block, &other) in row.iter().zip(nodes) {
-                let u = displacement[other as usize];
-                for a in 0..2 {
-                    forces[node as usize][a] += block[a][0] * u[0] + block[a][1] * u[1];
-                }
-            }
+            let force = &mut forces[node as usize];
+            element.kind().with(Row {
+                mesh: body.mesh,
+                element,
+                corner,
+                moduli: &moduli,
+                take: |other, block: &[[f64; D]; D]| {
+                    for (force, row) in force.iter_mut().zip(block) {
+                        *force += dot(*row, displacement[other as usize]);
+                    }
+                },
+            });
         }
     }
     forces
-}
-
-/// The 2 × 2 blocks of one row of blocks of an element's stiffness matrix:
-/// K_ab = ∫ λ ∇φ_a ∇φ_bᵀ + μ ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I.
-fn element_row(n: usize, x: &[[f64; 2]; 4], a: usize, lambda: f64, mu: f64) -> [[[f64; 2]; 2]; 4] {
-    let mut blocks = [[[0.0; 2]; 2]; 4];
-    for point in stiffness_points(n, x) {
-        let ga = point.gradient[a];
-        let (l, m) = (lambda * point.weight, mu * point.weight);
-        for (block, gb) in blocks.iter_mut().zip(&point.gradient) {
-            let dot = m * (ga[0] * gb[0] + ga[1] * gb[1]);
-            block[0][0] += (l + m) * ga[0] * gb[0] + dot;
-            block[0][1] += l * ga[0] * gb[1] + m * gb[0] * ga[1];
-            block[1][0] += l * ga[1] * gb[0] + m * gb[1] * ga[0];
-            block[1][1] += (l + m) * ga[1] * gb[1] + dot;
-        }
-    }
-    blocks
 }

@@ -62,23 +62,14 @@ pub fn rectangle(
             }
         }
     }
+    let side = |name: &str, n: usize, edge: &dyn Fn(usize) -> [u32; 2]| {
+        (format!("{prefix}{name}"), (0..n).map(edge).collect())
+    };
     let boundaries = BTreeMap::from([
-        (
-            format!("{prefix}bottom"),
-            (0..nx).map(|i| [node(i, 0), node(i + 1, 0)]).collect(),
-        ),
-        (
-            format!("{prefix}right"),
-            (0..ny).map(|j| [node(nx, j), node(nx, j + 1)]).collect(),
-        ),
-        (
-            format!("{prefix}top"),
-            (0..nx).map(|i| [node(i + 1, ny), node(i, ny)]).collect(),
-        ),
-        (
-            format!("{prefix}left"),
-            (0..ny).map(|j| [node(0, j + 1), node(0, j)]).collect(),
-        ),
+        side("bottom", nx, &|i| [node(i, 0), node(i + 1, 0)]),
+        side("right", ny, &|j| [node(nx, j), node(nx, j + 1)]),
+        side("top", nx, &|i| [node(i + 1, ny), node(i, ny)]),
+        side("left", ny, &|j| [node(0, j + 1), node(0, j)]),
     ]);
     Mesh {
         nodes,
@@ -94,26 +85,21 @@ pub fn rectangle(
 ///
 /// # Panics
 /// If both have a region, a group or a boundary of the same name.
-pub fn join(mut a: Mesh, b: Mesh) -> Mesh {
+pub fn join(mut a: Mesh, mut b: Mesh) -> Mesh {
     let (nodes, regions) = (a.nodes.len() as u32, a.regions.len() as u32);
+    b.renumber(|node| node + nodes);
     a.nodes.extend(b.nodes);
     a.regions.extend(b.regions);
-    a.elements
-        .extend(b.elements.into_iter().map(|element| Element {
-            nodes: element.nodes.map(|node| node + nodes),
-            region: element.region + regions,
-            ..element
-        }));
+    a.elements.extend(b.elements.into_iter().map(|mut element| {
+        element.region += regions;
+        element
+    }));
     for (name, members) in b.groups {
         let members = members.into_iter().map(|region| region + regions).collect();
         assert!(a.groups.insert(name, members).is_none());
     }
     a.faults.extend(b.faults);
     for (name, edges) in b.boundaries {
-        let edges = edges
-            .into_iter()
-            .map(|edge| edge.map(|node| node + nodes))
-            .collect();
         assert!(a.boundaries.insert(name, edges).is_none());
     }
     a

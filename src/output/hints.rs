@@ -1,7 +1,7 @@
 //! What the figures of a step suggest to look at: nothing here is an error.
 
-use super::{ContactFields, ContactReport};
-use crate::case::{Elastic, StepData};
+use super::{ContactFields, ContactReport, NodeStatus};
+use crate::model::{Elastic, StepData};
 use crate::quasistatic::StepSolution;
 
 /// So many nodes in contact at least, for a peak on one or two of them to be called unresolved.
@@ -64,10 +64,10 @@ pub(super) fn hints(
                 let late = rows()
                     .filter(|&i| {
                         elastic.contact.nodes[i].gap > pair.search_distance
-                            && fields.status(i) == "contact"
+                            && fields.status(i) == NodeStatus::Frictionless
                     })
                     .count();
-                if late > 0 && pair.friction.starts_with("Tresca") {
+                if late > 0 && pair.tresca {
                     hints.push(format!(
                         "{name}: {late} nodes touch that were farther away than the search distance {:.3e} {length}, \
                          and get no friction: state search_distance",

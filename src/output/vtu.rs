@@ -1,103 +1,122 @@
-//! VTK unstructured grids (`.vtu`), inline base64: what ParaView opens.
+//! VTK unstructured grids (`.vtu`), inline base64: what ParaView opens (VTK File Formats, docs.vtk.org).
 
-use super::{ContactFields, StepFields};
-use crate::case::Elastic;
+use super::{ContactFields, NodeStatus, StepFields, put};
 use crate::elasticity::Stress;
+use crate::model::Elastic;
 use base64::Engine as _;
 use std::collections::HashMap;
-use std::fmt::Write as _;
 
-/// One array: a length in front, then the values, little-endian.
-fn data_array<T: Copy, const N: usize>(
-    text: &mut String,
-    kind: &str,
-    name: &str,
-    components: usize,
-    values: &[T],
-    bytes: impl Fn(T) -> [u8; N],
-) {
-    let mut raw = Vec::with_capacity(8 + values.len() * N);
-    raw.extend(((values.len() * N) as u64).to_le_bytes());
-    for &value in values {
-        raw.extend(bytes(value));
+/// What is given at the points or in the cells of a grid, as the elements of the file.
+#[derive(Default)]
+struct Arrays(String);
+
+impl Arrays {
+    /// One array: a length in front, then the values, little-endian.
+    fn array<T, const N: usize>(
+        &mut self,
+        kind: &str,
+        name: &str,
+        components: usize,
+        values: impl IntoIterator<Item = T>,
+        bytes: impl Fn(T) -> [u8; N],
+    ) {
+        let mut raw = vec![0; 8];
+        raw.extend(values.into_iter().flat_map(bytes));
+        let length = (raw.len() - 8) as u64;
+        raw[..8].copy_from_slice(&length.to_le_bytes());
+        let encoded = base64::engine::general_purpose::STANDARD.encode(raw);
+        put(
+            &mut self.0,
+            format_args!(
+                "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"binary\">{encoded}</DataArray>"
+            ),
+        );
     }
-    let encoded = base64::engine::general_purpose::STANDARD.encode(raw);
-    writeln!(
-        text,
-        "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"binary\">{encoded}</DataArray>"
+
+    /// Rows of numbers.
+    fn floats<const N: usize>(&mut self, name: &str, rows: impl IntoIterator<Item = [f64; N]>) {
+        let values = rows.into_iter().flatten();
+        self.array("Float64", name, N, values, f64::to_le_bytes);
+    }
+
+    fn scalars(&mut self, name: &str, values: &[f64]) {
+        self.floats(name, values.iter().map(|&v| [v]));
+    }
+
+    /// Places or vectors; those of the plane have z = 0.
+    fn vectors<const D: usize>(&mut self, name: &str, vectors: &[[f64; D]]) {
+        let spatial = |v: &[f64; D]| std::array::from_fn(|c| v.get(c).copied().unwrap_or(0.0));
+        self.floats::<3>(name, vectors.iter().map(spatial));
+    }
+
+    /// Integers that tell kinds apart.
+    fn kinds(&mut self, name: &str, values: impl IntoIterator<Item = i32>) {
+        self.array("Int32", name, 1, values, i32::to_le_bytes);
+    }
+
+    fn stresses(&mut self, stresses: &[Stress]) {
+        // ParaView's order of a symmetric tensor: xx yy zz xy yz xz.
+        let tensor = |s: &Stress| [s.xx, s.yy, s.zz, s.xy, 0.0, 0.0];
+        self.floats("stress", stresses.iter().map(tensor));
+        self.floats("von_mises", stresses.iter().map(|s| [s.von_mises()]));
+    }
+}
+
+/// VTK's number for a linear cell in D dimensions.
+fn cell_type<const D: usize>(corners: usize) -> u8 {
+    match (D, corners) {
+        (2, 3) => 5,  // VTK_TRIANGLE
+        (2, _) => 9,  // VTK_QUAD
+        (_, 4) => 10, // VTK_TETRA
+        (_, 5) => 14, // VTK_PYRAMID
+        (_, 6) => 13, // VTK_WEDGE
+        _ => 12,      // VTK_HEXAHEDRON
+    }
+}
+
+/// A grid with the nodes of its cells, and what is given at its points and in its cells.
+fn grid<'a, const D: usize>(
+    points: &[[f64; D]],
+    cells: impl ExactSizeIterator<Item = &'a [u32]> + Clone,
+    at_points: &Arrays,
+    in_cells: &Arrays,
+) -> String {
+    let (mut places, mut topology) = (Arrays::default(), Arrays::default());
+    places.vectors("Points", points);
+    let connectivity = cells.clone().flatten().map(|&node| i64::from(node));
+    topology.array("Int64", "connectivity", 1, connectivity, i64::to_le_bytes);
+    let ends = cells.clone().scan(0, |end, nodes| {
+        *end += nodes.len() as i64;
+        Some(*end)
+    });
+    topology.array("Int64", "offsets", 1, ends, i64::to_le_bytes);
+    let types = cells.clone().map(|nodes| cell_type::<D>(nodes.len()));
+    topology.array("UInt8", "types", 1, types, u8::to_le_bytes);
+    format!(
+        "<?xml version=\"1.0\"?>\n\
+         <VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n\
+         <UnstructuredGrid>\n\
+         <Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n\
+         <Points>\n{}</Points>\n\
+         <Cells>\n{}</Cells>\n\
+         <PointData Vectors=\"displacement\">\n{}</PointData>\n\
+         <CellData>\n{}</CellData>\n\
+         </Piece>\n</UnstructuredGrid>\n</VTKFile>\n",
+        points.len(),
+        cells.len(),
+        places.0,
+        topology.0,
+        at_points.0,
+        in_cells.0
     )
-    .expect("writing to a string cannot fail");
 }
 
-fn floats(text: &mut String, name: &str, components: usize, values: &[f64]) {
-    data_array(text, "Float64", name, components, values, f64::to_le_bytes);
-}
-
-fn stress_arrays(text: &mut String, stresses: &[Stress]) {
-    // ParaView's order of a symmetric tensor: xx yy zz xy yz xz.
-    let tensor: Vec<f64> = stresses
-        .iter()
-        .flat_map(|s| [s.xx, s.yy, s.zz, s.xy, 0.0, 0.0])
-        .collect();
-    floats(text, "stress", 6, &tensor);
-    let von_mises: Vec<f64> = stresses.iter().map(Stress::von_mises).collect();
-    floats(text, "von_mises", 1, &von_mises);
-}
-
-/// The file.
+/// The file of a step.
 pub(super) fn text(elastic: &Elastic, fields: &StepFields, contact: &ContactFields) -> String {
     let mesh = &elastic.mesh;
-    let flat = |values: &[[f64; 2]]| -> Vec<f64> {
-        values.iter().flat_map(|v| [v[0], v[1], 0.0]).collect()
-    };
-    let mut text = String::new();
-    let t = &mut text;
-    t.push_str("<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n<UnstructuredGrid>\n");
-    writeln!(
-        t,
-        "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">",
-        mesh.nodes.len(),
-        mesh.elements.len()
-    )
-    .expect("writing to a string cannot fail");
-
-    t.push_str("<Points>\n");
-    floats(t, "Points", 3, &flat(&mesh.nodes));
-    t.push_str("</Points>\n<Cells>\n");
-    let connectivity: Vec<i64> = mesh
-        .elements
-        .iter()
-        .flat_map(|e| e.nodes().iter().map(|&node| i64::from(node)))
-        .collect();
-    data_array(
-        t,
-        "Int64",
-        "connectivity",
-        1,
-        &connectivity,
-        i64::to_le_bytes,
-    );
-    let mut end = 0;
-    let offsets: Vec<i64> = mesh
-        .elements
-        .iter()
-        .map(|e| {
-            end += e.nodes().len() as i64;
-            end
-        })
-        .collect();
-    data_array(t, "Int64", "offsets", 1, &offsets, i64::to_le_bytes);
-    // VTK_TRIANGLE and VTK_QUAD.
-    let types: Vec<u8> = mesh
-        .elements
-        .iter()
-        .map(|e| if e.nodes().len() == 3 { 5 } else { 9 })
-        .collect();
-    data_array(t, "UInt8", "types", 1, &types, u8::to_le_bytes);
-
-    t.push_str("</Cells>\n<PointData Vectors=\"displacement\">\n");
-    floats(t, "displacement", 3, &flat(&fields.displacement));
-    stress_arrays(t, &fields.at_nodes);
+    let (mut at_nodes, mut in_elements) = (Arrays::default(), Arrays::default());
+    at_nodes.vectors("displacement", &fields.displacement);
+    at_nodes.stresses(&fields.at_nodes);
     // A node that stands in several contacts shows the one that presses it most.
     let mut shown: HashMap<u32, usize> = HashMap::new();
     for (i, node) in elastic.contact.nodes.iter().enumerate() {
@@ -113,24 +132,107 @@ pub(super) fn text(elastic: &Elastic, fields: &StepFields, contact: &ContactFiel
         }
         field
     };
-    floats(t, "contact_pressure", 1, &scattered(&contact.pressure));
-    floats(t, "tangential_traction", 1, &scattered(&contact.traction));
-    // 0 no contact boundary, 1 separated, 2 stick, 3 slip, 4 in contact without friction.
-    let mut status = vec![0i32; mesh.nodes.len()];
-    for (&node, &i) in &shown {
-        status[node as usize] = match contact.status(i) {
-            "separated" => 1,
-            "stick" => 2,
-            "slip" => 3,
-            _ => 4,
-        };
-    }
-    data_array(t, "Int32", "contact_status", 1, &status, i32::to_le_bytes);
+    at_nodes.scalars("contact_pressure", &scattered(&contact.pressure));
+    at_nodes.scalars("tangential_traction", &scattered(&contact.traction));
+    // 0: on no contact boundary.
+    let status = |node: u32| {
+        shown.get(&node).map_or(0, |&i| match contact.status(i) {
+            NodeStatus::Separated => 1,
+            NodeStatus::Stick => 2,
+            NodeStatus::Slip => 3,
+            NodeStatus::Frictionless => 4,
+        })
+    };
+    at_nodes.kinds("contact_status", (0..mesh.nodes.len() as u32).map(status));
 
-    t.push_str("</PointData>\n<CellData>\n");
-    stress_arrays(t, &fields.in_elements);
-    let regions: Vec<i32> = mesh.elements.iter().map(|e| e.region as i32).collect();
-    data_array(t, "Int32", "region", 1, &regions, i32::to_le_bytes);
-    t.push_str("</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n");
-    text
+    in_elements.stresses(&fields.in_elements);
+    in_elements.kinds("region", mesh.elements.iter().map(|e| e.region as i32));
+    let cells = mesh.elements.iter().map(|element| element.nodes());
+    grid(&mesh.nodes, cells, &at_nodes, &in_elements)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The values of the array of this name, eight bytes each.
+    fn values<T>(file: &str, name: &str, from: impl Fn([u8; 8]) -> T) -> Vec<T> {
+        let (_, rest) = file
+            .split_once(&format!("Name=\"{name}\""))
+            .unwrap_or_else(|| panic!("no {name}"));
+        let encoded = rest.split(['>', '<']).nth(1).unwrap_or_default();
+        let raw = base64::engine::general_purpose::STANDARD
+            .decode(encoded)
+            .unwrap_or_else(|error| panic!("{error}"));
+        let words: Vec<[u8; 8]> = raw.as_chunks().0.to_vec();
+        assert_eq!(u64::from_le_bytes(words[0]), raw.len() as u64 - 8);
+        words[1..].iter().map(|&word| from(word)).collect()
+    }
+
+    #[test]
+    fn two_triangles_give_the_file_by_hand() {
+        let points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let cells: [&[u32]; 2] = [&[0, 1, 2], &[0, 2, 3]];
+        let (mut at_points, mut in_cells) = (Arrays::default(), Arrays::default());
+        at_points.scalars("contact_pressure", &[0.0, 0.0, 1.0, 1.0]);
+        in_cells.kinds("region", [0, 1]);
+        let file = grid(&points, cells.into_iter(), &at_points, &in_cells);
+        // The arrays by Python: base64.b64encode(struct.pack("<Q12d", 96, 0, 0, 0, 1, …)).
+        assert_eq!(
+            file,
+            r#"<?xml version="1.0"?>
+<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64">
+<UnstructuredGrid>
+<Piece NumberOfPoints="4" NumberOfCells="2">
+<Points>
+<DataArray type="Float64" Name="Points" NumberOfComponents="3" format="binary">YAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAADwPwAAAAAAAAAAAAAAAAAAAAAAAAAAAADwPwAAAAAAAPA/AAAAAAAAAAAAAAAAAAAAAAAAAAAAAPA/AAAAAAAAAAA=</DataArray>
+</Points>
+<Cells>
+<DataArray type="Int64" Name="connectivity" NumberOfComponents="1" format="binary">MAAAAAAAAAAAAAAAAAAAAAEAAAAAAAAAAgAAAAAAAAAAAAAAAAAAAAIAAAAAAAAAAwAAAAAAAAA=</DataArray>
+<DataArray type="Int64" Name="offsets" NumberOfComponents="1" format="binary">EAAAAAAAAAADAAAAAAAAAAYAAAAAAAAA</DataArray>
+<DataArray type="UInt8" Name="types" NumberOfComponents="1" format="binary">AgAAAAAAAAAFBQ==</DataArray>
+</Cells>
+<PointData Vectors="displacement">
+<DataArray type="Float64" Name="contact_pressure" NumberOfComponents="1" format="binary">IAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA8D8AAAAAAADwPw==</DataArray>
+</PointData>
+<CellData>
+<DataArray type="Int32" Name="region" NumberOfComponents="1" format="binary">CAAAAAAAAAAAAAAAAQAAAA==</DataArray>
+</CellData>
+</Piece>
+</UnstructuredGrid>
+</VTKFile>
+"#
+        );
+    }
+
+    #[test]
+    fn space_has_its_third_coordinate_and_its_cells() {
+        let points = [
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 1.0],
+            [0.5, 0.5, 2.0],
+        ];
+        let cells: [&[u32]; 2] = [&[0, 1, 2, 3], &[1, 2, 3, 4]];
+        let mut at_points = Arrays::default();
+        at_points.vectors("displacement", &points.map(|p| p.map(|x| 2.0 * x)));
+        let file = grid(&points, cells.into_iter(), &at_points, &Arrays::default());
+        assert_eq!(values(&file, "Points", f64::from_le_bytes), points.concat());
+        let displacement = values(&file, "displacement", f64::from_le_bytes);
+        assert_eq!(displacement[12..], [1.0, 1.0, 4.0]);
+        let connectivity = values(&file, "connectivity", i64::from_le_bytes);
+        assert_eq!(connectivity, [0, 1, 2, 3, 1, 2, 3, 4]);
+        assert_eq!(values(&file, "offsets", i64::from_le_bytes), [4, 8]);
+        // Two bytes after the length: VTK_TETRA twice.
+        assert!(file.contains(
+            "Name=\"types\" NumberOfComponents=\"1\" format=\"binary\">AgAAAAAAAAAKCg==<"
+        ));
+    }
+
+    #[test]
+    fn corners_tell_the_kind_of_a_cell() {
+        assert_eq!([3, 4].map(cell_type::<2>), [5, 9]);
+        assert_eq!([4, 5, 6, 8].map(cell_type::<3>), [10, 14, 13, 12]);
+    }
 }

@@ -10,8 +10,9 @@
 //! A difference that is no more than the rounding of its terms (32 units in the last place) counts as none: f64
 //! holds nothing smaller.
 
-use super::ContactProblem;
+use super::{ContactProblem, tangents_of};
 use crate::dense::pseudo_inverse;
+use crate::rigid::{self, Frame};
 use crate::sparse::{Csr, ROWS_PER_TASK, dot, norm, norm_max};
 use faer::Mat;
 use rayon::prelude::*;
@@ -24,6 +25,7 @@ pub(crate) const ROUNDING: f64 = 32.0 * f64::EPSILON;
 /// Violations of the optimality conditions, each relative to the size of what it is measured in: see
 /// [`ContactProblem::kkt`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Kkt {
     /// ‖Ku + Nᵀλν + Tᵀλτ − f‖ / the acting forces.
     pub equilibrium: f64,
@@ -33,9 +35,9 @@ pub struct Kkt {
     pub tension: f64,
     /// |λνᵀ(Nu − d)| / (‖λ‖ · the deformation).
     pub complementarity: f64,
-    /// max (|λτ| − g)₊ / ‖g‖∞.
+    /// max (|λτ,i| − gᵢ)₊ / ‖g‖∞.
     pub friction_bound: f64,
-    /// max over sticking nodes of the slip, over slipping ones of slip against the sign of λτ; / the deformation.
+    /// max over sticking nodes of the slip, over slipping ones of slip that is not along λτ; / the deformation.
     /// What a tangential force lacks to its bound counts as a length, with the compliance of its node.
     pub slip: f64,
 }
@@ -67,11 +69,14 @@ pub(crate) struct Yardsticks {
     pub rounding: f64,
 }
 
-impl ContactProblem {
+impl<const D: usize> ContactProblem<D> {
     /// The optimality conditions (1)–(3) at (u, λ), in f64 against the assembled K, relative to the deformation
     /// and the forces of this problem (the module's head says how).
     ///
-    /// `u` as long as K has rows, `lambda` of length 2m: λν, then λτ.
+    /// `u` as long as K has rows, `lambda` of length D m: λν, then λτ node by node.
+    ///
+    /// # Panics
+    /// If a length differs.
     pub fn kkt(&self, u: &[f64], lambda: &[f64]) -> Kkt {
         let m = self.m();
         let yardsticks = self.yardsticks(u, lambda);
@@ -92,8 +97,12 @@ impl ContactProblem {
             )
         };
         let compliance = &self.compliance()[m..];
-        let slips =
-            &mut (0..m).map(|i| slip_violation(lambda_t[i], slip[i], bound[i], compliance[i]));
+        let at = tangents_of::<D>;
+        let slips = &mut (0..m).map(|i| {
+            // One for both directions: other units would make an ellipse of the disc.
+            let compliance = norm_max(&compliance[at(i)]);
+            slip_violation(&lambda_t[at(i)], &slip[at(i)], bound[i], compliance)
+        });
         Kkt {
             equilibrium: ratio(self.imbalance(u, lambda), yardsticks.force),
             penetration: ratio(positive(&mut closing.iter().copied()), yardsticks.length),
@@ -103,7 +112,7 @@ impl ContactProblem {
                 norm(lambda) * yardsticks.deformation,
             ),
             friction_bound: ratio(
-                positive(&mut (0..m).map(|i| lambda_t[i].abs() - bound[i])),
+                positive(&mut (0..m).map(|i| rigid::length(&lambda_t[at(i)]) - bound[i])),
                 norm_max(&bound),
             ),
             slip: ratio(positive(slips), yardsticks.length),
@@ -111,7 +120,7 @@ impl ContactProblem {
     }
 
     fn along(&self, rows: &Csr, u: &[f64]) -> Vec<f64> {
-        let mut sums = vec![0.0; self.m()];
+        let mut sums = vec![0.0; rows.n_rows()];
         rows.mul(u, &mut sums);
         sums
     }
@@ -137,22 +146,22 @@ impl ContactProblem {
         let reach = self.reach();
         let mut residual = vec![0.0; u.len()];
         residual
-            .par_chunks_mut(2)
+            .par_chunks_mut(D)
             .enumerate()
             .with_min_len(ROWS_PER_TASK)
             .for_each(|(i, row)| {
                 let (cols, blocks) = k.row(i);
-                for a in 0..2 {
-                    let (mut sum, mut size) = (0.0, sizes[2 * i + a]);
+                for a in 0..D {
+                    let (mut sum, mut size) = (0.0, sizes[D * i + a]);
                     for (&j, block) in cols.iter().zip(blocks) {
-                        for b in 0..2 {
-                            let column = 2 * j as usize + b;
+                        for b in 0..D {
+                            let column = D * j as usize + b;
                             sum += block[a][b] * deformed[column];
                             // Entries of u are rounded themselves.
                             size += (block[a][b] * (u[column].abs() + reach)).abs();
                         }
                     }
-                    row[a] = beyond(sum - forces[2 * i + a], ROUNDING * size);
+                    row[a] = beyond(sum - forces[D * i + a], ROUNDING * size);
                 }
             });
         norm(&residual)
@@ -187,74 +196,100 @@ impl ContactProblem {
 
     /// u without the mean rigid motion of each connected part of K; u itself without coordinates.
     fn deformation(&self, u: &[f64]) -> Vec<f64> {
-        let Some(points) = self.coordinates() else {
-            return u.to_vec();
+        match (self.coordinates(), D) {
+            (None, _) => u.to_vec(),
+            (Some(points), 2) => self.without_motions::<3>(points, u),
+            (Some(points), _) => self.without_motions::<6>(points, u),
+        }
+    }
+
+    /// The same with the M rigid motions that there are.
+    fn without_motions<const M: usize>(&self, points: &[[f64; D]], u: &[f64]) -> Vec<f64> {
+        let frames = self.part_frames(points);
+        // The normal equations of the mean motion of each part.
+        let mut gram = vec![[[0.0; M]; M]; frames.len()];
+        let mut right = vec![[0.0; M]; frames.len()];
+        let nodes = || {
+            let nodes = self.parts.iter().zip(points).enumerate();
+            nodes.flat_map(|(node, (&part, x))| {
+                let rows = frames[part as usize].motions::<M>(x).into_iter();
+                (D * node..)
+                    .zip(rows)
+                    .map(move |(i, row)| (part as usize, i, row))
+            })
         };
-        let count = self.parts.iter().max().map_or(0, |&last| last as usize + 1);
-        // The middle and the size of each part, then the normal equations of its mean motion.
-        let mut middle = vec![[0.0; 3]; count];
-        for (&part, x) in self.parts.iter().zip(points) {
-            let sum = &mut middle[part as usize];
-            *sum = [sum[0] + x[0], sum[1] + x[1], sum[2] + 1.0];
-        }
-        for sum in &mut middle {
-            *sum = [sum[0] / sum[2], sum[1] / sum[2], sum[2]];
-        }
-        let mut size = vec![0.0_f64; count];
-        let offset = |part: usize, x: &[f64; 2]| [x[0] - middle[part][0], x[1] - middle[part][1]];
-        for (&part, x) in self.parts.iter().zip(points) {
-            let [a, b] = offset(part as usize, x);
-            size[part as usize] = size[part as usize].max(a.hypot(b));
-        }
-        let rigid = |part: usize, x: &[f64; 2]| {
-            let [a, b] = offset(part, x);
-            let s = if size[part] > 0.0 { size[part] } else { 1.0 };
-            [[1.0, 0.0, -b / s], [0.0, 1.0, a / s]]
-        };
-        let moves = |unknown: usize| self.is_coupled(unknown);
-        let mut gram = vec![[[0.0; 3]; 3]; count];
-        let mut right = vec![[0.0; 3]; count];
-        for (node, (&part, x)) in self.parts.iter().zip(points).enumerate() {
-            let part = part as usize;
-            for (c, row) in rigid(part, x).iter().enumerate() {
-                if !moves(2 * node + c) {
-                    continue;
-                }
-                for a in 0..3 {
-                    right[part][a] += row[a] * u[2 * node + c];
-                    for b in 0..3 {
-                        gram[part][a][b] += row[a] * row[b];
-                    }
+        for (part, i, row) in nodes().filter(|&(_, i, _)| self.is_coupled(i)) {
+            for a in 0..M {
+                right[part][a] += row[a] * u[i];
+                for b in 0..M {
+                    gram[part][a][b] += row[a] * row[b];
                 }
             }
         }
-        let motion: Vec<[f64; 3]> = (gram.iter().zip(&right))
+        let motion: Vec<[f64; M]> = (gram.iter().zip(&right))
             .map(|(gram, right)| {
-                let inverse = pseudo_inverse(&Mat::from_fn(3, 3, |a, b| gram[a][b]), DEPENDENT);
-                std::array::from_fn(|a| (0..3).map(|b| inverse[(a, b)] * right[b]).sum())
+                let inverse = pseudo_inverse(&Mat::from_fn(M, M, |a, b| gram[a][b]), DEPENDENT);
+                std::array::from_fn(|a| (0..M).map(|b| inverse[(a, b)] * right[b]).sum())
             })
             .collect();
         let mut rest = u.to_vec();
-        for (node, (&part, x)) in self.parts.iter().zip(points).enumerate() {
-            for (c, row) in rigid(part as usize, x).iter().enumerate() {
-                if moves(2 * node + c) {
-                    rest[2 * node + c] -= dot(row, &motion[part as usize]);
-                }
-            }
+        for (part, i, row) in nodes().filter(|&(_, i, _)| self.is_coupled(i)) {
+            rest[i] -= dot(&row, &motion[part]);
         }
         rest
     }
+
+    /// About the mean of the points of each connected part of K, with the distance of the farthest one.
+    fn part_frames(&self, points: &[[f64; D]]) -> Vec<Frame<D>> {
+        let count = self.parts.iter().max().map_or(0, |&last| last as usize + 1);
+        let mut frames = vec![
+            Frame {
+                centre: [0.0; D],
+                size: 0.0_f64
+            };
+            count
+        ];
+        let mut members = vec![0.0; count];
+        let nodes = || self.parts.iter().map(|&part| part as usize).zip(points);
+        for (part, x) in nodes() {
+            (frames[part].centre.iter_mut().zip(x)).for_each(|(sum, x)| *sum += x);
+            members[part] += 1.0;
+        }
+        for (frame, members) in frames.iter_mut().zip(members) {
+            frame.centre = frame.centre.map(|sum| sum / members);
+        }
+        for (part, x) in nodes() {
+            let Frame { centre, size } = &mut frames[part];
+            *size = size.max(rigid::length(&std::array::from_fn::<_, D, _>(|c| {
+                x[c] - centre[c]
+            })));
+        }
+        for frame in &mut frames {
+            if !(frame.size > 0.0) {
+                frame.size = 1.0;
+            }
+        }
+        frames
+    }
 }
 
-/// How far λτ,i and the slip are from (3), as a length: the slip of a node that sticks, the slip against λτ,i of
-/// one that does not, or what λτ,i lacks to its bound times the compliance c, whichever is less. Forces that are
+/// How far λτ,i and the slip of a node are from (3), as a length: the slip if it sticks, the slip that is not along
+/// λτ,i if it does not, or what λτ,i lacks to its bound times the compliance c, whichever is less. Forces that are
 /// short of their bound by a rounding error slip all the same.
-pub(crate) fn slip_violation(lambda: f64, slip: f64, g: f64, c: f64) -> f64 {
-    if c > 0.0 {
-        c * (lambda - (lambda + slip / c).clamp(-g, g)).abs()
-    } else {
-        0.0
+pub(crate) fn slip_violation(lambda: &[f64], slip: &[f64], g: f64, c: f64) -> f64 {
+    if !(c > 0.0) {
+        return 0.0;
     }
+    let along = |k: usize| lambda[k] + slip[k] / c;
+    if lambda.len() == 1 {
+        return c * (lambda[0] - along(0).clamp(-g, g)).abs();
+    }
+    let far = rigid::length(&std::array::from_fn::<_, 2, _>(along));
+    // On the disc, or beyond it.
+    let shrunk = if far > g { g / far } else { 1.0 };
+    c * rigid::length(&std::array::from_fn::<_, 2, _>(|k| {
+        lambda[k] - shrunk * along(k)
+    }))
 }
 
 /// What of a difference is more than the rounding of its terms.

@@ -10,9 +10,10 @@
 //! projection tells which way they are pushed.
 
 use super::{Event, Process, difference};
+use crate::constraint::{Disc, lawful};
 use crate::dense::least_squares;
 use crate::dual::DualOperator;
-use crate::dual::balance::{Balance, Nearest, interval, lawful};
+use crate::dual::balance::{Balance, Nearest};
 use crate::problem::ContactProblem;
 use crate::sparse::norm;
 use crate::ssnm::{Solution, SolveError, Status};
@@ -156,7 +157,7 @@ impl<'a> Cones<'a> {
         let b = problem.contact_matrix();
         let mut balance = Balance::new(free, &b, load, |_| 1.0);
         let given = problem.slip_bound();
-        let least = balance.least(|i, z| lawful(given[i], cones.mu(i), z));
+        let least = balance.least(|i, z: [f64; 2]| lawful(given[i], cones.mu(i), z));
         if !least.balanced {
             cones.imbalance = least.imbalance;
         }
@@ -170,7 +171,7 @@ impl<'a> Cones<'a> {
 
     fn nearest(&self, balance: &Balance, lambda: &[f64]) -> Nearest {
         let given = self.problem.slip_bound();
-        balance.nearest(lambda, |i, z| lawful(given[i], self.mu(i), z))
+        balance.nearest(lambda, |i, z: [f64; 2]| lawful(given[i], self.mu(i), z))
     }
 
     /// What forces within the given bounds cannot balance; empty where they can.
@@ -178,7 +179,7 @@ impl<'a> Cones<'a> {
         let Some(balance) = &self.balance else {
             return Vec::new();
         };
-        let near = balance.nearest(lambda, |i, z| interval(bounds[i], z));
+        let near = balance.nearest(lambda, |i, z: [f64; 2]| Disc { g: bounds[i] }.nearest(z));
         if near.balanced {
             Vec::new()
         } else {

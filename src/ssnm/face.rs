@@ -2,6 +2,7 @@
 
 use super::law::Law;
 use super::sets::Sets;
+use crate::constraint::{at, put};
 use crate::dual::balance::{Balance, FaceBalance};
 use std::rc::Rc;
 
@@ -56,9 +57,9 @@ impl Face {
 
     fn lift(&self, y: &mut [f64]) {
         self.sets.mask(y);
-        let m = y.len() / 2;
         for (i, &s) in self.slope.iter().enumerate().filter(|(_, s)| **s != 0.0) {
-            y[m + i] = s * y[i];
+            let [normal, _] = at(y, i);
+            put(y, i, [normal, s * normal]);
         }
     }
 

@@ -5,8 +5,8 @@
 //! equations as unknowns, but not symmetric. GCR (Eisenstat, Elman and Schultz 1983) makes ‖Zᵀr‖ least over the
 //! directions F y tried so far; A F y is kept beside each of them, so that r follows for nothing.
 
-use super::Newton;
 use super::face::Face;
+use super::newton::Newton;
 use super::point::Point;
 use super::subspace::{Subspace, subtract};
 use crate::dual::{DualError, DualOperator};
@@ -82,7 +82,7 @@ impl Gcr {
 
 impl<D: DualOperator + ?Sized> Newton<'_, D> {
     /// Lowers the residual on the face to `target`, or until `enough` says so; returns the number of iterations.
-    pub(super) fn gcr(
+    pub fn gcr(
         &mut self,
         point: &mut Point,
         gcr: &mut Gcr,

@@ -1,7 +1,9 @@
 //! What a point has to meet before the final check is worth its price.
 
+use crate::constraint::{Disc, at};
 use crate::problem::{ContactProblem, ROUNDING, slip_violation};
 use crate::sparse::{dot, norm};
+use std::array::from_fn;
 
 /// What the rest of the gradient could still move a pressure by at the end, in ε times the largest pressure, if each
 /// gap were that of one node alone. Neighbours share most of it: pressures were found right to 0.2 to 1.6 times
@@ -32,6 +34,17 @@ pub(super) struct Goal {
 }
 
 impl Goal {
+    /// Of a solve to ε; err is set at each point.
+    pub fn new(tolerance: f64) -> Self {
+        Self {
+            err: 0.0,
+            tolerance,
+            slack: f64::INFINITY,
+            work: f64::INFINITY,
+            checks: 0,
+        }
+    }
+
     /// Whether a point with gradient r and error err meets it. Written so that NaN never passes.
     pub fn met(&self, problem: &ContactProblem, lambda: &[f64], r: &[f64], err: f64) -> bool {
         if !(err <= self.err) || !self.forces_met(problem, lambda, r) {
@@ -46,7 +59,7 @@ impl Goal {
         let penetration = rn.iter().fold(0.0, |acc: f64, r| acc.max(-r));
         let (g, c) = (problem.bounds(lambda), &problem.compliance()[m..]);
         let slip = (0..m).fold(0.0, |acc: f64, i| {
-            acc.max(slip_violation(lt[i], -rt[i], g[i], c[i]))
+            acc.max(slip_violation(&lt[i..=i], &[-rt[i]], g[i], c[i]))
         });
         let length = norm(lambda);
         penetration.max(slip) <= self.slack
@@ -91,7 +104,6 @@ pub(super) fn inner_forces_met(
 /// Σⱼ Bᵢⱼ²/Kⱼⱼ ≤ Aᵢᵢ, where nodes share what they meet (many of them on one large element) with their shares. No gap is
 /// known better than to the rounding of what it is the difference of, and a force that closes less is none.
 fn force_error(problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
-    let m = problem.m();
     let (areas, compliance) = (problem.areas(), problem.own_compliance());
     let (bounds, offsets) = (problem.bounds(lambda), problem.offsets());
     let terms = offsets
@@ -101,29 +113,37 @@ fn force_error(problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
     let rounding = ROUNDING * terms.fold(problem.reach(), f64::max);
     let (mut pressure, mut traction) = (0.0_f64, 0.0_f64);
     let mut off = 0.0_f64;
-    for i in 0..2 * m {
-        let (l, c, area) = (lambda[i], compliance[i], areas[i % m]);
-        if problem.compliance()[i] * l.abs() > TOUCHING * rounding {
-            let largest = if i < m { &mut pressure } else { &mut traction };
-            *largest = largest.max(l.abs() / area);
-        }
-        if !(c > 0.0) {
-            continue;
-        }
-        let (low, high) = match i.checked_sub(m) {
-            None => (0.0, f64::INFINITY),
-            Some(i) => (-bounds[i], bounds[i]),
-        };
-        let moved = ((l - r[i] / c).clamp(low, high) - l).abs() / area;
-        // NaN must not pass.
-        if moved.is_nan() {
-            return f64::NAN;
-        }
-        if r[i].abs() > rounding {
-            off = off.max(moved);
-        }
-        if l > low && l < high {
-            off = off.max(rounding / c / area);
+    for (i, (&g, &area)) in bounds.iter().zip(areas).enumerate() {
+        let [node, slope, c, closes] =
+            [lambda, r, compliance, problem.compliance()].map(|x| at::<2>(x, i));
+        let disc = Disc { g };
+        let asked: [f64; 2] = from_fn(|a| {
+            if c[a] > 0.0 {
+                node[a] - slope[a] / c[a]
+            } else {
+                node[a]
+            }
+        });
+        let (met, within) = (disc.project(asked), disc.contains(node));
+        for a in 0..2 {
+            if closes[a] * node[a].abs() > TOUCHING * rounding {
+                let largest = if a == 0 { &mut pressure } else { &mut traction };
+                *largest = largest.max(node[a].abs() / area);
+            }
+            if !(c[a] > 0.0) {
+                continue;
+            }
+            let moved = (met[a] - node[a]).abs() / area;
+            // NaN must not pass.
+            if moved.is_nan() || asked[a].is_nan() {
+                return f64::NAN;
+            }
+            if slope[a].abs() > rounding {
+                off = off.max(moved);
+            }
+            if within[a.min(1)] {
+                off = off.max(rounding / c[a] / area);
+            }
         }
     }
     // Under given bounds tractions may be all there is.

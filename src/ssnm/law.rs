@@ -1,9 +1,10 @@
 //! The friction law of each contact node, in scaled multipliers.
 
-use super::Scaled;
 use super::point::project;
+use super::scaling::Scaled;
+use crate::constraint::{Projected, lawful, row_of};
 use crate::dual::DualOperator;
-use crate::dual::balance::{Balance, Projected, lawful};
+use crate::dual::balance::Balance;
 use crate::problem::{ContactProblem, coulomb_bound, coulomb_bounds};
 use std::borrow::Cow;
 
@@ -22,7 +23,7 @@ impl Law {
         Self {
             given: dual.slip_bound(problem.slip_bound()),
             mu: coefficient
-                .map(|(i, mu)| mu * dual.factor(i) / dual.factor(m + i))
+                .map(|(i, mu)| mu * dual.factor(i) / dual.factor(row_of::<2>(m, i, 1)))
                 .collect(),
         }
     }
@@ -54,7 +55,7 @@ impl Law {
     }
 
     /// The nearest point of a node's interval or cone.
-    pub fn nearest(&self, i: usize, z: [f64; 2]) -> Projected {
+    pub fn nearest<const D: usize>(&self, i: usize, z: [f64; D]) -> Projected<D> {
         lawful(self.given[i], self.mu(i), z)
     }
 
@@ -65,11 +66,15 @@ impl Law {
             Some(balance) if self.is_coulomb() => {
                 self.cut(lambda);
                 if !balance.holds(lambda) {
-                    *lambda = balance.nearest(lambda, |i, z| self.nearest(i, z)).lambda;
+                    *lambda = balance
+                        .nearest(lambda, |i, z: [f64; 2]| self.nearest(i, z))
+                        .lambda;
                 }
             }
             Some(balance) => {
-                *lambda = balance.nearest(lambda, |i, z| self.nearest(i, z)).lambda;
+                *lambda = balance
+                    .nearest(lambda, |i, z: [f64; 2]| self.nearest(i, z))
+                    .lambda;
             }
         }
     }

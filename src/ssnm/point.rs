@@ -1,6 +1,7 @@
 //! A point of the way, and the projected gradient step from it.
 
-use crate::dual::balance::{Balance, interval};
+use crate::constraint::{Disc, at, put};
+use crate::dual::balance::Balance;
 use crate::sparse::{norm, norm_max};
 
 /// Passes that a rigid motion is settled in at most, and forces beside which those in balance are small.
@@ -60,56 +61,25 @@ impl Point {
 
     /// From this point of Λ towards `end` as far as Λ goes; what stops there lies exactly on its bound.
     pub fn until_bound(&self, end: &Self, g: &[f64]) -> Self {
-        let m = g.len();
-        let bounds = |i: usize| {
-            if i < m {
-                (0.0, f64::INFINITY)
-            } else {
-                (-g[i - m], g[i - m])
-            }
+        let reach = |i: usize, g: f64| -> [f64; 2] {
+            Disc { g }.reach::<2>(at(&self.lambda, i), at(&end.lambda, i))
         };
-        let reach = |i: usize| {
-            let step = end.lambda[i] - self.lambda[i];
-            let (low, high) = bounds(i);
-            let room = if step < 0.0 {
-                low - self.lambda[i]
-            } else {
-                high - self.lambda[i]
-            };
-            if step == 0.0 {
-                f64::INFINITY
-            } else {
-                (room / step).max(0.0)
-            }
-        };
-        let t = (0..self.r.len()).map(reach).fold(1.0, f64::min);
+        let reaches: Vec<[f64; 2]> = g.iter().enumerate().map(|(i, &g)| reach(i, g)).collect();
+        let t = (reaches.iter().flatten()).fold(1.0, |t: f64, &reach| t.min(reach));
         let mut cut = self.towards(end, t);
-        for (i, l) in cut.lambda.iter_mut().enumerate() {
-            let (low, high) = bounds(i);
-            if reach(i) <= t {
-                *l = if end.lambda[i] < self.lambda[i] {
-                    low
-                } else {
-                    high
-                };
-            }
-            *l = l.clamp(low, high);
+        for (i, (&g, reach)) in g.iter().zip(&reaches).enumerate() {
+            let snapped = Disc { g }.snap::<2>(at(&cut.lambda, i), reach.map(|reach| reach <= t));
+            put(&mut cut.lambda, i, snapped);
         }
         cut
     }
 }
 
-/// P_Λ: the projections (4) on λν ≥ 0 and (5) on |λτ| ≤ g.
-///
-/// The sum of max-functions in (5) is the clamp to [−g, g]; written as such it leaves what is inside
-/// exactly as it was.
+/// P_Λ of the paper: the projections (4) on λν ≥ 0 and (5) on |λτ| ≤ g. λ has length 2m, g length m.
 pub fn project(lambda: &mut [f64], g: &[f64]) {
-    let (normal, tangential) = lambda.split_at_mut(g.len());
-    for l in normal {
-        *l = l.max(0.0);
-    }
-    for (l, &g) in tangential.iter_mut().zip(g) {
-        *l = l.clamp(-g, g);
+    for (i, &g) in g.iter().enumerate() {
+        let projected = Disc { g }.project::<2>(at(lambda, i));
+        put(lambda, i, projected);
     }
 }
 
@@ -131,7 +101,7 @@ pub(super) fn settle(
         return end;
     };
     for pass in 1.. {
-        let near = balance.nearest(&step(point), |i, z| interval(g[i], z));
+        let near = balance.nearest(&step(point), |i, z: [f64; 2]| Disc { g: g[i] }.nearest(z));
         let forces = balance.spread(&near.eta);
         for (r, force) in point.r.iter_mut().zip(&forces) {
             *r -= force / rho;

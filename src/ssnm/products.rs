@@ -21,8 +21,8 @@
 //! what the last change of u has brought, or from all of them where PCG is slow. The final check, which trusts
 //! nothing, tells if that was too bold.
 
-use super::Subspace;
 use super::scaling::Scaled;
+use super::subspace::Subspace;
 use crate::control::{Accuracy, Followed, Stop};
 use crate::dual::{DualError, DualOperator, sigma_max};
 use crate::sparse::norm;

@@ -76,6 +76,10 @@ impl<'a, D: DualOperator + ?Sized> Scaled<'a, D> {
 }
 
 impl<D: DualOperator + ?Sized> DualOperator for Scaled<'_, D> {
+    fn size(&self) -> (usize, usize) {
+        self.dual.size()
+    }
+
     fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
         self.dual.set_data(load, offsets)
     }

@@ -37,6 +37,11 @@ impl Subspace {
         self.push(direction, image);
     }
 
+    /// Whether its directions have so many entries.
+    pub fn fits_length(&self, len: usize) -> bool {
+        self.directions.iter().all(|d| d.len() == len)
+    }
+
     /// Adds a direction that is conjugate to all others and has the length one in the norm of A.
     pub fn push(&mut self, direction: Vec<f64>, image: Vec<f64>) {
         if self.directions.len() == MAX_DIRECTIONS {

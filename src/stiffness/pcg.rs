@@ -29,7 +29,7 @@ pub enum PcgError {
     #[error(
         "conjugate gradients stopped at a relative residual of {reached:.1e} instead of {asked:.0e} after \
          {iterations} iterations; the stiffness matrix is singular or too badly conditioned: look for a \
-         body without supports, slivers, or extreme ratios of the moduli, or use the Cholesky factor"
+         body without supports, slivers, or extreme ratios of the moduli"
     )]
     Stalled {
         reached: f64,

@@ -6,10 +6,11 @@ pub mod checker;
 pub mod runs;
 
 use signorini::backend::cpu::Cpu;
-use signorini::case::{Build, Case, Elastic, StepData};
+use signorini::case::{Build, Case};
 use signorini::control::Costs;
 use signorini::dual::DirectDual;
 use signorini::dual::{DualOperator, NestedDual};
+use signorini::model::{Elastic, StepData};
 use signorini::output::ContactFields;
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::quasistatic::{self, State, StepSolution};
@@ -314,7 +315,8 @@ pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 3] {
                 zero,
                 solution.slip_bound.clone(),
             )
-            .with_friction_coefficient(Vec::new());
+            .and_then(|problem| problem.with_friction_coefficient(Vec::new()))
+            .unwrap_or_else(|error| panic!("{error}"));
         let runs = [&solution, &run(&given, true), &run(problem, false)];
         for (sum, run) in products.iter_mut().zip(runs) {
             assert!(distance(&run.u, &solution.u) < 1e3 * tolerance);

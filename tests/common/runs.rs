@@ -130,6 +130,7 @@ pub fn name_of(status: Status) -> &'static str {
         Status::NotHeld => "not_held",
         Status::TimeLimit => "time_limit",
         Status::Interrupted => "interrupted",
+        _ => "another status",
     }
 }
 

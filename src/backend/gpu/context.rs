@@ -405,7 +405,7 @@ fn choose(options: &GpuOptions) -> Result<(wgpu::Adapter, AdapterSummary, String
     if all.is_empty() {
         return Err(GpuError::NoAdapter(
             "no GPU adapter found: install a Vulkan driver (for a software one: mesa-vulkan-drivers and \
-             libvulkan1 on Debian), or use the CPU"
+             libvulkan1 on Debian)"
                 .to_owned(),
         ));
     }

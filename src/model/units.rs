@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// `[units]`: the units that the numbers of a case are in. Stresses and areas follow.
+/// The units that the numbers of a model are in; `[units]` of a case file. Stresses and areas follow.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Units {

@@ -1,0 +1,138 @@
+//! `[solver]`: tolerances and limits.
+
+use super::{Case, CaseError};
+use crate::quasistatic;
+use crate::ssnm;
+use serde::Deserialize;
+use std::time::Duration;
+use toml::Spanned;
+
+/// `[solver]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SolverTable {
+    /// ε, relative to the first error.
+    pub tolerance: Spanned<f64>,
+    /// ρ = β / σ_max.
+    pub beta: Spanned<f64>,
+    /// Of Algorithm ISSNM, as `c_fact`.
+    pub r_tol: Spanned<f64>,
+    /// Of Algorithm ISSNM, as `r_tol`.
+    pub c_fact: Spanned<f64>,
+    /// Algorithm ISSNM, or SSNM.
+    pub method: ssnm::Method,
+    /// Outer steps of one solve at most.
+    pub max_iterations: usize,
+    /// Of the whole run, such as `10min`; none if left out.
+    pub time_limit: Option<Spanned<String>>,
+    /// How far slip bounds of rounds settle under Coulomb's law; ten times the tolerance if left out.
+    pub friction_tolerance: Option<Spanned<f64>>,
+    /// Rounds with frozen slip bounds at most.
+    pub max_rounds: usize,
+}
+
+impl Default for SolverTable {
+    fn default() -> Self {
+        let defaults = ssnm::Settings::default();
+        let rounds = quasistatic::Settings::default();
+        let plain = |value| Spanned::new(0..0, value);
+        Self {
+            tolerance: plain(defaults.tolerance),
+            beta: plain(defaults.beta),
+            r_tol: plain(defaults.r_tol),
+            c_fact: plain(defaults.c_fact),
+            method: defaults.method,
+            max_iterations: defaults.max_iterations,
+            time_limit: None,
+            friction_tolerance: None,
+            max_rounds: rounds.max_rounds,
+        }
+    }
+}
+
+impl Case {
+    /// The solver table as settings.
+    pub fn settings(&self) -> quasistatic::Settings<'static> {
+        let s = &self.tables.solver;
+        quasistatic::Settings {
+            ssnm: ssnm::Settings {
+                tolerance: *s.tolerance.get_ref(),
+                beta: *s.beta.get_ref(),
+                r_tol: *s.r_tol.get_ref(),
+                c_fact: *s.c_fact.get_ref(),
+                method: s.method,
+                max_iterations: s.max_iterations,
+                time_limit: self.time_limit,
+                ..Default::default()
+            },
+            friction_tolerance: s.friction_tolerance.as_ref().map(|t| *t.get_ref()),
+            max_rounds: s.max_rounds,
+            ..Default::default()
+        }
+    }
+
+    /// Checks the solver table; its time limit, if that can be counted.
+    pub(super) fn check_solver(&self) -> Result<Option<Duration>, CaseError> {
+        let s = &self.tables.solver;
+        let parts = [
+            ("tolerance", Some(&s.tolerance)),
+            ("r_tol", Some(&s.r_tol)),
+            ("c_fact", Some(&s.c_fact)),
+            ("friction_tolerance", s.friction_tolerance.as_ref()),
+        ];
+        for (name, value) in parts {
+            if let Some(value) = value
+                && !(*value.get_ref() > 0.0 && *value.get_ref() < 1.0)
+            {
+                return self.invalid(value.span(), format!("{name} must lie between 0 and 1"));
+            }
+        }
+        if !(*s.beta.get_ref() > 0.0 && s.beta.get_ref().is_finite()) {
+            return self.invalid(s.beta.span(), "beta must be positive");
+        }
+        let Some(limit) = &s.time_limit else {
+            return Ok(None);
+        };
+        duration(limit.get_ref()).or_else(|error| {
+            self.invalid(
+                limit.span(),
+                format!(
+                    "time_limit = \"{}\" is not a duration such as \"10min\" or \"90s\": {error}",
+                    limit.get_ref()
+                ),
+            )
+        })
+    }
+}
+
+/// A duration such as "2h 30min"; None where it is longer than can be counted, which is as good as no limit.
+fn duration(text: &str) -> Result<Option<Duration>, humantime::DurationError> {
+    // Piece by piece: humantime itself panics where a sum of several overflows.
+    let mut pieces = vec![String::new()];
+    let mut before = ' ';
+    for c in text.chars() {
+        if c.is_ascii_digit() && before.is_alphabetic() {
+            pieces.push(String::new());
+        }
+        if !c.is_whitespace() {
+            before = c;
+        }
+        pieces.last_mut().expect("there is one").push(c);
+    }
+    let mut sum = Some(Duration::ZERO);
+    for piece in &pieces {
+        let part = match humantime::parse_duration(piece) {
+            Ok(part) => Some(part),
+            // If only the digits are to blame.
+            Err(humantime::DurationError::NumberOverflow)
+                if humantime::parse_duration(&piece.replace(|c: char| c.is_ascii_digit(), "0"))
+                    .is_ok() =>
+            {
+                None
+            }
+            Err(error) => return Err(error),
+        };
+        sum = sum.zip(part).and_then(|(sum, part)| sum.checked_add(part));
+    }
+    Ok(sum)
+}

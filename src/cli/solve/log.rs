@@ -1,0 +1,185 @@
+//! Progress on standard error.
+
+use super::SolveArguments;
+use signorini::control::Costs;
+use signorini::dual::DualOperator as _;
+use signorini::engine::Engine;
+use signorini::quasistatic::Round;
+use signorini::ssnm::Step;
+use std::io::{IsTerminal as _, Write as _};
+
+/// Who hears how much.
+pub struct Log {
+    quiet: bool,
+    verbose: bool,
+    terminal: bool,
+}
+
+/// Back to the beginning of a line of a terminal, which is emptied.
+const ERASED: &str = "\r\x1b[2K";
+
+const HEADER: &str = "step  inner  products       err   contact   stick  slip+  slip−  changes";
+
+fn row(step: &Step, m: usize) -> String {
+    format!(
+        "{:4}  {:5}  {:8}  {:8.2e}  {:8}  {:6} {:6} {:6}  {:7}{}",
+        step.iter,
+        step.inner,
+        step.n_a,
+        step.err,
+        m - step.sets.separated,
+        step.sets.stick,
+        step.sets.slip_plus,
+        step.sets.slip_minus,
+        step.changes,
+        if step.safeguarded { "  safeguard" } else { "" }
+    )
+}
+
+/// The number of contact nodes of a step.
+fn nodes(step: &Step) -> usize {
+    let sets = &step.sets;
+    sets.stick + sets.slip_plus + sets.slip_minus + sets.frictionless
+}
+
+impl Log {
+    pub fn new(arguments: &SolveArguments) -> Self {
+        Self {
+            quiet: arguments.quiet,
+            verbose: arguments.verbose,
+            terminal: std::io::stderr().is_terminal(),
+        }
+    }
+
+    /// What the user should know without asking.
+    pub fn tell(&self, line: &str) {
+        if !self.quiet {
+            eprintln!("{line}");
+        }
+    }
+
+    /// With -v.
+    pub fn say(&self, line: std::fmt::Arguments) {
+        if self.verbose && !self.quiet {
+            eprintln!("{line}");
+        }
+    }
+
+    /// What solves the systems with K, with -v.
+    pub fn engine(&self, engine: &Engine, seconds: f64) {
+        match engine.cholesky() {
+            Some(dual) => self.say(format_args!(
+                "Cholesky: {} entries ({:.0} MiB), factorised in {:.3} s, one solve {:.4} s",
+                dual.factor().entries(),
+                dual.factor().entries() as f64 * 8.0 / (1 << 20) as f64,
+                dual.factor().seconds,
+                dual.solve_seconds
+            )),
+            None => {
+                self.say(format_args!(
+                    "PCG on the {}, set up in {seconds:.3} s",
+                    engine.backend()
+                ));
+                if let Some(table) = engine.hierarchy() {
+                    self.say(format_args!("{table}"));
+                }
+            }
+        }
+    }
+
+    /// What the systems with K have cost, with -v.
+    pub fn costs(&self, engine: &Engine) {
+        if let Some(costs) = engine.costs() {
+            self.say(format_args!("{}", describe(&costs)));
+        }
+    }
+
+    /// One line that is written over on a terminal, and one after the other elsewhere.
+    pub fn step(&self, step: &Step) {
+        if self.quiet {
+            return;
+        }
+        let line = format!(
+            "step {}: err {:.2e}, {} products, {} of {} nodes in contact",
+            step.iter,
+            step.err,
+            step.n_a,
+            nodes(step) - step.sets.separated,
+            nodes(step)
+        );
+        if self.terminal {
+            eprint!("{ERASED}{line}");
+            let _ = std::io::stderr().flush();
+        } else {
+            eprintln!("{line}");
+        }
+    }
+
+    fn erase(&self) {
+        if self.terminal {
+            eprint!("{ERASED}");
+        }
+    }
+
+    /// The end of a solve that may not be the last of its step.
+    pub fn round(&self, round: &Round) {
+        if self.quiet {
+            return;
+        }
+        self.erase();
+        let Round { round: k, info, .. } = round;
+        let cost = format!("{} steps, {} products", info.iter, info.n_a);
+        if round.frozen {
+            eprintln!(
+                "solve {k}: slip bounds frozen, in the end off by {:.2e}; {cost}",
+                round.friction_change
+            );
+        } else {
+            eprintln!(
+                "solve {k}: coupled steps do not get on, least err {:.2e}; {cost}; next with frozen slip bounds",
+                info.err_relative
+            );
+        }
+    }
+
+    /// The table of all steps.
+    pub fn finish(&self, history: &[Step], tolerance: f64) {
+        if self.quiet {
+            return;
+        }
+        self.erase();
+        if history.is_empty() {
+            return;
+        }
+        eprintln!("{HEADER}");
+        for step in history {
+            let met = if step.err <= tolerance {
+                "  err met"
+            } else {
+                ""
+            };
+            eprintln!("{}{met}", row(step, nodes(step)));
+        }
+    }
+}
+
+/// What the systems with K have cost.
+fn describe(costs: &Costs) -> String {
+    let Costs { solves, device } = costs;
+    let mut text = format!(
+        "{} systems with K, {} PCG iterations",
+        solves.solves, solves.iterations
+    );
+    if device.dispatches > 0 {
+        let per_iteration = device.dispatches as f64 / solves.iterations.max(1) as f64;
+        text += &format!(
+            "; {} dispatches ({per_iteration:.2} per iteration, all others included), {} read-backs \
+             (one per {:.0} iterations), {} submissions",
+            device.dispatches,
+            device.readbacks,
+            solves.iterations as f64 / device.readbacks.max(1) as f64,
+            device.submissions
+        );
+    }
+    text
+}

@@ -1,0 +1,136 @@
+//! The end of a solve in words, on standard output.
+
+use signorini::output::{ContactReport, Report, StepReport};
+use signorini::ssnm::{SetSizes, Status};
+use std::path::PathBuf;
+
+/// All of it.
+pub fn text(report: &Report, files: &[PathBuf]) -> String {
+    let mut lines = vec![describe(report.status).to_owned()];
+    let last = report.steps.last();
+    for one in last.iter().flat_map(|step| &step.not_held) {
+        lines.push(format!(
+            "  {} {}: add a [[support]], friction, or change the load",
+            one.body, one.motion
+        ));
+    }
+    lines.push(format!(
+        "  {} outer steps, {} products with A, err {:.1e} of the first; optimality conditions met to {:.1e}",
+        report.iter,
+        report.n_a,
+        report.err_relative,
+        report.kkt.max()
+    ));
+    lines.extend(last.and_then(|step| rounds(step, report.steps.len())));
+    lines.push(states(report));
+    let t = &report.timings;
+    lines.push(format!(
+        "  {:.3} s in all: mesh {:.3}, assembly {:.3}, factor {:.3}, set-up {:.3}, contact {:.3}, output {:.3}",
+        t.total, t.mesh, t.assembly, t.factor, t.setup, t.ssnm, t.output
+    ));
+    lines.extend(last.iter().flat_map(|step| forces(report, step)));
+    lines.extend(report.hints.iter().map(|hint| format!("  hint: {hint}")));
+    lines.extend(files.iter().map(|file| format!("  {}", file.display())));
+    lines.join("\n") + "\n"
+}
+
+fn describe(status: Option<Status>) -> &'static str {
+    let Some(status) = status else {
+        return "ended by an error";
+    };
+    match status {
+        Status::Converged => "converged",
+        Status::IterationLimit => {
+            "NOT converged: the limit of outer steps (solver.max_iterations) or rounds (solver.max_rounds) is reached"
+        }
+        Status::Stagnated => {
+            "NOT converged: no progress any more; loosen solver.tolerance or, where PCG is used, try --stiffness cholesky"
+        }
+        Status::NotHeld => {
+            "NOT converged: contact and friction do not hold every body under this load"
+        }
+        Status::TimeLimit => "NOT converged: the time limit is reached (solver.time_limit)",
+        Status::Interrupted => "NOT converged: interrupted",
+        _ => "NOT converged",
+    }
+}
+
+/// Why a step has taken several solves, if it has.
+fn rounds(step: &StepReport, n_steps: usize) -> Option<String> {
+    if step.rounds < 2 {
+        return None;
+    }
+    let steps = match n_steps {
+        1 => String::new(),
+        n => format!(" in the last of {n} load steps"),
+    };
+    let end = if step.friction_change == 0.0 {
+        "rounds with frozen slip bounds between them helped".to_owned()
+    } else {
+        format!("frozen slip bounds are off by {:.1e}", step.friction_change)
+    };
+    let solves = step.rounds;
+    Some(format!(
+        "  {solves} solves{steps}: coupled steps alone did not get on, {end}"
+    ))
+}
+
+/// How many contact nodes do what.
+fn states(report: &Report) -> String {
+    let (separated, stick, slip, frictionless) = match report.steps.last() {
+        Some(step) if !step.contacts.is_empty() => {
+            let sum = |of: fn(&ContactReport) -> usize| step.contacts.iter().map(of).sum::<usize>();
+            (
+                sum(|c| c.separated),
+                sum(|c| c.stick),
+                sum(|c| c.slip),
+                sum(|c| c.frictionless),
+            )
+        }
+        // Without geometry the sets are all there is: a separated multiplier sticks or slips as well.
+        _ => {
+            let SetSizes {
+                separated,
+                stick,
+                slip_plus,
+                slip_minus,
+                frictionless,
+            } = report.sets;
+            (separated, stick, slip_plus + slip_minus, frictionless)
+        }
+    };
+    let m = report.m;
+    let mut text = format!(
+        "  {} of {m} nodes in contact, {separated} separated",
+        m - separated
+    );
+    let mut separator = "; ";
+    if stick + slip > 0 {
+        text += &format!("{separator}{stick} stick, {slip} slip");
+        separator = ", ";
+    }
+    if frictionless > 0 {
+        text += &format!("{separator}{frictionless} without friction");
+    }
+    text
+}
+
+/// What contacts and supports carry, a line each.
+fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = String> + 'a {
+    let (force, stress) = (&report.units.force, report.units.stress());
+    let contacts = step.contacts.iter().map(move |contact| {
+        let [x, y] = contact.force;
+        format!(
+            "  contact {} / {}: force on the first ({x:.6e}, {y:.6e}) {force}, pressure up to {:.4e} {stress}",
+            contact.boundary, contact.against, contact.max_pressure
+        )
+    });
+    let supports = step.supports.iter().map(move |support| {
+        let [x, y] = support.force;
+        format!(
+            "  support {}: force ({x:.6e}, {y:.6e}) {force}",
+            support.support
+        )
+    });
+    contacts.chain(supports)
+}

@@ -1,0 +1,360 @@
+//! What the multipliers of one contact node may be: the convex sets that Λ is the product of, and Coulomb's cone.
+//!
+//! In D dimensions a node has D multipliers: λν, and D − 1 of λτ along its tangents. ‖λτ‖ ≤ g is a disc in space and an
+//! interval in the plane, where all of this gives (4), (5) and Step 2 as they are printed, to the last bit: the
+//! direction λτ/‖λτ‖ is ±1 there.
+
+use std::array::from_fn;
+
+/// A nearest point with what it depends on: the derivative of the projection.
+pub(crate) type Projected<const D: usize> = ([f64; D], [[f64; D]; D]);
+
+/// The row of multiplier a of contact node i (of m) in λ = (λν, λτ): the normal one for a = 0, then those along the
+/// D − 1 tangents, which lie side by side.
+pub(crate) fn row_of<const D: usize>(m: usize, i: usize, a: usize) -> usize {
+    match a {
+        0 => i,
+        _ => m + (D - 1) * i + a - 1,
+    }
+}
+
+/// The entries of contact node i of a vector as long as λ.
+pub(crate) fn at<const D: usize>(x: &[f64], i: usize) -> [f64; D] {
+    from_fn(|a| x[row_of::<D>(x.len() / D, i, a)])
+}
+
+/// Sets the entries of contact node i.
+pub(crate) fn put<const D: usize>(x: &mut [f64], i: usize, entries: [f64; D]) {
+    let m = x.len() / D;
+    for (a, entry) in entries.into_iter().enumerate() {
+        x[row_of::<D>(m, i, a)] = entry;
+    }
+}
+
+/// The sets of Step 2 that a contact node is in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct NodeSets<const D: usize> {
+    /// 𝒜ν; ℐν otherwise, where λν = 0.
+    pub contact: bool,
+    /// ℐτ, where λτ = g times this direction (of length one, without a normal part); None in 𝒜τ.
+    pub slip: Option<[f64; D]>,
+}
+
+impl<const D: usize> NodeSets<D> {
+    /// Puts what is held on its bound; `bound` says what that of λτ is for a λν.
+    pub fn hold(&self, mut lambda: [f64; D], bound: impl Fn(f64) -> f64) -> [f64; D] {
+        if !self.contact {
+            lambda[0] = 0.0;
+        }
+        if let Some(direction) = self.slip {
+            let g = bound(lambda[0]);
+            for a in 1..D {
+                lambda[a] = g * direction[a];
+            }
+        }
+        lambda
+    }
+}
+
+/// λν ≥ 0 and ‖λτ‖ ≤ g, with the bound g given: Λ on one node.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Disc {
+    pub g: f64,
+}
+
+impl Disc {
+    /// P_Λ: the projections (4) and (5).
+    ///
+    /// The sum of max-functions in (5) is the clamp to [−g, g]; written as such it leaves what is inside exactly as it
+    /// was.
+    pub fn project<const D: usize>(self, z: [f64; D]) -> [f64; D] {
+        self.nearest(z).0
+    }
+
+    /// P_Λ with its derivative.
+    pub fn nearest<const D: usize>(self, z: [f64; D]) -> Projected<D> {
+        let (mut end, mut derivative) = (z, [[0.0; D]; D]);
+        end[0] = z[0].max(0.0);
+        derivative[0][0] = f64::from(u8::from(z[0] > 0.0));
+        let length = tangential(z);
+        if length < self.g {
+            (1..D).for_each(|a| derivative[a][a] = 1.0);
+        } else if length >= self.g && length > 0.0 {
+            let s = direction(z, 1.0);
+            for a in 1..D {
+                if length > self.g {
+                    end[a] = self.g * s[a];
+                }
+                for b in 1..D {
+                    let identity = f64::from(u8::from(a == b));
+                    derivative[a][b] = self.g / length * (identity - s[a] * s[b]);
+                }
+            }
+        }
+        (end, derivative)
+    }
+
+    /// The sets that z = λ − ρr predicts (Step 2). A λτ with g = 0 has no freedom and is always held.
+    pub fn predict<const D: usize>(self, z: [f64; D]) -> NodeSets<D> {
+        let slips = tangential(z) > self.g || self.g == 0.0;
+        NodeSets {
+            contact: z[0] >= 0.0,
+            slip: slips.then(|| direction(z, -1.0)),
+        }
+    }
+
+    /// What of λ ∈ Λ lies on a bound and would be pushed out by a step against the gradient r.
+    pub fn binding<const D: usize>(self, lambda: [f64; D], r: [f64; D]) -> NodeSets<D> {
+        let s = direction(lambda, 1.0);
+        let along: f64 = (1..D).map(|a| s[a] * r[a]).sum();
+        let pushed = tangential(lambda) >= self.g && (along <= 0.0 || self.g == 0.0);
+        NodeSets {
+            contact: !(lambda[0] <= 0.0 && r[0] >= 0.0),
+            slip: pushed.then_some(s),
+        }
+    }
+
+    /// What of λ ∈ Λ lies on a bound.
+    pub fn at_bounds<const D: usize>(self, lambda: [f64; D]) -> NodeSets<D> {
+        NodeSets {
+            contact: !(lambda[0] <= 0.0),
+            slip: (tangential(lambda) >= self.g).then(|| direction(lambda, 1.0)),
+        }
+    }
+
+    /// The sets at a solution λ ∈ Λ with gradient r: by the multipliers themselves; where g = 0 by the direction of
+    /// slip, r = −Tu.
+    pub fn at_solution<const D: usize>(self, lambda: [f64; D], r: [f64; D]) -> NodeSets<D> {
+        let slip = if self.g == 0.0 {
+            (tangential(r) > 0.0).then(|| direction(r.map(|r| -r), 1.0))
+        } else {
+            (tangential(lambda) >= self.g).then(|| direction(lambda, 1.0))
+        };
+        NodeSets {
+            contact: lambda[0] > 0.0,
+            slip,
+        }
+    }
+
+    /// Whether λν, and λτ, lie strictly within their bounds.
+    pub fn contains<const D: usize>(self, lambda: [f64; D]) -> [bool; 2] {
+        [lambda[0] > 0.0, tangential(lambda) < self.g]
+    }
+
+    /// The parts of the way from λ ∈ Λ to `end` at which λν, and λτ, come to their bounds; infinite where they do not.
+    pub fn reach<const D: usize>(self, lambda: [f64; D], end: [f64; D]) -> [f64; 2] {
+        let step: [f64; D] = from_fn(|a| end[a] - lambda[a]);
+        let part = |room: f64, step: f64| match step {
+            0.0 => f64::INFINITY,
+            step => (room / step).max(0.0),
+        };
+        let normal = match step[0] < 0.0 {
+            true => part(-lambda[0], step[0]),
+            false => f64::INFINITY,
+        };
+        if D == 2 {
+            return [normal, part(self.g.copysign(step[1]) - lambda[1], step[1])];
+        }
+        // The larger root of ‖λτ + t step‖² = g², without cancellation.
+        let dot = |x: [f64; D], y: [f64; D]| (1..D).map(|a| x[a] * y[a]).sum::<f64>();
+        let (square, slope) = (dot(step, step), dot(lambda, step));
+        let room = (self.g * self.g - dot(lambda, lambda)).max(0.0);
+        let root = (slope * slope + square * room).sqrt();
+        let tangential = match slope > 0.0 {
+            true => part(room, slope + root),
+            false => part(root - slope, square),
+        };
+        [normal, tangential]
+    }
+
+    /// Puts λν, and λτ, exactly on the bound that they are at but for rounding, and inside otherwise.
+    pub fn snap<const D: usize>(self, mut lambda: [f64; D], on_bound: [bool; 2]) -> [f64; D] {
+        if on_bound[0] {
+            lambda[0] = 0.0;
+        }
+        if on_bound[1] {
+            let s = direction(lambda, 1.0);
+            (1..D).for_each(|a| lambda[a] = self.g * s[a]);
+        }
+        self.project(lambda)
+    }
+}
+
+/// The nearest point of Coulomb's cone, ‖λτ‖ ≤ μλν.
+fn cone<const D: usize>(mu: f64, z: [f64; D]) -> Projected<D> {
+    let length = tangential(z);
+    if z[0] > 0.0 && length <= mu * z[0] {
+        let identity = from_fn(|a| from_fn(|b| f64::from(u8::from(a == b))));
+        return (z, identity);
+    }
+    if z[0] <= -mu * length {
+        return ([0.0; D], [[0.0; D]; D]);
+    }
+    let s = direction(z, 1.0);
+    let mut edge = s.map(|s| mu * s);
+    edge[0] = 1.0;
+    let square = 1.0 + mu * mu;
+    let along = (1..D).fold(z[0], |sum, a| sum + edge[a] * z[a]) / square;
+    let turn = mu * along / length;
+    let derivative = from_fn(|a| {
+        from_fn(|b| {
+            let own = edge[a] * edge[b] / square;
+            if D == 2 || a == 0 || b == 0 {
+                return own;
+            }
+            // The edge turns with z.
+            let identity = f64::from(u8::from(a == b));
+            own + turn * (identity - s[a] * s[b])
+        })
+    });
+    (edge.map(|e| e * along), derivative)
+}
+
+/// The nearest multipliers that obey a node's law of friction: those of Coulomb's cone where μ > 0, of the given slip
+/// bound elsewhere.
+pub(crate) fn lawful<const D: usize>(given: f64, mu: f64, z: [f64; D]) -> Projected<D> {
+    if mu > 0.0 {
+        cone(mu, z)
+    } else {
+        Disc { g: given }.nearest(z)
+    }
+}
+
+/// ‖λτ‖.
+fn tangential<const D: usize>(z: [f64; D]) -> f64 {
+    match D {
+        2 => z[1].abs(),
+        _ => z[1..].iter().fold(0.0, |sum: f64, t| sum.hypot(*t)),
+    }
+}
+
+/// λτ/‖λτ‖ without a normal part, and `otherwise` (±1) along the first tangent where λτ = 0.
+fn direction<const D: usize>(z: [f64; D], otherwise: f64) -> [f64; D] {
+    let length = tangential(z);
+    from_fn(|a| match a {
+        0 => 0.0,
+        1 if !(length > 0.0) => otherwise,
+        _ if !(length > 0.0) => 0.0,
+        // In the plane always.
+        _ if z[a].abs() == length => 1.0_f64.copysign(z[a]),
+        _ => z[a] / length,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers without any pattern, between −2 and 2.
+    fn arbitrary<const D: usize>(seed: usize) -> [f64; D] {
+        from_fn(|a| 2.0 * ((7 * seed + 13 * a + seed * a + 1) as f64).sin())
+    }
+
+    /// Nearest, idempotent, and with the right derivative.
+    fn check_projection<const D: usize>(project: impl Fn([f64; D]) -> Projected<D>) {
+        const STEP: f64 = 1e-6;
+        for seed in 0..200 {
+            let z = arbitrary::<D>(seed);
+            let (p, derivative) = project(z);
+            let again = project(p).0;
+            for a in 0..D {
+                assert!((again[a] - p[a]).abs() < 1e-14, "{z:?}");
+            }
+            for other in 200..240 {
+                // (z − p)ᵀ(x − p) ≤ 0 for all x of the set: no point of it is nearer.
+                let x = project(arbitrary::<D>(other)).0;
+                let slope: f64 = (0..D).map(|a| (z[a] - p[a]) * (x[a] - p[a])).sum();
+                assert!(slope < 1e-12, "{z:?}: {slope}");
+            }
+            for b in 0..D {
+                let moved = |step: f64| {
+                    let mut there = z;
+                    there[b] += step;
+                    project(there)
+                };
+                let (ahead, behind) = (moved(STEP), moved(-STEP));
+                for a in 0..D {
+                    let difference = (ahead.0[a] - behind.0[a]) / (2.0 * STEP);
+                    // But for kinks.
+                    let kink = (ahead.1[a][b] - behind.1[a][b]).abs() > 1e-3;
+                    let off = (derivative[a][b] - difference).abs();
+                    assert!(off < 1e-6 || kink, "{z:?}: {a}, {b}: {off}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn projections_are_nearest_and_have_their_derivative() {
+        for g in [0.0, 0.3, 1.2] {
+            check_projection::<2>(|z| Disc { g }.nearest(z));
+            check_projection::<3>(|z| Disc { g }.nearest(z));
+        }
+        for mu in [0.1, 0.6, 2.0] {
+            check_projection::<2>(|z| cone(mu, z));
+            check_projection::<3>(|z| cone(mu, z));
+        }
+    }
+
+    /// (4) and (5) and the sets of Step 2 as they are printed.
+    #[test]
+    fn in_the_plane_it_is_what_the_paper_says() {
+        let printed = |t: f64, g: f64| 0.0_f64.max(t + g) - 0.0_f64.max(t - g) - g;
+        for seed in 0..200 {
+            let z = arbitrary::<2>(seed);
+            for g in [0.0, 0.5, 1.0] {
+                let disc = Disc { g };
+                let [n, t] = disc.project(z);
+                assert_eq!((n, t), (z[0].max(0.0), z[1].clamp(-g, g)));
+                assert!((t - printed(z[1], g)).abs() < 1e-15);
+                let sets = disc.predict(z);
+                assert_eq!(sets.contact, z[0] >= 0.0);
+                let slip = [z[1] > g, z[1] < -g];
+                let expected = (slip[0] || slip[1]).then(|| [0.0, z[1].signum()]);
+                assert_eq!(sets.slip, expected);
+                if sets.slip.is_some() {
+                    assert_eq!(sets.hold(z, |_| g)[1], t);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_way_ends_on_the_bound_that_it_meets() {
+        fn check<const D: usize>() {
+            let disc = Disc { g: 0.7 };
+            for seed in 0..100 {
+                let start = disc.project(arbitrary::<D>(seed));
+                let end = arbitrary::<D>(seed + 1000);
+                for (part, t) in disc.reach(start, end).into_iter().enumerate() {
+                    let there: [f64; D] = from_fn(|a| start[a] + t.min(1.0) * (end[a] - start[a]));
+                    let [normal, sticks] = disc.contains(there);
+                    match (part, t <= 1.0) {
+                        (0, true) => assert!(there[0].abs() < 1e-14),
+                        (0, false) => assert!(normal || start[0] == 0.0),
+                        (_, true) => assert!((tangential(there) - 0.7).abs() < 1e-14),
+                        (_, false) => assert!(sticks),
+                    }
+                    if t <= 1.0 {
+                        let snapped = disc.snap(there, [part == 0, part == 1]);
+                        assert!(
+                            !disc.contains(snapped)[part]
+                                || (tangential(snapped) - 0.7).abs() < 1e-15
+                        );
+                    }
+                }
+            }
+        }
+        check::<2>();
+        check::<3>();
+    }
+
+    #[test]
+    fn tangents_of_a_node_lie_side_by_side() {
+        let mut x: Vec<f64> = (0..6).map(f64::from).collect();
+        assert_eq!(at::<3>(&x, 1), [1.0, 4.0, 5.0]);
+        assert_eq!(at::<2>(&x, 1), [1.0, 4.0]);
+        put(&mut x, 0, [9.0, 8.0, 7.0]);
+        assert_eq!(x, [9.0, 1.0, 8.0, 7.0, 4.0, 5.0]);
+    }
+}

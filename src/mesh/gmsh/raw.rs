@@ -1,0 +1,220 @@
+//! What the sections of a file add up to, before it is a mesh.
+
+use super::Result;
+use super::reader::Reader;
+use crate::mesh::Element;
+use std::collections::HashMap;
+
+/// More groups of one element are nonsense, and no reason to keep long sets for each.
+pub(super) const MOST_GROUPS: usize = 255;
+
+/// Sets of physical groups; elements refer to them by number, since few differ. Number 0 is that of none.
+pub(super) struct GroupSets {
+    pub sets: Vec<Vec<u64>>,
+    numbers: HashMap<Vec<u64>, u32>,
+}
+
+impl Default for GroupSets {
+    fn default() -> Self {
+        Self {
+            sets: vec![Vec::new()],
+            numbers: HashMap::from([(Vec::new(), 0)]),
+        }
+    }
+}
+
+impl GroupSets {
+    /// The number of a set. A negative tag means that the group turns the entity around.
+    pub fn number(&mut self, tags: impl IntoIterator<Item = i64>) -> u32 {
+        let mut set: Vec<u64> = tags.into_iter().map(i64::unsigned_abs).collect();
+        set.retain(|&tag| tag != 0);
+        set.sort_unstable();
+        set.dedup();
+        if let Some(&number) = self.numbers.get(&set) {
+            return number;
+        }
+        let number = self.sets.len() as u32;
+        self.sets.push(set.clone());
+        self.numbers.insert(set, number);
+        number
+    }
+}
+
+/// From the numbers of nodes in the file to ours: a table, as far as those are dense.
+#[derive(Default)]
+pub(super) struct NodeNumbers {
+    table: Vec<u32>,
+    others: HashMap<usize, u32>,
+}
+
+impl NodeNumbers {
+    const NONE: u32 = u32::MAX;
+
+    fn get(&self, tag: usize) -> Option<u32> {
+        match self.table.get(tag) {
+            Some(&node) if node != Self::NONE => Some(node),
+            _ if self.others.is_empty() => None,
+            _ => self.others.get(&tag).copied(),
+        }
+    }
+
+    fn insert(&mut self, tag: usize, node: u32) {
+        // No file makes the table much longer than there are nodes.
+        if tag >= self.table.len() && tag <= 4 * node as usize + 1000 {
+            self.table.resize(tag + 1, Self::NONE);
+        }
+        match self.table.get_mut(tag) {
+            Some(place) => *place = node,
+            None => {
+                self.others.insert(tag, node);
+            }
+        }
+    }
+}
+
+/// What the sections add up to.
+#[derive(Default)]
+pub(super) struct Raw {
+    /// Names of physical groups by (dimension, tag).
+    pub names: HashMap<(i64, u64), String>,
+    pub groups: GroupSets,
+    /// Sets of physical groups of entities by (dimension, tag), MSH 4.1.
+    pub entities: HashMap<(i64, i64), u32>,
+    pub nodes: Vec<[f64; 3]>,
+    numbers: NodeNumbers,
+    /// (set of physical groups, nodes) of lines.
+    pub lines: Vec<(u32, [u32; 2])>,
+    /// Triangles and quadrilaterals; the region is the number of the set of physical groups.
+    pub faces: Vec<Element>,
+}
+
+impl Raw {
+    pub fn add_node(&mut self, reader: &Reader, tag: usize, x: [f64; 3]) -> Result<()> {
+        if self.numbers.get(tag).is_some() {
+            return reader.fail(format!("node {tag} stands twice"));
+        }
+        if !x.iter().all(|v| v.is_finite()) {
+            return reader.fail(format!("node {tag} has a coordinate that is not finite"));
+        }
+        self.numbers.insert(tag, self.nodes.len() as u32);
+        self.nodes.push(x);
+        Ok(())
+    }
+
+    /// Adds an element of one of the kinds that [`nodes_of`] lets pass, with its nodes first in `tags`.
+    pub fn add_element(
+        &mut self,
+        reader: &Reader,
+        kind: i64,
+        set: u32,
+        tags: &[usize; 4],
+        n_nodes: usize,
+    ) -> Result<()> {
+        let mut nodes = [0; 4];
+        for (node, tag) in nodes.iter_mut().zip(&tags[..n_nodes]) {
+            *node = match self.numbers.get(*tag) {
+                Some(node) => node,
+                None => {
+                    return reader
+                        .fail(format!("an element names node {tag}, which does not exist"));
+                }
+            }
+        }
+        let [a, b, c, _] = nodes;
+        match kind {
+            1 => self.lines.push((set, [a, b])),
+            2 => self.faces.push(Element::triangle([a, b, c], set)),
+            3 => self.faces.push(Element::quad(nodes, set)),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Lets every element stand once, in all groups of its copies: MSH 2 writes an element in two physical
+    /// groups twice, and files that were merged may hold parts twice.
+    pub fn merge_copies(&mut self, reader: &Reader) -> Result<()> {
+        // The elements by their lowest node: few share that.
+        let lowest = |face: &Element| face.nodes().iter().copied().min().unwrap_or(0) as usize;
+        let mut begin = vec![0u32; self.nodes.len() + 1];
+        for face in &self.faces {
+            begin[lowest(face) + 1] += 1;
+        }
+        for node in 0..self.nodes.len() {
+            begin[node + 1] += begin[node];
+        }
+        let mut next = begin.clone();
+        let mut order = vec![0u32; self.faces.len()];
+        for (number, face) in (0..).zip(&self.faces) {
+            let place = &mut next[lowest(face)];
+            order[*place as usize] = number;
+            *place += 1;
+        }
+        let key = |face: &Element| {
+            let mut nodes = [u32::MAX; 4];
+            nodes[..face.nodes().len()].copy_from_slice(face.nodes());
+            nodes.sort_unstable();
+            nodes
+        };
+        const COPY: u32 = u32::MAX;
+        let mut unions = HashMap::new();
+        let mut copies = false;
+        for node in 0..self.nodes.len() {
+            let same = &mut order[begin[node] as usize..begin[node + 1] as usize];
+            if same.len() < 2 {
+                continue;
+            }
+            same.sort_unstable_by_key(|&face| (key(&self.faces[face as usize]), face));
+            let mut first = same[0] as usize;
+            for &face in &same[1..] {
+                let face = face as usize;
+                if key(&self.faces[first]) != key(&self.faces[face]) {
+                    first = face;
+                    continue;
+                }
+                let sets = [self.faces[first].region, self.faces[face].region];
+                if sets[0] != sets[1] {
+                    let union = match unions.get(&sets) {
+                        Some(&union) => union,
+                        None => {
+                            let all = sets.map(|set| self.groups.sets[set as usize].clone());
+                            let tags = all.concat().into_iter().map(|tag| tag as i64);
+                            let union = self.groups.number(tags);
+                            if self.groups.sets[union as usize].len() > MOST_GROUPS {
+                                return reader.fail(format!(
+                                    "an element is in more than {MOST_GROUPS} physical groups"
+                                ));
+                            }
+                            unions.insert(sets, union);
+                            union
+                        }
+                    };
+                    self.faces[first].region = union;
+                }
+                self.faces[face].region = COPY;
+                copies = true;
+            }
+        }
+        if copies {
+            self.faces.retain(|face| face.region != COPY);
+        }
+        Ok(())
+    }
+}
+
+/// Nodes of an element type of Gmsh that may stand in a plane mesh of first order.
+pub(super) fn nodes_of(reader: &Reader, kind: i64) -> Result<usize> {
+    match kind {
+        15 => Ok(1),
+        1 => Ok(2),
+        2 => Ok(3),
+        3 => Ok(4),
+        8..=10 | 16 | 20..=28 => reader
+            .fail("elements of higher order are not supported: set Mesh.ElementOrder = 1 in Gmsh"),
+        4..=7 | 11..=14 | 17..=19 => {
+            reader.fail("volume elements are not supported: the mesh must be plane")
+        }
+        _ => reader.fail(format!(
+            "element type {kind} is not supported: use triangles and quadrilaterals"
+        )),
+    }
+}

@@ -1,0 +1,196 @@
+//! Numbers and lines of a file, as text or as bytes of either order.
+
+use super::foreign::BYTE_ORDER_MARK;
+use super::{Failure, Result, SAVE_AS};
+use std::borrow::Cow;
+
+/// The bytes with a place in them.
+pub(super) struct Reader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    pub binary: bool,
+    swapped: bool,
+}
+
+impl<'a> Reader<'a> {
+    pub fn new(bytes: &'a [u8]) -> Self {
+        let marked = bytes.starts_with(BYTE_ORDER_MARK);
+        Self {
+            bytes,
+            at: if marked { BYTE_ORDER_MARK.len() } else { 0 },
+            binary: false,
+            swapped: false,
+        }
+    }
+
+    /// The section $MeshFormat: what the numbers are like. Returns the version, 2 or 4.
+    pub fn format(&mut self) -> Result<u32> {
+        let line = self.line().unwrap_or_default();
+        let mut parts = line.split_whitespace();
+        let name = parts.next().unwrap_or_default();
+        let version = match name {
+            "2" | "2.0" | "2.1" | "2.2" => 2,
+            "4.1" => 4,
+            _ => {
+                return self.fail(format!("MSH version {name} is not supported: {SAVE_AS}"));
+            }
+        };
+        let binary = parts.next() == Some("1");
+        let size = parts.next();
+        if size != Some("8") {
+            return self.fail("only files with 8-byte numbers are supported");
+        }
+        if binary {
+            self.binary = true;
+            if self.int()? != 1 {
+                self.at -= 4;
+                self.swapped = true;
+                if self.int()? != 1 {
+                    return self.fail("the byte order mark is not 1");
+                }
+            }
+        }
+        Ok(version)
+    }
+
+    pub fn fail<T>(&self, message: impl Into<String>) -> Result<T> {
+        let line = 1 + self.bytes[..self.at.min(self.bytes.len())]
+            .iter()
+            .filter(|&&b| b == b'\n')
+            .count();
+        let place = if self.binary {
+            format!("byte {}", self.at)
+        } else {
+            format!("line {line}")
+        };
+        Err(Failure::Format {
+            place,
+            message: message.into(),
+        })
+    }
+
+    /// The next line without its end; None at the end of the file. What is not UTF-8 is taken for Latin-1,
+    /// in which older editors write names.
+    pub fn line(&mut self) -> Option<Cow<'a, str>> {
+        let rest = self.bytes.get(self.at..).filter(|rest| !rest.is_empty())?;
+        let end = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
+        self.at += (end + 1).min(rest.len());
+        Some(match std::str::from_utf8(&rest[..end]) {
+            Ok(line) => line.into(),
+            Err(_) => rest[..end].iter().map(|&byte| char::from(byte)).collect(),
+        })
+    }
+
+    pub fn token(&mut self) -> Result<&'a str> {
+        let rest = &self.bytes[self.at..];
+        let skip = rest
+            .iter()
+            .position(|b| !b.is_ascii_whitespace())
+            .unwrap_or(rest.len());
+        let rest = &rest[skip..];
+        let end = rest
+            .iter()
+            .position(|b| b.is_ascii_whitespace())
+            .unwrap_or(rest.len());
+        if end == 0 {
+            return self.fail("the file ends in the middle of a section");
+        }
+        self.at += skip + end;
+        match std::str::from_utf8(&rest[..end]) {
+            Ok(token) if !token.starts_with('$') => Ok(token),
+            Ok(token) => {
+                self.at -= end;
+                self.fail(format!(
+                    "found {token} where a number was expected: the section is cut short"
+                ))
+            }
+            Err(_) => self.fail("not text: is this a binary file with an ASCII header?"),
+        }
+    }
+
+    pub fn raw<const N: usize>(&mut self) -> Result<[u8; N]> {
+        let Some(bytes) = self.bytes.get(self.at..self.at + N) else {
+            return self.fail("the file ends in the middle of a section");
+        };
+        self.at += N;
+        let mut raw: [u8; N] = bytes.try_into().expect("N bytes");
+        if self.swapped {
+            raw.reverse();
+        }
+        Ok(raw)
+    }
+
+    pub fn number<T: std::str::FromStr>(&mut self, what: &str) -> Result<T> {
+        let token = self.token()?;
+        match token.parse() {
+            Ok(value) => Ok(value),
+            Err(_) => self.fail(format!("\"{token}\" is not {what}")),
+        }
+    }
+
+    /// A C int.
+    pub fn int(&mut self) -> Result<i64> {
+        if self.binary {
+            Ok(i64::from(i32::from_le_bytes(self.raw()?)))
+        } else {
+            self.number("an integer")
+        }
+    }
+
+    /// A size_t (MSH 4.1).
+    pub fn size(&mut self) -> Result<usize> {
+        let value = if self.binary {
+            u64::from_le_bytes(self.raw()?)
+        } else {
+            self.number("a non-negative integer")?
+        };
+        // A count larger than the file is nonsense, and nothing to allocate for.
+        usize::try_from(value)
+            .ok()
+            .filter(|&v| v < (1 << 48))
+            .map_or_else(
+                || self.fail(format!("{value} is not a sensible number")),
+                Ok,
+            )
+    }
+
+    pub fn float(&mut self) -> Result<f64> {
+        if self.binary {
+            Ok(f64::from_le_bytes(self.raw()?))
+        } else {
+            self.number("a number")
+        }
+    }
+
+    /// The number of a node.
+    pub fn tag(&mut self) -> Result<usize> {
+        let tag = self.int()?;
+        usize::try_from(tag).or_else(|_| self.fail(format!("{tag} is not the number of a node")))
+    }
+
+    /// Moves behind the line `$End…` of a section.
+    pub fn end(&mut self, section: &str) -> Result<()> {
+        let marker = format!("$End{section}");
+        let rest = &self.bytes[self.at..];
+        match rest
+            .windows(marker.len())
+            .position(|w| w == marker.as_bytes())
+        {
+            // Elements that a wrong count hides would be a hole in the body.
+            Some(place)
+                if matches!(section, "Nodes" | "ParametricNodes" | "Elements")
+                    && !rest[..place].trim_ascii().is_empty() =>
+            {
+                self.fail(format!(
+                    "${section} goes on behind the number of entries that it begins with"
+                ))
+            }
+            Some(place) => {
+                self.at += place;
+                self.line();
+                Ok(())
+            }
+            None => self.fail(format!("{marker} is missing: the file is cut short")),
+        }
+    }
+}

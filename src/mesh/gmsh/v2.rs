@@ -1,0 +1,73 @@
+//! The sections of MSH 2.0 to 2.2.
+
+use super::Result;
+use super::raw::{Raw, nodes_of};
+use super::reader::Reader;
+
+/// $Nodes; `parametric` ones also say where they lie on which curve or surface.
+pub(super) fn nodes(reader: &mut Reader, raw: &mut Raw, parametric: bool) -> Result<()> {
+    let count = count_line(reader, "nodes")?;
+    for _ in 0..count {
+        let tag = reader.tag()?;
+        let x = [reader.float()?, reader.float()?, reader.float()?];
+        if parametric {
+            let dim = reader.int()?;
+            reader.int()?;
+            for _ in 0..if dim == 1 || dim == 2 { dim } else { 0 } {
+                reader.float()?;
+            }
+        }
+        raw.add_node(reader, tag, x)?;
+    }
+    Ok(())
+}
+
+pub(super) fn elements(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
+    let total = count_line(reader, "elements")?;
+    let mut read = 0;
+    // The tag of the last element and the number of its set: the next one mostly has the same.
+    let (mut last, mut set) = (0, 0);
+    while read < total {
+        // Binary files have a header for each run of one type; in ASCII every element says its own.
+        let (kind, count, n_tags) = if reader.binary {
+            (reader.int()?, reader.int()?, reader.int()?)
+        } else {
+            reader.int()?;
+            (reader.int()?, 1, reader.int()?)
+        };
+        let n_nodes = nodes_of(reader, kind)?;
+        if count < 1 || !(0..1000).contains(&n_tags) {
+            return reader.fail("the header of a run of elements makes no sense");
+        }
+        for _ in 0..count {
+            if reader.binary {
+                reader.int()?;
+            }
+            // The first tag is the physical group; 0 means none.
+            let group = if n_tags > 0 { reader.int()? } else { 0 };
+            for _ in 1..n_tags {
+                reader.int()?;
+            }
+            if group != last {
+                (last, set) = (group, raw.groups.number([group]));
+            }
+            let mut nodes = [0; 4];
+            for node in &mut nodes[..n_nodes] {
+                *node = reader.tag()?;
+            }
+            raw.add_element(reader, kind, set, &nodes, n_nodes)?;
+        }
+        read += count as usize;
+    }
+    Ok(())
+}
+
+/// The count at the beginning of a section of MSH 2.2: text in binary files, too.
+fn count_line(reader: &mut Reader, what: &str) -> Result<usize> {
+    let line = reader.line().unwrap_or_default();
+    let line = line.trim();
+    match line.parse() {
+        Ok(count) => Ok(count),
+        Err(_) => reader.fail(format!("\"{line}\" is not a number of {what}")),
+    }
+}

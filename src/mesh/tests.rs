@@ -1,0 +1,181 @@
+use super::structured::{CellShape, join, rectangle};
+use super::*;
+
+const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]];
+
+fn mesh(
+    nodes: &[[f64; 2]],
+    elements: Vec<Element>,
+    boundaries: &[(&str, &[[u32; 2]])],
+) -> Result<Mesh, MeshError> {
+    let boundaries = (boundaries.iter()).map(|(name, edges)| (name.to_string(), edges.to_vec()));
+    Mesh::new(
+        nodes.to_vec(),
+        elements,
+        vec!["body".to_owned()],
+        boundaries.collect(),
+    )
+}
+
+#[test]
+fn facets_go_round_a_kind() {
+    for kind in [Kind::Triangle, Kind::Quad] {
+        for (number, facet) in kind.facets().iter().enumerate() {
+            assert_eq!(**facet, [number, (number + 1) % kind.n_nodes()]);
+        }
+    }
+    let edges: Vec<_> = Element::quad([7, 3, 5, 9], 0).edges().collect();
+    assert_eq!(edges, [[7, 3], [3, 5], [5, 9], [9, 7]]);
+}
+
+#[test]
+fn elements_and_edges_are_turned_around() {
+    let elements = vec![
+        Element::triangle([0, 3, 1], 0),
+        Element::triangle([1, 2, 3], 0),
+    ];
+    let made = mesh(&CORNERS, elements, &[("side", &[[0, 1], [2, 1]])]);
+    let made = made.unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(made.elements[0].nodes(), [1, 3, 0]);
+    assert_eq!(made.elements[1].nodes(), [1, 2, 3]);
+    assert_eq!(made.areas(), [2.0]);
+    assert_eq!(made.boundaries["side"], [[0, 1], [1, 2]]);
+    assert!(made.faults.is_empty());
+    assert_eq!(made.edge_normal([1, 2]), (1.0, [1.0, 0.0]));
+    assert_eq!(made.groups["body"], [0]);
+
+    let quad = mesh(&CORNERS, vec![Element::quad([0, 3, 2, 1], 0)], &[]);
+    let quad = quad.unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(quad.elements[0].nodes(), [1, 2, 3, 0]);
+    assert_eq!(quad.areas(), [2.0]);
+}
+
+#[test]
+fn nodes_of_no_element_go() {
+    let mut nodes = vec![[9.0, 9.0]];
+    nodes.extend(CORNERS);
+    let made = mesh(
+        &nodes,
+        vec![Element::quad([1, 2, 3, 4], 0)],
+        &[("low", &[[1, 2]])],
+    );
+    let made = made.unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(made.nodes, CORNERS);
+    assert_eq!(made.elements[0].nodes(), [0, 1, 2, 3]);
+    assert_eq!(made.boundaries["low"], [[0, 1]]);
+}
+
+#[test]
+fn edges_that_are_not_outside_are_noted() {
+    let halves = || {
+        vec![
+            Element::triangle([0, 1, 2], 0),
+            Element::triangle([0, 2, 3], 0),
+        ]
+    };
+    let inside = mesh(&CORNERS, halves(), &[("cut", &[[2, 0], [0, 2], [0, 1]])]);
+    let inside = inside.unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(inside.boundaries["cut"], [[0, 1], [0, 2]]);
+    assert_eq!(inside.faults["cut"].kind, FaultKind::Inside);
+    assert!(inside.edges("cut").is_ok());
+    let error = inside.outer_edges("cut").expect_err("it lies inside");
+    assert_eq!(
+        error.to_string(),
+        "boundary \"cut\": its edge from (2.000000e0, 1.000000e0) to (0.000000e0, 0.000000e0) lies between elements, \
+         not on the outside of the body: take that curve out of the physical group or, where two bodies touch, draw \
+         it once for each"
+    );
+
+    let stray = mesh(&CORNERS, halves(), &[("line", &[[0, 1], [1, 3]])]);
+    let stray = stray.unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(stray.boundaries["line"], [[0, 1]]);
+    assert!(matches!(
+        stray.edges("line"),
+        Err(BoundaryError::Faulty { .. })
+    ));
+    assert!(matches!(
+        stray.edges("lime"),
+        Err(BoundaryError::Unknown(_))
+    ));
+}
+
+#[test]
+fn nonsense_is_refused() {
+    let triangle = |nodes, region| vec![Element::triangle(nodes, region)];
+    let message = |elements, boundaries: &[(&str, &[[u32; 2]])]| {
+        let made = mesh(&CORNERS, elements, boundaries);
+        made.expect_err("it is nonsense").to_string()
+    };
+    assert_eq!(message(vec![], &[]), "the mesh has no elements");
+    assert!(message(triangle([0, 1, 4], 0), &[]).contains("names node 4"));
+    assert!(message(triangle([0, 1, 2], 1), &[]).contains("in region 1"));
+    assert!(message(triangle([0, 1, 2], 0), &[("b", &[[0, 9]])]).contains("\"b\" names node 9"));
+    let flat = message(triangle([1, 1, 2], 0), &[]);
+    assert!(
+        flat.contains("element 0 near (2.000000e0, 0.000000e0)"),
+        "{flat}"
+    );
+    // A corner that turns inwards.
+    let mut nodes = CORNERS;
+    nodes[2] = [0.2, 0.1];
+    assert!(matches!(
+        mesh(&nodes, vec![Element::quad([0, 1, 2, 3], 0)], &[]),
+        Err(MeshError::Degenerate { .. })
+    ));
+    nodes[2] = [f64::NAN, 0.0];
+    assert!(matches!(
+        mesh(&nodes, triangle([0, 1, 3], 0), &[]),
+        Err(MeshError::NotFinite(2))
+    ));
+}
+
+#[test]
+fn joined_meshes_are_bodies_of_their_own() {
+    let part = |x, name| {
+        rectangle(
+            [x, 0.0],
+            [1.0, 1.0],
+            [2, 3],
+            CellShape::Triangle,
+            name,
+            name,
+        )
+    };
+    let both = join(part(0.0, "a"), part(1.0, "b"));
+    let (bodies, body) = both.bodies();
+    assert_eq!((bodies, body[0], body[12]), (2, 0, 1));
+    assert_eq!(both.areas().len(), 2);
+    for (name, outward) in [
+        ("aleft", [-1.0, 0.0]),
+        ("btop", [0.0, 1.0]),
+        ("bbottom", [0.0, -1.0]),
+    ] {
+        for &edge in &both.boundaries[name] {
+            assert_eq!(both.edge_normal(edge).1, outward);
+        }
+    }
+    assert_eq!(both.bounding_box(), ([0.0, 0.0], [2.0, 1.0]));
+}
+
+#[test]
+fn points_in_space_move_and_have_a_box() {
+    let mut points = in_space(vec![[0.0, 1.0, 2.0], [3.0, -1.0, 5.0]]);
+    points.shift([1.0, 2.0, 3.0]);
+    assert_eq!(points.bounding_box(), ([1.0, 1.0, 5.0], [4.0, 3.0, 8.0]));
+    let place = Place::from(points.nodes[0]).to_string();
+    assert_eq!(place, "(1.000000e0, 3.000000e0, 5.000000e0)");
+    assert_eq!(vector::length([2.0, -3.0, 6.0]), 7.0);
+    assert_eq!(vector::dot([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]), 32.0);
+}
+
+/// Nodes without elements.
+pub(crate) fn in_space(nodes: Vec<[f64; 3]>) -> Mesh<3> {
+    Mesh {
+        nodes,
+        elements: Vec::new(),
+        regions: Vec::new(),
+        groups: BTreeMap::new(),
+        boundaries: BTreeMap::new(),
+        faults: BTreeMap::new(),
+    }
+}

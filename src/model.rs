@@ -1,0 +1,257 @@
+//! Models of elastic bodies in contact: what they are made of, what holds and loads them, and what they may touch.
+//!
+//! A [`Model`] says on a mesh what a case file says in its tables, and case files are built by it. [`Model::build`]
+//! checks it, assembles K, f, N, T, d and g, and finds the bodies that nothing but contact holds; [`Elastic::step`]
+//! gives the load of each step.
+
+mod build;
+mod contacts;
+mod entities;
+mod error;
+mod loads;
+mod quantity;
+#[cfg(test)]
+mod tests;
+mod units;
+
+pub use build::{Built, Elastic};
+pub use contacts::PairData;
+pub use entities::{BodyForce, Names, Pair, Support, Traction};
+pub use error::{Entity, Fault, Kind, ModelError};
+pub use loads::StepData;
+pub use quantity::Quantity;
+pub use units::Units;
+
+pub(crate) use build::{body_name, free_bodies, loose_body};
+pub(crate) use error::{nearest, without_curves};
+
+use crate::elasticity::{Material, Plane};
+use crate::mesh::Mesh;
+
+/// A model on its way: a mesh, and what is said about it. Numbers are in any consistent units.
+#[derive(Clone, Debug)]
+pub struct Model {
+    pub(crate) mesh: Mesh,
+    pub(crate) definition: Definition,
+}
+
+/// What is said of a model beside its mesh.
+#[derive(Clone, Debug)]
+pub(crate) struct Definition {
+    /// With the region that each is in; None: all of them.
+    pub(crate) materials: Vec<(Option<String>, Material)>,
+    pub(crate) plane: Plane,
+    pub(crate) thickness: f64,
+    pub(crate) gravity: Option<[f64; 2]>,
+    pub(crate) supports: Vec<Support>,
+    pub(crate) tractions: Vec<Traction>,
+    pub(crate) body_forces: Vec<BodyForce>,
+    pub(crate) pairs: Vec<Pair>,
+    /// The factors of the load steps; None: one step with the factor 1.
+    pub(crate) steps: Option<Vec<f64>>,
+    /// None: not stated.
+    pub(crate) units: Option<Units>,
+}
+
+impl Default for Definition {
+    fn default() -> Self {
+        Self {
+            materials: Vec::new(),
+            plane: Plane::default(),
+            thickness: 1.0,
+            gravity: None,
+            supports: Vec::new(),
+            tractions: Vec::new(),
+            body_forces: Vec::new(),
+            pairs: Vec::new(),
+            steps: None,
+            units: None,
+        }
+    }
+}
+
+impl Model {
+    /// A model of the bodies of a mesh: in plane strain, 1 thick, one load step.
+    pub fn on(mesh: Mesh) -> Self {
+        Self {
+            mesh,
+            definition: Definition::default(),
+        }
+    }
+
+    /// Gives all regions one material.
+    pub fn material(mut self, material: Material) -> Self {
+        self.definition.materials.push((None, material));
+        self
+    }
+
+    /// Gives a region, or a group of them, its material.
+    pub fn material_in(mut self, region: &str, material: Material) -> Self {
+        let region = Some(region.to_owned());
+        self.definition.materials.push((region, material));
+        self
+    }
+
+    /// Says what happens perpendicular to the plane.
+    pub fn plane(mut self, plane: Plane) -> Self {
+        self.definition.plane = plane;
+        self
+    }
+
+    /// The thickness in m that forces are for; 1 without.
+    pub fn thickness(mut self, thickness: f64) -> Self {
+        self.definition.thickness = thickness;
+        self
+    }
+
+    /// An acceleration in m/s², which acts where a material has a density.
+    pub fn gravity(mut self, acceleration: [f64; 2]) -> Self {
+        self.definition.gravity = Some(acceleration);
+        self
+    }
+
+    /// Adds prescribed displacements.
+    pub fn support(mut self, support: Support) -> Self {
+        self.definition.supports.push(support);
+        self
+    }
+
+    /// Adds forces on a boundary.
+    pub fn traction(mut self, traction: Traction) -> Self {
+        self.definition.tractions.push(traction);
+        self
+    }
+
+    /// Adds forces in the volume.
+    pub fn body_force(mut self, force: BodyForce) -> Self {
+        self.definition.body_forces.push(force);
+        self
+    }
+
+    /// Adds a contact.
+    pub fn contact(mut self, pair: Pair) -> Self {
+        self.definition.pairs.push(pair);
+        self
+    }
+
+    /// Load steps, one after another: what loads, gravity and prescribed displacements are multiplied by in each,
+    /// where they have no factors of their own.
+    pub fn steps(mut self, factors: impl Into<Vec<f64>>) -> Self {
+        self.definition.steps = Some(factors.into());
+        self
+    }
+
+    /// Says what results call lengths and forces.
+    pub fn units(mut self, units: Units) -> Self {
+        self.definition.units = Some(units);
+        self
+    }
+}
+
+impl Definition {
+    /// Number of load steps.
+    pub(crate) fn n_steps(&self) -> usize {
+        self.steps.as_ref().map_or(1, Vec::len)
+    }
+
+    /// What something with these factors of its own is multiplied by in a step.
+    fn factor(&self, own: &Option<Vec<f64>>, step: usize) -> f64 {
+        let factors = own.as_ref().or(self.steps.as_ref());
+        (factors.and_then(|factors| factors.get(step)).copied()).unwrap_or(1.0)
+    }
+
+    /// What lengths and forces are called.
+    pub(crate) fn units(&self) -> Units {
+        self.units.clone().unwrap_or_default()
+    }
+
+    /// Whether it can be meant, as far as that shows without the mesh.
+    pub(crate) fn check(&self) -> Result<(), ModelError> {
+        self.check_materials()?;
+        if let Some(fault) = self.units.as_ref().and_then(Units::fault) {
+            return Err(Entity::all(Kind::Units).error(fault));
+        }
+        if !(self.thickness > 0.0 && self.thickness.is_finite()) {
+            return Err(Entity::all(Kind::Thickness).error("thickness must be positive"));
+        }
+        self.check_entities()?;
+        self.check_steps()
+    }
+
+    /// Every material is one, and there is at least one.
+    fn check_materials(&self) -> Result<(), ModelError> {
+        if self.materials.is_empty() {
+            return Err(Entity::all(Kind::Material).error("there is no material"));
+        }
+        for (number, (_, m)) in self.materials.iter().enumerate() {
+            let fault = if !(m.young > 0.0 && m.young.is_finite()) {
+                format!("young is {}: it must be positive", m.young)
+            } else if !(m.poisson > -1.0 && m.poisson < 0.5) {
+                format!(
+                    "poisson is {}: it must lie between −1 and 0.5, both excluded",
+                    m.poisson
+                )
+            } else if !(m.density >= 0.0 && m.density.is_finite()) {
+                format!("density is {}: it must not be negative", m.density)
+            } else {
+                continue;
+            };
+            return Err(self.material_entity(number).error(fault));
+        }
+        Ok(())
+    }
+
+    fn material_entity(&self, number: usize) -> Entity {
+        let region = self.materials[number].0.as_ref();
+        let place = region.map_or(String::new(), |name| format!("of \"{name}\""));
+        Entity::one(Kind::Material, number, place)
+    }
+
+    /// Every support, load and contact says enough and nothing impossible, and no contact stands twice.
+    fn check_entities(&self) -> Result<(), ModelError> {
+        let supports = (self.supports.iter().enumerate()).map(|(i, s)| (s.entity(i), s.fault()));
+        let tractions = (self.tractions.iter().enumerate()).map(|(i, t)| (t.entity(i), t.fault()));
+        let forces = (self.body_forces.iter().enumerate()).map(|(i, b)| (b.entity(i), b.fault()));
+        let pairs = self.pairs.iter().enumerate().map(|(i, pair)| {
+            let twice = self.pairs[..i].iter().any(|other| pair.mirrors(other));
+            let twice = twice.then_some(
+                "this contact stands above with its boundaries the other way round: name each pair once",
+            );
+            (pair.entity(i), pair.fault().or(twice))
+        });
+        let mut all = supports.chain(tractions).chain(forces).chain(pairs);
+        match all.find_map(|(entity, fault)| Some(entity.error(fault?))) {
+            Some(error) => Err(error),
+            None => Ok(()),
+        }
+    }
+
+    /// There is at least one load step, and factors of its own that something has are one for each.
+    fn check_steps(&self) -> Result<(), ModelError> {
+        let finite = |factors: &[f64]| factors.iter().all(|f| f.is_finite());
+        if (self.steps.as_ref()).is_some_and(|steps| steps.is_empty() || !finite(steps)) {
+            return Err(Entity::all(Kind::Steps)
+                .error("factors needs at least one number, all of them finite"));
+        }
+        let supports = (self.supports.iter().enumerate()).map(|(i, s)| (s.entity(i), &s.factors));
+        let tractions = (self.tractions.iter().enumerate()).map(|(i, t)| (t.entity(i), &t.factors));
+        let forces = (self.body_forces.iter().enumerate()).map(|(i, b)| (b.entity(i), &b.factors));
+        let n_steps = self.n_steps();
+        for (entity, factors) in supports.chain(tractions).chain(forces) {
+            let Some(factors) = factors else { continue };
+            if factors.len() == n_steps && finite(factors) {
+                continue;
+            }
+            return Err(entity.error(match &self.steps {
+                None => {
+                    "factors belong to load steps: say what these are, with factors of their own"
+                        .to_owned()
+                }
+                Some(_) => {
+                    format!("factors needs {n_steps} finite numbers, one for each load step")
+                }
+            }));
+        }
+        Ok(())
+    }
+}

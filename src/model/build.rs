@@ -1,0 +1,279 @@
+//! From a model to a contact problem.
+
+use super::contacts::PairData;
+use super::error::{Entity, Fault, Kind, ModelError, listed};
+use super::loads::{Prescription, StepData, acting, held, region};
+use super::{Definition, Model, Units};
+use crate::contact::{ContactRows, contact_rows};
+use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
+use crate::mesh::Mesh;
+use crate::problem::{ContactData, ContactProblem, FreeBody};
+use std::time::Instant;
+
+/// A model that is ready to be solved: the contact problem, and the bodies that it is about.
+#[derive(Debug)]
+pub struct Built {
+    /// The problem with the load of the first step.
+    pub problem: ContactProblem,
+    /// What it is about.
+    pub elastic: Elastic,
+    /// Seconds for K, f and the contact rows.
+    pub assembly_seconds: f64,
+    /// The part of it for the search and the integrals of the contacts.
+    pub pairing_seconds: f64,
+}
+
+/// The elastic side of a problem: what the results are written on.
+#[derive(Debug)]
+pub struct Elastic {
+    /// The mesh of all bodies.
+    pub mesh: Mesh,
+    /// One per region.
+    pub materials: Vec<Material>,
+    /// Plane strain or plane stress.
+    pub plane: Plane,
+    /// Thickness in m.
+    pub thickness: f64,
+    /// The numbering of the unknowns, with the prescribed displacements of the first step.
+    pub unknowns: Unknowns,
+    /// What supports prescribe: node, component, number of the support that does so first.
+    pub held: Vec<(u32, usize, usize)>,
+    /// The boundary or point of each support.
+    pub supports: Vec<String>,
+    /// The rows of N and T with their contact nodes.
+    pub contact: ContactRows,
+    /// The contacts of the model, in its order.
+    pub pairs: Vec<PairData>,
+    /// Which pair each row belongs to.
+    pub pair_of: Vec<u32>,
+    /// What lengths and forces are called.
+    pub units: Units,
+    /// Whether the model says so itself.
+    pub units_stated: bool,
+    /// What the load of each step follows from.
+    pub(super) definition: Definition,
+    pub(super) prescriptions: Vec<Prescription>,
+}
+
+impl Elastic {
+    /// The body as the elasticity functions want it.
+    pub fn body(&self) -> Body<'_> {
+        Body {
+            mesh: &self.mesh,
+            materials: &self.materials,
+            plane: self.plane,
+            thickness: self.thickness,
+        }
+    }
+
+    /// Number of load steps.
+    pub fn n_steps(&self) -> usize {
+        self.definition.n_steps()
+    }
+}
+
+impl Built {
+    /// Number of load steps.
+    pub fn n_steps(&self) -> usize {
+        self.elastic.n_steps()
+    }
+
+    /// The load at the end of a step, counted from 0: [`Elastic::step`].
+    pub fn step(&self, step: usize) -> Result<StepData, ModelError> {
+        self.elastic.step(step)
+    }
+
+    /// The bodies that only contact holds, and what they could do without, in words.
+    pub fn free_bodies(&self) -> Vec<String> {
+        free_bodies(&self.problem, Some(&self.elastic))
+    }
+}
+
+/// Which body one of [`ContactProblem::free_bodies`] is: its region and a point of it, as far as that is known.
+pub(crate) fn body_name(
+    problem: &ContactProblem,
+    elastic: Option<&Elastic>,
+    number: usize,
+) -> String {
+    let free = &problem.free_bodies().bodies()[number];
+    let Some(Elastic { mesh, unknowns, .. }) = elastic else {
+        let [x, y] = free.centre();
+        return format!("the body around ({x:.4e}, {y:.4e})");
+    };
+    let node = unknowns.node(free.nodes()[0] as usize);
+    let region = (mesh.elements.iter())
+        .find(|element| element.nodes().contains(&node))
+        .map_or(0, |element| element.region);
+    let [x, y] = mesh.nodes[node as usize];
+    format!(
+        "the body with region \"{}\" (at ({x:.4e}, {y:.4e}))",
+        mesh.regions[region as usize]
+    )
+}
+
+/// The bodies that can move as a whole, and how, in words.
+pub(crate) fn free_bodies(problem: &ContactProblem, elastic: Option<&Elastic>) -> Vec<String> {
+    let bodies = problem.free_bodies().bodies().iter().enumerate();
+    bodies
+        .map(|(number, body)| {
+            let name = body_name(problem, elastic, number);
+            format!("{name} can {} as a whole", body.freedom())
+        })
+        .collect()
+}
+
+/// A body that can move as a whole and has no contact to hold it, in words.
+pub(crate) fn loose_body(problem: &ContactProblem, elastic: Option<&Elastic>) -> Option<String> {
+    let touched = problem.touched();
+    let alone = |body: &FreeBody| !body.nodes().iter().any(|&node| touched[node as usize]);
+    let number = problem.free_bodies().bodies().iter().position(alone)?;
+    let freedom = free_bodies(problem, elastic).swap_remove(number);
+    Some(format!("{freedom}, and it has no contact to hold it"))
+}
+
+impl Model {
+    /// Checks the model and assembles its contact problem.
+    ///
+    /// # Errors
+    /// If the model cannot be meant: the error names the part at fault.
+    pub fn build(self) -> Result<Built, ModelError> {
+        let start = Instant::now();
+        let Self { mesh, definition } = self;
+        definition.check()?;
+        let materials = definition.materials(&mesh)?;
+        let body = Body {
+            mesh: &mesh,
+            materials: &materials,
+            plane: definition.plane,
+            thickness: definition.thickness,
+        };
+        let prescriptions = definition.prescriptions(&mesh)?;
+        let unknowns = Unknowns::new(definition.prescribed(&mesh, &prescriptions, 0)?);
+        if unknowns.n_free() == 0 {
+            return Err(Entity::all(Kind::Support)
+                .error("the supports hold every node: nothing is left to solve"));
+        }
+        let forces = definition.forces(&body, 0)?;
+
+        let pairing = Instant::now();
+        let mut candidates = definition.candidates(&body)?;
+        let pairing_seconds = pairing.elapsed().as_secs_f64();
+        let contact = contact_rows(&body, &unknowns, &candidates.nodes)
+            .map_err(|error| Entity::all(Kind::Contact).error(Fault::Contact(error)))?;
+        let pair_of: Vec<u32> = (contact.candidate.iter())
+            .map(|&i| candidates.pair_of[i])
+            .collect();
+        definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?;
+        definition.count_nodes(&contact, &pair_of, &mut candidates.pairs)?;
+
+        let problem = problem(&body, &unknowns, &forces, &contact)?;
+        let elastic = Elastic {
+            plane: definition.plane,
+            thickness: definition.thickness,
+            unknowns,
+            held: held(&prescriptions),
+            supports: definition.supports.iter().map(|s| s.name()).collect(),
+            contact,
+            pairs: candidates.pairs,
+            pair_of,
+            units: definition.units(),
+            units_stated: definition.units.is_some(),
+            mesh,
+            materials,
+            definition,
+            prescriptions,
+        };
+        if let Some(text) = loose_body(&problem, Some(&elastic)) {
+            return Err(Entity::all(Kind::Support)
+                .error(format!("{text}: add a support, symmetry, or hold a point")));
+        }
+        Ok(Built {
+            problem,
+            elastic,
+            assembly_seconds: start.elapsed().as_secs_f64(),
+            pairing_seconds,
+        })
+    }
+}
+
+/// The contact problem under the nodal forces and prescribed displacements of the first step.
+fn problem(
+    body: &Body,
+    unknowns: &Unknowns,
+    forces: &[[f64; 2]],
+    contact: &ContactRows,
+) -> Result<ContactProblem, ModelError> {
+    let (stiffness, load) = assemble(body, unknowns, forces);
+    let failed = |error| Entity::all(Kind::Model).error(Fault::Problem(error));
+    // A prescribed motion may have closed a gap: only that of the geometry must not be negative.
+    let problem = ContactProblem::new(ContactData {
+        stiffness,
+        load: load.clone(),
+        normal: contact.normal.clone(),
+        tangential: contact.tangential.clone(),
+        gap: contact.nodes.iter().map(|node| node.gap).collect(),
+        slip_bound: contact.slip_bound.clone(),
+        coordinates: Some(unknowns.coordinates(body.mesh)),
+    })
+    .map_err(failed)?
+    .with_free_unknowns(unknowns.n_free());
+    let zero = vec![0.0; problem.m()];
+    Ok(problem
+        .with_areas(contact.nodes.iter().map(|node| node.area).collect())
+        .map_err(failed)?
+        .with_step(
+            load,
+            contact.gap(unknowns),
+            zero,
+            contact.slip_bound.clone(),
+        )
+        .with_friction_coefficient(contact.coefficient.clone())
+        .map_err(failed)?
+        .with_acting_forces(acting(forces)))
+}
+
+impl Definition {
+    /// The material of each region.
+    fn materials(&self, mesh: &Mesh) -> Result<Vec<Material>, ModelError> {
+        // With the name that has brought it.
+        let mut found: Vec<Option<(Material, &str)>> = vec![None; mesh.regions.len()];
+        for (number, (region_name, material)) in self.materials.iter().enumerate() {
+            let at_fault = |fault: Fault| self.material_entity(number).error(fault);
+            let Some(name) = region_name else {
+                if self.materials.len() == 1 {
+                    found.fill(Some((*material, "")));
+                    continue;
+                }
+                return Err(at_fault(Fault::Stated(format!(
+                    "with several materials each needs its region: {}",
+                    listed(mesh.groups.keys())
+                ))));
+            };
+            for &region in region(mesh, name).map_err(at_fault)? {
+                let before = found[region as usize].replace((*material, name));
+                let message = match before {
+                    Some((_, other)) if other == name => {
+                        format!("region \"{name}\" has two materials")
+                    }
+                    Some((old, other)) if old != *material => format!(
+                        "regions \"{other}\" and \"{name}\" overlap: \"{}\" would have two materials; give both the \
+                         same, or groups that share no surface",
+                        mesh.regions[region as usize]
+                    ),
+                    _ => continue,
+                };
+                return Err(at_fault(Fault::Stated(message)));
+            }
+        }
+        let regions = found.iter().zip(&mesh.regions);
+        regions
+            .map(|(material, name)| match material {
+                Some((material, _)) => Ok(*material),
+                None => {
+                    Err(Entity::all(Kind::Material)
+                        .error(format!("region \"{name}\" has no material")))
+                }
+            })
+            .collect()
+    }
+}

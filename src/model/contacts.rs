@@ -1,0 +1,220 @@
+//! The contacts of a model: their nodes, and what is said of them.
+
+use super::entities::{Against, Law};
+use super::error::{Entity, Fault, Kind, ModelError};
+use super::loads::{Prescription, held, outer_edges};
+use super::{Definition, Pair, Units};
+use crate::contact::{
+    ContactError, ContactNode, ContactRows, Friction, Obstacle, PairOptions, mortar_contact,
+    obstacle_contact,
+};
+use crate::elasticity::{Body, Unknowns};
+use crate::mesh::Mesh;
+use std::collections::HashSet;
+
+/// A contact as it was understood.
+#[derive(Clone, Debug)]
+pub struct PairData {
+    /// The boundary that carries the multipliers; several in one text.
+    pub boundary: String,
+    /// Its edges.
+    pub edges: Vec<[u32; 2]>,
+    /// Those of the other boundary; none for an obstacle.
+    pub others: Vec<[u32; 2]>,
+    /// The other boundary, or what kind of obstacle.
+    pub against: String,
+    /// The obstacle, where there is no other boundary.
+    pub obstacle: Option<Obstacle>,
+    /// The law and its figure.
+    pub friction: String,
+    /// Whether that is Tresca's.
+    pub tresca: bool,
+    /// How far apart candidates for contact may be; with an obstacle, up to where Tresca's bound acts.
+    pub search_distance: f64,
+    /// Contact nodes.
+    pub nodes: usize,
+    /// Those of them within the search distance.
+    pub within: usize,
+    /// Those of them that a law of friction is stated for, but that supports or another contact keep from sliding.
+    pub kept: usize,
+    /// The area that may come into contact, in m².
+    pub area: f64,
+    /// The least and the largest initial gap, in m.
+    pub gap: [f64; 2],
+}
+
+/// The contact nodes of all pairs, before supports.
+#[derive(Default)]
+pub(super) struct Candidates {
+    pub(super) nodes: Vec<ContactNode>,
+    /// Which pair each belongs to.
+    pub(super) pair_of: Vec<u32>,
+    pub(super) pairs: Vec<PairData>,
+}
+
+impl Pair {
+    /// Its contact nodes and what is known of it so far.
+    fn find(&self, body: &Body, units: &Units) -> Result<(Vec<ContactNode>, PairData), Fault> {
+        let edges = outer_edges(body.mesh, self.boundary.all())?;
+        let law = |x| match &self.law {
+            Law::None => 0.0,
+            Law::Tresca(figure) | Law::Coulomb(figure) => figure.at(x),
+        };
+        let gap = |x| self.gap.as_ref().map_or(0.0, |gap| gap.at(x));
+        let mut options = PairOptions {
+            friction: match &self.law {
+                Law::None => Friction::None,
+                Law::Tresca(_) => Friction::Tresca(&law),
+                Law::Coulomb(_) => Friction::Coulomb(&law),
+            },
+            gap: self.gap.is_some().then_some(&gap),
+            adjust: self.adjust,
+            search_distance: self.search_distance,
+        };
+        let mut others = Vec::new();
+        let (found, against, search_distance) = match &self.against {
+            Against::Boundary(names) => {
+                others = outer_edges(body.mesh, names.all())?;
+                let distance = options.distance_between(body, &edges, &others);
+                options.search_distance = Some(distance);
+                let found = mortar_contact(body, &edges, &others, &options);
+                (found, names.to_string(), distance)
+            }
+            Against::Obstacle(obstacle) => {
+                let name = match obstacle {
+                    Obstacle::HalfPlane { .. } => "rigid half-plane",
+                    Obstacle::Circle { .. } => "rigid circle",
+                };
+                let distance = options.distance_to(body, &edges, obstacle);
+                options.search_distance = Some(distance);
+                let found = obstacle_contact(body, &edges, obstacle, &options);
+                (found, name.to_owned(), distance)
+            }
+        };
+        let data = PairData {
+            boundary: self.boundary.to_string(),
+            edges,
+            others,
+            against,
+            obstacle: match self.against {
+                Against::Obstacle(obstacle) => Some(obstacle),
+                Against::Boundary(_) => None,
+            },
+            friction: self.friction(units),
+            tresca: matches!(self.law, Law::Tresca(_)),
+            search_distance,
+            within: 0,
+            kept: 0,
+            nodes: 0,
+            area: 0.0,
+            gap: [f64::INFINITY, 0.0],
+        };
+        Ok((found.map_err(Fault::Contact)?, data))
+    }
+}
+
+impl Definition {
+    /// The contact nodes of all contacts.
+    pub(super) fn candidates(&self, body: &Body) -> Result<Candidates, ModelError> {
+        let units = self.units();
+        let mut all = Candidates::default();
+        for (number, pair) in self.pairs.iter().enumerate() {
+            let found = pair.find(body, &units);
+            let (nodes, data) = found.map_err(|fault| pair.entity(number).error(fault))?;
+            all.pair_of.extend(nodes.iter().map(|_| number as u32));
+            all.nodes.extend(nodes);
+            all.pairs.push(data);
+        }
+        Ok(all)
+    }
+
+    /// Completes what is said of the contacts with the nodes that are left of them.
+    pub(super) fn count_nodes(
+        &self,
+        contact: &ContactRows,
+        pair_of: &[u32],
+        pairs: &mut [PairData],
+    ) -> Result<(), ModelError> {
+        for (i, (node, &pair)) in contact.nodes.iter().zip(pair_of).enumerate() {
+            let pair = &mut pairs[pair as usize];
+            pair.nodes += 1;
+            pair.within += usize::from(node.gap <= pair.search_distance);
+            pair.kept += usize::from(contact.keeps_from_sliding(i));
+            pair.area += node.area;
+            pair.gap = [pair.gap[0].min(node.gap), pair.gap[1].max(node.gap)];
+        }
+        // A corner between two obstacles is a matter of one node; all of a boundary without friction is not.
+        for (i, &pair) in pair_of.iter().enumerate() {
+            if !contact.keeps_from_sliding(i) {
+                continue;
+            }
+            let pair = pair as usize;
+            let node = contact.nodes[i].node;
+            let here = &pairs[pair].edges;
+            let shared = (pairs.iter().enumerate()).any(|(other, there)| {
+                let mut common = there.edges.iter().filter(|edge| here.contains(edge));
+                other != pair && common.any(|edge| edge.contains(&node))
+            });
+            if shared {
+                return Err(self.pairs[pair].entity(pair).error(
+                    "where the same part of a boundary meets several rigid obstacles there can be no friction: split \
+                     the boundary so that each part meets one, or state none",
+                ));
+            }
+        }
+        match pairs.iter().position(|pair| pair.nodes == 0) {
+            None => Ok(()),
+            Some(pair) => Err(self.pairs[pair].entity(pair).error(
+                "supports hold every node of it; if it meets another boundary, name that one first",
+            )),
+        }
+    }
+
+    /// What can be said of all load steps before the first, whose prescribed displacements `first` has: supports that
+    /// contradict each other, or drive nodes without any freedom into what they meet.
+    pub(super) fn foresee(
+        &self,
+        mesh: &Mesh,
+        prescriptions: &[Prescription],
+        first: &Unknowns,
+        contact: &ContactRows,
+    ) -> Result<(), ModelError> {
+        let mut seen = HashSet::new();
+        for step in 0..self.n_steps() {
+            let factors = (self.supports.iter()).map(|s| self.factor(&s.factors, step).to_bits());
+            if !seen.insert(factors.collect::<Vec<_>>()) {
+                continue;
+            }
+            let later;
+            let unknowns = match step {
+                0 => first,
+                _ => {
+                    later = Unknowns::new(self.prescribed(mesh, prescriptions, step)?);
+                    &later
+                }
+            };
+            let Err(error) = contact.check(unknowns) else {
+                continue;
+            };
+            // The support that moves the node most.
+            let by = |&(node, c, _): &(u32, usize, usize)| {
+                unknowns.prescribed(node)[c].unwrap_or(0.0).abs()
+            };
+            let driving = match &error {
+                ContactError::Driven { place, .. } => (held(prescriptions).into_iter())
+                    .filter(|(node, ..)| place.0 == mesh.nodes[*node as usize])
+                    .max_by(|a, b| by(a).total_cmp(&by(b))),
+                _ => None,
+            };
+            let entity = match driving {
+                Some((_, _, number)) => self.supports[number].entity(number),
+                None => Entity::all(Kind::Support),
+            };
+            return Err(match self.n_steps() {
+                1 => entity.error(Fault::Contact(error)),
+                _ => entity.error(format!("load step {}: {error}", step + 1)),
+            });
+        }
+        Ok(())
+    }
+}

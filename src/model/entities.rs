@@ -1,0 +1,425 @@
+//! What a model consists of: supports, loads and contacts, as they are stated.
+
+use super::error::{Entity, Kind};
+use super::{Quantity, Units};
+use crate::contact::Obstacle;
+use std::fmt;
+
+/// The name of a boundary, or several that count as one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Names(Vec<String>);
+
+impl Names {
+    /// All of them.
+    pub fn all(&self) -> &[String] {
+        &self.0
+    }
+
+    /// Whether both have a name in common.
+    pub(super) fn meet(&self, other: &Self) -> bool {
+        self.0.iter().any(|name| other.0.contains(name))
+    }
+}
+
+impl From<&str> for Names {
+    fn from(name: &str) -> Self {
+        Self(vec![name.to_owned()])
+    }
+}
+
+impl From<String> for Names {
+    fn from(name: String) -> Self {
+        Self(vec![name])
+    }
+}
+
+impl From<Vec<String>> for Names {
+    fn from(names: Vec<String>) -> Self {
+        Self(names)
+    }
+}
+
+impl From<&[&str]> for Names {
+    fn from(names: &[&str]) -> Self {
+        Self(names.iter().map(|&name| name.to_owned()).collect())
+    }
+}
+
+impl<const N: usize> From<[&str; N]> for Names {
+    fn from(names: [&str; N]) -> Self {
+        names[..].into()
+    }
+}
+
+impl fmt::Display for Names {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(&self.0.join(", "))
+    }
+}
+
+/// What the components of a vector are called.
+pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// Prescribed displacements on boundaries or at a point. What is not stated is free.
+#[derive(Clone, Debug)]
+pub struct Support<const D: usize = 2> {
+    pub(super) place: Place<D>,
+    pub(super) components: [Option<Quantity<D>>; D],
+    pub(super) symmetry: bool,
+    pub(super) factors: Option<Vec<f64>>,
+}
+
+/// Where a support is.
+#[derive(Clone, Debug)]
+pub(super) enum Place<const D: usize> {
+    Boundary(Names),
+    Point([f64; D]),
+}
+
+impl<const D: usize> Support<D> {
+    fn at(place: Place<D>) -> Self {
+        Self {
+            place,
+            components: [const { None }; D],
+            symmetry: false,
+            factors: None,
+        }
+    }
+
+    /// On a boundary, or on several.
+    pub fn on(boundary: impl Into<Names>) -> Self {
+        Self::at(Place::Boundary(boundary.into()))
+    }
+
+    /// At the node nearest to a point.
+    pub fn at_point(point: [f64; D]) -> Self {
+        Self::at(Place::Point(point))
+    }
+
+    /// No displacement at all.
+    pub fn fixed(mut self) -> Self {
+        self.components = std::array::from_fn(|_| Some(0.0.into()));
+        self
+    }
+
+    /// The displacement u_x in m.
+    pub fn x(self, value: impl Into<Quantity<D>>) -> Self {
+        self.component(0, value)
+    }
+
+    /// The displacement u_y in m.
+    pub fn y(self, value: impl Into<Quantity<D>>) -> Self {
+        self.component(1, value)
+    }
+
+    fn component(mut self, c: usize, value: impl Into<Quantity<D>>) -> Self {
+        self.components[c] = Some(value.into());
+        self
+    }
+
+    /// No displacement across each of the boundaries, which have to be parallel to an axis.
+    pub fn symmetry(mut self) -> Self {
+        self.symmetry = true;
+        self
+    }
+
+    /// Load factors of its own, one per step.
+    pub fn factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
+        self.factors = Some(factors.into());
+        self
+    }
+
+    pub(super) fn entity(&self, number: usize) -> Entity {
+        let place = match &self.place {
+            Place::Boundary(names) => format!("on \"{names}\""),
+            Place::Point(_) => format!("at {}", self.place_name()),
+        };
+        Entity::one(Kind::Support, number, place)
+    }
+
+    fn place_name(&self) -> String {
+        match &self.place {
+            Place::Boundary(names) => names.to_string(),
+            Place::Point(point) => {
+                let point: Vec<String> = point.iter().map(f64::to_string).collect();
+                format!("({})", point.join(", "))
+            }
+        }
+    }
+
+    /// Its boundaries or point, with the components where it does not hold all.
+    pub(super) fn name(&self) -> String {
+        let held: Vec<&str> = (self.components.iter().zip(AXES))
+            .filter_map(|(value, axis)| value.as_ref().map(|_| axis))
+            .collect();
+        let mut name = self.place_name();
+        if held.len() < D {
+            for axis in held {
+                name = name + ", " + axis;
+            }
+        }
+        name
+    }
+
+    /// What cannot be meant, whatever the mesh.
+    pub(super) fn fault(&self) -> Option<&'static str> {
+        let stated = self.components.iter().any(Option::is_some);
+        match &self.place {
+            Place::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),
+            Place::Point(_) if self.symmetry => Some(ALONE),
+            _ if self.symmetry && stated => Some(ALONE),
+            _ if !self.symmetry && !stated => {
+                Some("a support needs x, y or symmetry: it holds nothing")
+            }
+            _ => None,
+        }
+    }
+}
+
+const NO_BOUNDARY: &str = "a list of boundaries is empty: name at least one";
+const ALONE: &str = "symmetry stands alone with a boundary: leave out x, y and point";
+
+/// Forces on boundaries.
+#[derive(Clone, Debug)]
+pub struct Traction<const D: usize = 2> {
+    pub(super) boundary: Names,
+    pub(super) components: [Option<Quantity<D>>; D],
+    pub(super) pressure: Option<Quantity<D>>,
+    pub(super) factors: Option<Vec<f64>>,
+}
+
+impl<const D: usize> Traction<D> {
+    /// On a boundary, or on several.
+    pub fn on(boundary: impl Into<Names>) -> Self {
+        Self {
+            boundary: boundary.into(),
+            components: [const { None }; D],
+            pressure: None,
+            factors: None,
+        }
+    }
+
+    /// In Pa.
+    pub fn x(mut self, value: impl Into<Quantity<D>>) -> Self {
+        self.components[0] = Some(value.into());
+        self
+    }
+
+    /// In Pa.
+    pub fn y(mut self, value: impl Into<Quantity<D>>) -> Self {
+        self.components[1] = Some(value.into());
+        self
+    }
+
+    /// In Pa, against the outward normal.
+    pub fn pressure(mut self, value: impl Into<Quantity<D>>) -> Self {
+        self.pressure = Some(value.into());
+        self
+    }
+
+    /// Load factors of its own, one per step.
+    pub fn factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
+        self.factors = Some(factors.into());
+        self
+    }
+
+    pub(super) fn entity(&self, number: usize) -> Entity {
+        Entity::one(Kind::Traction, number, format!("on \"{}\"", self.boundary))
+    }
+
+    pub(super) fn fault(&self) -> Option<&'static str> {
+        let stated = self.components.iter().chain([&self.pressure]);
+        match () {
+            () if self.boundary.all().is_empty() => Some(NO_BOUNDARY),
+            () if stated.flatten().next().is_none() => Some("a traction needs x, y or pressure"),
+            () => None,
+        }
+    }
+}
+
+/// Forces in the volume.
+#[derive(Clone, Debug)]
+pub struct BodyForce<const D: usize = 2> {
+    pub(super) region: Option<String>,
+    pub(super) components: [Option<Quantity<D>>; D],
+    pub(super) factors: Option<Vec<f64>>,
+}
+
+impl<const D: usize> BodyForce<D> {
+    fn new(region: Option<String>) -> Self {
+        Self {
+            region,
+            components: [const { None }; D],
+            factors: None,
+        }
+    }
+
+    /// In all regions.
+    pub fn everywhere() -> Self {
+        Self::new(None)
+    }
+
+    /// In one region, or in a group of them.
+    pub fn within(region: &str) -> Self {
+        Self::new(Some(region.to_owned()))
+    }
+
+    /// In N/m³.
+    pub fn x(mut self, value: impl Into<Quantity<D>>) -> Self {
+        self.components[0] = Some(value.into());
+        self
+    }
+
+    /// In N/m³.
+    pub fn y(mut self, value: impl Into<Quantity<D>>) -> Self {
+        self.components[1] = Some(value.into());
+        self
+    }
+
+    /// Load factors of its own, one per step.
+    pub fn factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
+        self.factors = Some(factors.into());
+        self
+    }
+
+    pub(super) fn entity(&self, number: usize) -> Entity {
+        let place = (self.region.as_ref()).map_or(String::new(), |name| format!("in \"{name}\""));
+        Entity::one(Kind::BodyForce, number, place)
+    }
+
+    pub(super) fn fault(&self) -> Option<&'static str> {
+        let stated = self.components.iter().any(Option::is_some);
+        (!stated).then_some("a body force needs x or y")
+    }
+}
+
+/// A contact of boundaries with others, or with a rigid obstacle; without friction if no law is stated.
+#[derive(Clone, Debug)]
+pub struct Pair {
+    pub(super) boundary: Names,
+    pub(super) against: Against,
+    pub(super) law: Law,
+    pub(super) gap: Option<Quantity>,
+    pub(super) adjust: f64,
+    pub(super) search_distance: Option<f64>,
+}
+
+/// What a boundary may touch.
+#[derive(Clone, Debug)]
+pub(super) enum Against {
+    Boundary(Names),
+    Obstacle(Obstacle),
+}
+
+/// The law of friction of a contact.
+#[derive(Clone, Debug)]
+pub(super) enum Law {
+    None,
+    Tresca(Quantity),
+    Coulomb(Quantity),
+}
+
+impl Pair {
+    fn with(boundary: Names, against: Against) -> Self {
+        Self {
+            boundary,
+            against,
+            law: Law::None,
+            gap: None,
+            adjust: 0.0,
+            search_distance: None,
+        }
+    }
+
+    /// The boundary of a body, which carries the multipliers, and that of another one. Each may be several that count
+    /// as one.
+    pub fn new(boundary: impl Into<Names>, against: impl Into<Names>) -> Self {
+        Self::with(boundary.into(), Against::Boundary(against.into()))
+    }
+
+    /// The boundary of a body, or several that count as one, and a rigid obstacle.
+    pub fn obstacle(boundary: impl Into<Names>, obstacle: Obstacle) -> Self {
+        Self::with(boundary.into(), Against::Obstacle(obstacle))
+    }
+
+    /// Coulomb's law with this coefficient of friction.
+    pub fn coulomb(mut self, coefficient: impl Into<Quantity>) -> Self {
+        self.law = Law::Coulomb(coefficient.into());
+        self
+    }
+
+    /// Tresca's law with this bound of the tangential traction, in Pa.
+    pub fn tresca(mut self, bound: impl Into<Quantity>) -> Self {
+        self.law = Law::Tresca(bound.into());
+        self
+    }
+
+    /// The initial gap in m, instead of the distance of the meshes.
+    pub fn gap(mut self, gap: impl Into<Quantity>) -> Self {
+        self.gap = Some(gap.into());
+        self
+    }
+
+    /// Gaps and overlaps up to this distance in m count as touching.
+    pub fn adjust(mut self, distance: f64) -> Self {
+        self.adjust = distance;
+        self
+    }
+
+    /// What is farther apart is no candidate between boundaries, and not rubbed by Tresca's bound on an obstacle; in m.
+    /// Without it: half the diagonal of the box around the smaller boundary.
+    pub fn search_distance(mut self, distance: f64) -> Self {
+        self.search_distance = Some(distance);
+        self
+    }
+
+    pub(super) fn entity(&self, number: usize) -> Entity {
+        Entity::one(Kind::Contact, number, format!("on \"{}\"", self.boundary))
+    }
+
+    /// The law and its figure, in words.
+    pub(super) fn friction(&self, units: &Units) -> String {
+        match &self.law {
+            Law::None => "no friction".to_owned(),
+            Law::Tresca(bound) => format!("Tresca bound {bound} {}", units.stress()),
+            Law::Coulomb(coefficient) => format!("Coulomb coefficient {coefficient}"),
+        }
+    }
+
+    pub(super) fn fault(&self) -> Option<&'static str> {
+        let distance = |value: f64| value >= 0.0 && value.is_finite();
+        let finite = |point: [f64; 2]| point.iter().all(|v| v.is_finite());
+        if self.boundary.all().is_empty() {
+            return Some(NO_BOUNDARY);
+        }
+        if !distance(self.adjust) || !self.search_distance.is_none_or(distance) {
+            return Some("search_distance and adjust must be finite and not negative");
+        }
+        match &self.against {
+            Against::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),
+            Against::Boundary(names) if names.meet(&self.boundary) => Some(
+                "a boundary stands on both sides of this contact: contact of a body with itself needs two boundaries \
+                 that share no node",
+            ),
+            Against::Boundary(_) => None,
+            &Against::Obstacle(Obstacle::HalfPlane { point, normal }) => {
+                let length = normal[0].hypot(normal[1]);
+                (!finite(point) || !(length > 0.0 && length.is_finite()))
+                    .then_some("half_plane needs a finite point and a normal that is not zero")
+            }
+            &Against::Obstacle(Obstacle::Circle { center, radius }) => (!finite(center)
+                || !(radius > 0.0 && radius.is_finite()))
+            .then_some("circle needs a finite center and a positive radius"),
+        }
+    }
+
+    /// Whether another contact is about the same boundaries the other way round.
+    pub(super) fn mirrors(&self, other: &Self) -> bool {
+        match (&self.against, &other.against) {
+            (Against::Boundary(here), Against::Boundary(there)) => {
+                here.meet(&other.boundary) && there.meet(&self.boundary)
+            }
+            _ => false,
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! What is wrong with a model, and which part of it.
+
+use crate::contact::ContactError;
+use crate::mesh::BoundaryError;
+use crate::problem::ProblemError;
+use std::fmt;
+
+/// A model cannot be meant as it was stated.
+#[derive(Debug, thiserror::Error)]
+#[error("{entity}: {fault}")]
+pub struct ModelError {
+    /// What of the model is at fault.
+    pub entity: Entity,
+    /// What is wrong with it.
+    #[source]
+    pub fault: Fault,
+}
+
+/// A part of a model, such as `support 2 on "bottom"`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entity {
+    /// What it is.
+    pub kind: Kind,
+    /// Which of its kind, from 0; None where all of them are meant.
+    pub number: Option<usize>,
+    /// Where it is: `on "bottom"`, `at (0, 1)`; empty if that says nothing.
+    pub place: String,
+}
+
+/// The parts that models consist of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// The model as a whole.
+    Model,
+    /// A material.
+    Material,
+    /// A support.
+    Support,
+    /// A traction.
+    Traction,
+    /// A body force.
+    BodyForce,
+    /// A contact.
+    Contact,
+    /// The thickness.
+    Thickness,
+    /// Gravity.
+    Gravity,
+    /// The load steps.
+    Steps,
+    /// What lengths and forces are called.
+    Units,
+}
+
+/// What is wrong with a part of a model.
+#[derive(Debug, thiserror::Error)]
+pub enum Fault {
+    /// The mesh has no such boundary.
+    #[error("there is no boundary \"{name}\"{}", boundaries(name, known))]
+    NoBoundary {
+        /// The name that was stated.
+        name: String,
+        /// The boundaries of the mesh.
+        known: Vec<String>,
+    },
+    /// The mesh has no such region.
+    #[error(
+        "there is no region \"{name}\"; the mesh has {}{}",
+        listed(known),
+        meant(name, known)
+    )]
+    NoRegion {
+        /// The name that was stated.
+        name: String,
+        /// The regions of the mesh and their groups.
+        known: Vec<String>,
+    },
+    /// The boundary is none that this can be done to.
+    #[error(transparent)]
+    Boundary(BoundaryError),
+    /// The boundaries do not make a contact.
+    #[error(transparent)]
+    Contact(ContactError),
+    /// The matrices do not make a contact problem.
+    #[error(transparent)]
+    Problem(ProblemError),
+    /// Anything else, in words.
+    #[error("{0}")]
+    Stated(String),
+}
+
+impl Entity {
+    /// All parts of a kind, or the only one.
+    pub(crate) fn all(kind: Kind) -> Self {
+        Self {
+            kind,
+            number: None,
+            place: String::new(),
+        }
+    }
+
+    /// One part of a kind.
+    pub(crate) fn one(kind: Kind, number: usize, place: String) -> Self {
+        Self {
+            kind,
+            number: Some(number),
+            place,
+        }
+    }
+
+    /// An error about it.
+    pub(crate) fn error(self, fault: impl Into<Fault>) -> ModelError {
+        ModelError {
+            entity: self,
+            fault: fault.into(),
+        }
+    }
+}
+
+impl From<String> for Fault {
+    fn from(text: String) -> Self {
+        Self::Stated(text)
+    }
+}
+
+impl From<&str> for Fault {
+    fn from(text: &str) -> Self {
+        Self::Stated(text.to_owned())
+    }
+}
+
+impl fmt::Display for Entity {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let (one, several) = match self.kind {
+            Kind::Model => ("model", "model"),
+            Kind::Material => ("material", "materials"),
+            Kind::Support => ("support", "supports"),
+            Kind::Traction => ("traction", "tractions"),
+            Kind::BodyForce => ("body force", "body forces"),
+            Kind::Contact => ("contact", "contacts"),
+            Kind::Thickness => ("thickness", "thickness"),
+            Kind::Gravity => ("gravity", "gravity"),
+            Kind::Steps => ("load steps", "load steps"),
+            Kind::Units => ("units", "units"),
+        };
+        match (self.number, self.place.as_str()) {
+            (None, _) => f.write_str(several),
+            (Some(number), "") => write!(f, "{one} {}", number + 1),
+            (Some(number), place) => write!(f, "{one} {} {place}", number + 1),
+        }
+    }
+}
+
+/// What the mesh has instead of a boundary.
+fn boundaries(name: &str, known: &[String]) -> String {
+    if known.is_empty() {
+        return without_curves(name);
+    }
+    format!("; the mesh has {}{}", listed(known), meant(name, known))
+}
+
+/// What to do about a mesh, or a part of one, without any boundary.
+pub(crate) fn without_curves(name: &str) -> String {
+    format!(
+        ": the mesh file has no physical curves; add Physical Curve(\"{name}\") = {{…}}; in Gmsh and save the mesh again"
+    )
+}
+
+/// ": did you mean …?", where a name is like a known one.
+fn meant(name: &str, known: &[String]) -> String {
+    nearest(name, known).map_or(String::new(), |known| {
+        format!(": did you mean \"{known}\"?")
+    })
+}
+
+/// "a", "b" and "c".
+pub(super) fn listed<'a>(names: impl IntoIterator<Item = &'a String>) -> String {
+    let names = names.into_iter().map(|name| format!("\"{name}\""));
+    let names: Vec<String> = names.collect();
+    match names.split_last() {
+        None => "none".to_owned(),
+        Some((last, [])) => last.clone(),
+        Some((last, rest)) => format!("{} and {last}", rest.join(", ")),
+    }
+}
+
+/// The known name that a wrong one is most like, if it is like any.
+pub(crate) fn nearest<'a>(
+    wrong: &str,
+    known: impl IntoIterator<Item = &'a String>,
+) -> Option<&'a String> {
+    known
+        .into_iter()
+        .map(|name| (strsim::damerau_levenshtein(wrong, name), name))
+        .min()
+        .filter(|&(distance, name)| distance <= 1 + name.len() / 3)
+        .map(|(_, name)| name)
+}

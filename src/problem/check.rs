@@ -1,0 +1,433 @@
+//! What the data of a problem has to fulfil.
+
+use super::ContactData;
+use crate::sparse::{BlockCsr, Csr};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// A claim of [`ContactProblem`](super::ContactProblem) that the data breaks. Rows and columns count from 1.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "the message of each variant names its fields")]
+pub enum ProblemError {
+    /// K is not square.
+    #[error("the stiffness matrix K is {rows} × {cols}: it must be square")]
+    NotSquare { rows: usize, cols: usize },
+    /// There is nothing to solve.
+    #[error("the problem has no unknowns")]
+    Empty,
+    /// A vector has the wrong length.
+    #[error("{name} has length {found}, expected {expected} ({reason})")]
+    Length {
+        name: &'static str,
+        found: usize,
+        expected: usize,
+        reason: &'static str,
+    },
+    /// N or T has the wrong shape.
+    #[error(
+        "{name} is {rows} × {cols}, expected {expected} × {n} ({per} per entry of d, one column per unknown)"
+    )]
+    Shape {
+        name: &'static str,
+        rows: usize,
+        cols: usize,
+        expected: usize,
+        n: usize,
+        per: &'static str,
+    },
+    /// A matrix is larger than what 32-bit indices can count.
+    #[error("{name} is {rows} × {cols}, and no more than 2³² − 1 rows or columns can be counted")]
+    TooLarge {
+        name: &'static str,
+        rows: usize,
+        cols: usize,
+    },
+    /// The parts of a compressed matrix have lengths that do not fit.
+    #[error("{name} has {found} {part}, expected {expected} ({reason})")]
+    Parts {
+        name: &'static str,
+        part: &'static str,
+        found: usize,
+        expected: usize,
+        reason: &'static str,
+    },
+    /// The pointers of a compressed matrix do not grow from 0 to the number of its entries.
+    #[error(
+        "{line} {number} of {name} is said to be the entries from {start} to {end} of {count}: pointers must not \
+         fall, the first one is 0 and the last one the number of entries"
+    )]
+    Pointers {
+        name: &'static str,
+        line: &'static str,
+        number: usize,
+        start: i64,
+        end: i64,
+        count: usize,
+    },
+    /// An index of a compressed matrix is out of range.
+    #[error(
+        "{line} {number} of {name} has an entry with the {across} index {index}, and there are {limit} {across}s: \
+         indices count from 0"
+    )]
+    Index {
+        name: &'static str,
+        line: &'static str,
+        number: usize,
+        across: &'static str,
+        index: i64,
+        limit: usize,
+    },
+    /// An entry is infinite or not a number.
+    #[error("{name}: entry {place} is {value}, not a finite number")]
+    NotFinite {
+        name: &'static str,
+        place: String,
+        value: f64,
+    },
+    /// K is not symmetric.
+    #[error(
+        "the stiffness matrix K is not symmetric: K({row}, {col}) = {value:e} but K({col}, {row}) = {mirror:e}"
+    )]
+    NotSymmetric {
+        row: usize,
+        col: usize,
+        value: f64,
+        mirror: f64,
+    },
+    /// A diagonal entry of K is not positive.
+    #[error(
+        "the stiffness matrix K is not positive definite: its diagonal entry {row} is {value:e}, must be > 0"
+    )]
+    Diagonal { row: usize, value: f64 },
+    /// Bodies overlap before they are loaded.
+    #[error(
+        "the gap d has the negative entry d({row}) = {value:e}: the bodies overlap before loading; move them apart"
+    )]
+    NegativeGap { row: usize, value: f64 },
+    /// A slip bound is negative.
+    #[error("the slip bound g has the negative entry g({row}) = {value:e}")]
+    NegativeSlipBound { row: usize, value: f64 },
+    /// A coefficient of friction is negative.
+    #[error("the coefficient of friction μ has the negative entry μ({row}) = {value:e}")]
+    NegativeFriction { row: usize, value: f64 },
+    /// A contact node has no area.
+    #[error("the area of contact node {row} is {value:e}, must be > 0")]
+    Area { row: usize, value: f64 },
+    /// A multiplier has no effect.
+    #[error("row {row} of {name} has no nonzero entry, so (N; T) has no full row rank{hint}")]
+    ZeroRow {
+        name: &'static str,
+        row: usize,
+        hint: &'static str,
+    },
+    /// Two multipliers have the same effect.
+    #[error("rows {first} and {second} of (N; T) are parallel, so it has no full row rank: {name}")]
+    ParallelRows {
+        first: usize,
+        second: usize,
+        name: &'static str,
+    },
+    /// There are more multipliers than unknowns.
+    #[error("(N; T) has {rows} rows for {n} unknowns, so it has no full row rank")]
+    TooManyRows { rows: usize, n: usize },
+}
+
+/// Relative asymmetry of K that counts as rounding.
+const SYMMETRY_LIMIT: f64 = 1e-9;
+
+/// The data, with the last block completed where n is no multiple of D, if all is as it should be: shapes, finite
+/// values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0, no zero or parallel rows in B = (N; T).
+pub(super) fn checked<const D: usize>(
+    mut data: ContactData<D>,
+) -> Result<ContactData<D>, ProblemError> {
+    shapes(&data)?;
+    finite_entries(&data)?;
+    let n = data.load.len();
+    if !n.is_multiple_of(D) {
+        data = pad(data);
+    }
+    symmetric(&data.stiffness)?;
+    let diagonal = data.stiffness.diagonal();
+    if let Some(i) = diagonal.iter().position(|&v| !(v > 0.0)) {
+        return Err(ProblemError::Diagonal {
+            row: i + 1,
+            value: diagonal[i],
+        });
+    }
+    if let Some(i) = data.gap.iter().position(|&v| v < 0.0) {
+        return Err(ProblemError::NegativeGap {
+            row: i + 1,
+            value: data.gap[i],
+        });
+    }
+    slip_bound(&data.slip_bound, data.gap.len())?;
+    rows(&data, n)?;
+    Ok(data)
+}
+
+fn shapes<const D: usize>(data: &ContactData<D>) -> Result<(), ProblemError> {
+    let (rows, cols) = (data.stiffness.n_rows(), data.stiffness.n_cols());
+    if rows != cols {
+        return Err(ProblemError::NotSquare { rows, cols });
+    }
+    let (n, m) = (data.load.len(), data.gap.len());
+    if n == 0 || rows == 0 {
+        return Err(ProblemError::Empty);
+    }
+    if n.next_multiple_of(D) != rows {
+        return Err(ProblemError::Length {
+            name: "the load f",
+            found: n,
+            expected: rows,
+            reason: "one entry per row of K",
+        });
+    }
+    length("the slip bound g", &data.slip_bound, m)?;
+    let shape = |matrix: &Csr| (matrix.n_rows(), matrix.n_cols());
+    contact_shapes::<D>(shape(&data.normal), shape(&data.tangential), m, n)?;
+    match &data.coordinates {
+        Some(points) if points.len() * D != n => Err(ProblemError::Length {
+            name: "the coordinates",
+            found: points.len(),
+            expected: n / D,
+            reason: if D == 2 {
+                "one point per pair of unknowns"
+            } else {
+                "one point per three unknowns"
+            },
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// N and T have rows for m contact nodes, and a column per unknown.
+pub(super) fn contact_shapes<const D: usize>(
+    normal: (usize, usize),
+    tangential: (usize, usize),
+    m: usize,
+    n: usize,
+) -> Result<(), ProblemError> {
+    let each = super::tangents::<D>();
+    for (name, (rows, cols), each) in [("N", normal, 1), ("T", tangential, each)] {
+        if rows != each * m || cols != n {
+            return Err(ProblemError::Shape {
+                name,
+                rows,
+                cols,
+                expected: each * m,
+                n,
+                per: ["one row", "two rows"][each - 1],
+            });
+        }
+    }
+    Ok(())
+}
+
+fn finite_entries<const D: usize>(data: &ContactData<D>) -> Result<(), ProblemError> {
+    finite("the load f", &data.load)?;
+    finite("the gap d", &data.gap)?;
+    finite("the slip bound g", &data.slip_bound)?;
+    let entry = |name, found: Option<(usize, usize, f64)>| match found {
+        Some((i, j, value)) => Err(ProblemError::NotFinite {
+            name,
+            place: format!("({}, {})", i + 1, j + 1),
+            value,
+        }),
+        None => Ok(()),
+    };
+    let bad = |&(_, _, v): &(usize, usize, f64)| !v.is_finite();
+    let k = &data.stiffness;
+    let values = k.values().par_iter();
+    if values.any(|block| block.as_flattened().iter().any(|v| !v.is_finite())) {
+        entry("the stiffness matrix K", k.triplets().find(bad))?;
+    }
+    entry("N", data.normal.triplets().find(bad))?;
+    entry("T", data.tangential.triplets().find(bad))?;
+    let points = data.coordinates.iter().flatten().enumerate();
+    let mut places = points.flat_map(|(i, x)| (0..D).map(move |c| (i, c, x[c])));
+    entry("the coordinates", places.find(bad))
+}
+
+/// One entry per contact node.
+pub(super) fn length(name: &'static str, vector: &[f64], m: usize) -> Result<(), ProblemError> {
+    if vector.len() == m {
+        return Ok(());
+    }
+    Err(ProblemError::Length {
+        name,
+        found: vector.len(),
+        expected: m,
+        reason: "one entry per entry of the gap d",
+    })
+}
+
+/// No entry is infinite or NaN.
+pub(super) fn finite(name: &'static str, vector: &[f64]) -> Result<(), ProblemError> {
+    match vector.iter().position(|v| !v.is_finite()) {
+        Some(i) => Err(ProblemError::NotFinite {
+            name,
+            place: format!("{}", i + 1),
+            value: vector[i],
+        }),
+        None => Ok(()),
+    }
+}
+
+/// g is as it should be.
+pub(super) fn slip_bound(g: &[f64], m: usize) -> Result<(), ProblemError> {
+    length("the slip bound g", g, m)?;
+    finite("the slip bound g", g)?;
+    match g.iter().position(|&v| v < 0.0) {
+        Some(i) => Err(ProblemError::NegativeSlipBound {
+            row: i + 1,
+            value: g[i],
+        }),
+        None => Ok(()),
+    }
+}
+
+/// μ is as it should be: it acts on nodes alone that can slide.
+pub(super) fn friction<const D: usize>(
+    mu: &[f64],
+    m: usize,
+    tangential: &Csr,
+) -> Result<(), ProblemError> {
+    length("the coefficient of friction μ", mu, m)?;
+    finite("the coefficient of friction μ", mu)?;
+    for (i, &value) in mu.iter().enumerate() {
+        if value < 0.0 {
+            return Err(ProblemError::NegativeFriction { row: i + 1, value });
+        }
+        if value > 0.0 && !can_slide::<D>(tangential, i) {
+            return Err(ProblemError::ZeroRow {
+                name: "T",
+                row: i * super::tangents::<D>() + 1,
+                hint: " (a node that cannot move sideways needs the coefficient of friction 0)",
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Completes the last block where n is no multiple of D: decoupled unknowns with the equation 1 · u = 0.
+fn pad<const D: usize>(data: ContactData<D>) -> ContactData<D> {
+    let n = data.load.len();
+    let whole = n.next_multiple_of(D);
+    let resize = |matrix: &Csr| Csr::from_triplets(matrix.n_rows(), whole, matrix.triplets());
+    let mut load = data.load;
+    load.resize(whole, 0.0);
+    ContactData {
+        stiffness: BlockCsr::from_triplets(
+            whole,
+            whole,
+            data.stiffness
+                .triplets()
+                .filter(|&(i, j, _)| i < n && j < n)
+                .chain((n..whole).map(|i| (i, i, 1.0))),
+        ),
+        load,
+        normal: resize(&data.normal),
+        tangential: resize(&data.tangential),
+        ..data
+    }
+}
+
+fn symmetric<const D: usize>(k: &BlockCsr<D>) -> Result<(), ProblemError> {
+    let diagonal = k.diagonal();
+    let bad = (0..k.n_block_rows())
+        .into_par_iter()
+        .with_min_len(1024)
+        .find_map_first(|i| {
+            let (cols, blocks) = k.row(i);
+            for (&j, block) in cols.iter().zip(blocks) {
+                let j = j as usize;
+                let mirror = if i == j { Some(block) } else { k.block(j, i) };
+                for a in 0..D {
+                    for b in 0..D {
+                        let value = block[a][b];
+                        let other = mirror.map_or(0.0, |block| block[b][a]);
+                        let scale = (diagonal[D * i + a].abs() * diagonal[D * j + b].abs()).sqrt();
+                        if (value - other).abs() > SYMMETRY_LIMIT * scale.max(value.abs()) {
+                            return Some(ProblemError::NotSymmetric {
+                                row: D * i + a + 1,
+                                col: D * j + b + 1,
+                                value,
+                                mirror: other,
+                            });
+                        }
+                    }
+                }
+            }
+            None
+        });
+    bad.map_or(Ok(()), Err)
+}
+
+/// The nonzero entries of a row.
+fn entries(matrix: &Csr, row: usize) -> impl Iterator<Item = (u32, f64)> {
+    let (cols, values) = matrix.row(row);
+    let entries = cols.iter().zip(values).map(|(&j, v)| (j, v[0][0]));
+    entries.filter(|&(_, v)| v != 0.0)
+}
+
+/// Whether contact node i can move sideways, in some direction.
+fn can_slide<const D: usize>(tangential: &Csr, i: usize) -> bool {
+    super::tangents_of::<D>(i).any(|row| entries(tangential, row).next().is_some())
+}
+
+/// What can be seen cheaply of the row rank of B: zero rows, parallel rows, too many rows.
+fn rows<const D: usize>(data: &ContactData<D>, n: usize) -> Result<(), ProblemError> {
+    let m = data.gap.len();
+    let mut seen: HashMap<Vec<(u32, u64)>, usize> = HashMap::new();
+    let mut count = 0;
+    for (name, matrix, offset) in [("N", &data.normal, 0), ("T", &data.tangential, m)] {
+        for i in 0..matrix.n_rows() {
+            let entries: Vec<(u32, f64)> = entries(matrix, i).collect();
+            let Some(&(_, lead)) = entries
+                .iter()
+                .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+            else {
+                let tangential = offset > 0;
+                if tangential {
+                    let node = i / super::tangents::<D>();
+                    // In space a node may be free to slide along a line only.
+                    if data.slip_bound[node] == 0.0 || can_slide::<D>(matrix, node) {
+                        continue;
+                    }
+                }
+                return Err(ProblemError::ZeroRow {
+                    name,
+                    row: i + 1,
+                    hint: if tangential {
+                        " (a node that cannot move sideways needs the slip bound 0)"
+                    } else {
+                        ""
+                    },
+                });
+            };
+            count += 1;
+            // Equal up to a factor and rounding: compare eight digits of the entries over the largest.
+            let key = entries
+                .iter()
+                .map(|&(j, v)| (j, (v / lead * 1e8).round() as i64 as u64))
+                .collect();
+            if let Some(first) = seen.insert(key, offset + i) {
+                let both_normal = first < m && offset == 0;
+                return Err(ProblemError::ParallelRows {
+                    first: first + 1,
+                    second: offset + i + 1,
+                    name: match (both_normal, first < m) {
+                        (true, _) => "two rows of N (the same node stands twice in the contact)",
+                        (_, true) => "a row of N and a row of T (normal and tangent are the same)",
+                        _ => "two rows of T (the same node stands twice in the contact)",
+                    },
+                });
+            }
+        }
+    }
+    if count > n {
+        return Err(ProblemError::TooManyRows { rows: count, n });
+    }
+    Ok(())
+}

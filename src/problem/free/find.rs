@@ -1,0 +1,174 @@
+//! The rigid motions of a body that its stiffness matrix does not resist.
+
+use super::FreeBody;
+use crate::dense::{right_singular, symmetric_eigen};
+use crate::problem::is_coupled;
+use crate::rigid::{Frame, length};
+use crate::sparse::{BlockCsr, dot};
+use faer::Mat;
+use rayon::prelude::*;
+
+/// A motion counts as one without stiffness where no unknown is pulled back by more than this part of what its
+/// own row of K could: rounding of K, and nothing that a real support or spring would do.
+const STIFFLESS: f64 = 1e-11;
+/// Columns of a basis are dependent below this part of the largest.
+const DEPENDENT: f64 = 1e-10;
+
+/// The body of these nodes, if it can move as a whole.
+pub(super) fn free_body<const D: usize>(
+    k: &BlockCsr<D>,
+    points: &[[f64; D]],
+    nodes: Vec<u32>,
+) -> Option<FreeBody<D>> {
+    match D {
+        2 => free_among::<D, 3>(k, points, nodes),
+        _ => free_among::<D, 6>(k, points, nodes),
+    }
+}
+
+/// The same with the M rigid motions that there are.
+fn free_among<const D: usize, const M: usize>(
+    k: &BlockCsr<D>,
+    points: &[[f64; D]],
+    nodes: Vec<u32>,
+) -> Option<FreeBody<D>> {
+    let of_body = nodes.iter().map(|&node| &points[node as usize]);
+    let frame = Frame::of_box(of_body, |edges| 0.5 * length(&edges));
+    let mut mode_of: Vec<[[f64; M]; D]> = nodes
+        .par_iter()
+        .with_min_len(1024)
+        .map(|&node| {
+            let mut rows = frame.motions::<M>(&points[node as usize]);
+            for (c, row) in rows.iter_mut().enumerate() {
+                if !is_coupled(k, D * node as usize + c) {
+                    *row = [0.0; M];
+                }
+            }
+            rows
+        })
+        .collect();
+    // To entries of about one.
+    let unit = (D as f64 * nodes.len() as f64).sqrt();
+    let weights = orthogonal(&mut mode_of, unit)?;
+    let independent = weights.len();
+    let pulled = pulled_back(k, &nodes, &mode_of, independent);
+    let combinations: Vec<Vec<f64>> = if pulled.is_empty() {
+        (0..independent)
+            .map(|k| {
+                (0..independent)
+                    .map(|a| f64::from(u8::from(a == k)))
+                    .collect()
+            })
+            .collect()
+    } else {
+        let rows = pulled.len().max(M);
+        let matrix = Mat::from_fn(rows, independent, |i, j| {
+            pulled.get(i).map_or(0.0, |row| row[j])
+        });
+        let (values, right) = right_singular(&matrix)?;
+        (0..independent)
+            .filter(|&k| !(values[k] > STIFFLESS * 10.0))
+            .map(|k| (0..independent).map(|a| right[(a, k)]).collect())
+            .collect()
+    };
+    if combinations.is_empty() {
+        return None;
+    }
+    let mode = |z: &Vec<f64>| {
+        let entry = |row: [f64; M]| dot(&row[..independent], z) / unit;
+        mode_of.iter().map(|rows| rows.map(entry)).collect()
+    };
+    let motion = |z: &Vec<f64>| {
+        let mut motion = vec![0.0; M];
+        for (weight, z) in weights.iter().zip(z) {
+            for a in 0..M {
+                motion[a] += weight[a] * z;
+            }
+        }
+        motion
+    };
+    Some(FreeBody {
+        modes: combinations.iter().map(mode).collect(),
+        motions: combinations.iter().map(motion).collect(),
+        nodes,
+        frame,
+    })
+}
+
+/// Makes the columns of a basis orthogonal, of norm `unit`, without those that the rest leaves dependent; returns
+/// what the new columns, which come first, are made of.
+fn orthogonal<const D: usize, const M: usize>(
+    mode_of: &mut [[[f64; M]; D]],
+    unit: f64,
+) -> Option<Vec<[f64; M]>> {
+    let gram = Mat::from_fn(M, M, |a, b| {
+        mode_of
+            .iter()
+            .flatten()
+            .map(|row| row[a] * row[b])
+            .sum::<f64>()
+    });
+    let (values, vectors) = symmetric_eigen(&gram)?;
+    let largest = values.iter().copied().fold(0.0, f64::max);
+    let kept = (0..M).filter(|&k| values[k] > DEPENDENT * largest && values[k] > 0.0);
+    let weights: Vec<[f64; M]> = kept
+        .map(|k| std::array::from_fn(|a| vectors[(a, k)] * unit / values[k].sqrt()))
+        .collect();
+    for row in mode_of.iter_mut().flatten() {
+        let old = *row;
+        *row = [0.0; M];
+        for (new, weight) in row.iter_mut().zip(&weights) {
+            *new = (0..M).map(|a| old[a] * weight[a]).sum();
+        }
+    }
+    Some(weights)
+}
+
+/// What pulls unknowns back that the first `independent` motions move, as a part of what their rows of K could.
+fn pulled_back<const D: usize, const M: usize>(
+    k: &BlockCsr<D>,
+    nodes: &[u32],
+    mode_of: &[[[f64; M]; D]],
+    independent: usize,
+) -> Vec<[f64; M]> {
+    let mut local = Vec::new();
+    let contiguous = nodes.windows(2).all(|w| w[1] == w[0] + 1);
+    if !contiguous {
+        local = vec![u32::MAX; k.n_block_rows()];
+        for (i, &node) in nodes.iter().enumerate() {
+            local[node as usize] = i as u32;
+        }
+    }
+    let index = &|node: u32| {
+        if contiguous {
+            (node - nodes[0]) as usize
+        } else {
+            local[node as usize] as usize
+        }
+    };
+    nodes
+        .par_iter()
+        .with_min_len(1024)
+        .flat_map_iter(|&node| {
+            let (cols, blocks) = k.row(node as usize);
+            (0..D).filter_map(move |a| {
+                let (mut sum, mut most) = ([0.0; M], 0.0);
+                for (&j, block) in cols.iter().zip(blocks) {
+                    // Blocks of nothing but zeros may lead out of the body.
+                    if block[a] == [0.0; D] {
+                        continue;
+                    }
+                    let there = &mode_of[index(j)];
+                    for b in 0..D {
+                        most += block[a][b].abs();
+                        for m in 0..independent {
+                            sum[m] += block[a][b] * there[b][m];
+                        }
+                    }
+                }
+                let part = sum.map(|v| v / most);
+                part.iter().any(|v| v.abs() > STIFFLESS).then_some(part)
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,331 @@
+//! The door for matrices of other libraries: scalar entries, in compressed rows or columns, read where they are.
+
+use super::{ContactData, ContactProblem, ProblemError, check};
+use crate::sparse::BlockCsr;
+use faer::sparse::SparseColMatRef;
+
+/// The data of a [`ContactProblem`] as other libraries have it: scalar sparse matrices and slices. The letters and
+/// the lengths are those of [`ContactData`].
+///
+/// ```
+/// use faer::sparse::{SparseColMat, Triplet};
+/// use signorini::problem::{ContactProblem, Matrices, SparseRef};
+///
+/// // A matrix of faer, and one in compressed rows: row pointers, column indices and values.
+/// let k = [(0, 0, 2.0), (0, 1, -1.0), (1, 0, -1.0), (1, 1, 1.0)];
+/// let k = k.map(|(row, col, val)| Triplet { row, col, val });
+/// let k: SparseColMat<usize, f64> = SparseColMat::try_new_from_triplets(2, 2, &k)?;
+/// let problem: ContactProblem = ContactProblem::from_matrices(Matrices {
+///     stiffness: k.as_ref().into(),
+///     load: &[0.0, 1.0],
+///     normal: SparseRef::from_rows(1, 2, &[0, 1], &[1], &[1.0]),
+///     tangential: SparseRef::from_rows(1, 2, &[0, 1], &[0], &[1.0]),
+///     gap: &[1.0],
+///     slip_bound: &[0.1],
+///     ..Matrices::default()
+/// })?;
+/// assert_eq!((problem.n(), problem.m()), (2, 1));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Matrices<'a, const D: usize = 2> {
+    /// K, n × n, both triangles.
+    pub stiffness: SparseRef<'a>,
+    /// f, length n.
+    pub load: &'a [f64],
+    /// N, m × n.
+    pub normal: SparseRef<'a>,
+    /// T, (D − 1)m × n.
+    pub tangential: SparseRef<'a>,
+    /// d, length m.
+    pub gap: &'a [f64],
+    /// g, length m; may be empty where coefficients of friction are given.
+    pub slip_bound: &'a [f64],
+    /// μ, length m: Coulomb's law where it is above 0. Empty without.
+    pub friction_coefficient: &'a [f64],
+    /// The node that each D unknowns belong to, if n is a multiple of D and they are ordered node by node.
+    pub coordinates: Option<&'a [[f64; D]]>,
+}
+
+impl<const D: usize> ContactProblem<D> {
+    /// A problem from scalar matrices. They are copied into blocks; n need not be a multiple of D.
+    ///
+    /// # Errors
+    /// What is wrong with which entry: that of the matrices themselves (lengths, pointers, indices), and all that
+    /// [`ContactProblem::new`] and [`ContactProblem::with_friction_coefficient`] check.
+    pub fn from_matrices(matrices: Matrices<'_, D>) -> Result<Self, ProblemError> {
+        let k = matrices.stiffness;
+        // Blocks would hide these, or take memory for what a slip of the pen says.
+        if k.n_rows != k.n_cols {
+            return Err(ProblemError::NotSquare {
+                rows: k.n_rows,
+                cols: k.n_cols,
+            });
+        }
+        if matrices.load.len() != k.n_rows {
+            return Err(ProblemError::Length {
+                name: "the load f",
+                found: matrices.load.len(),
+                expected: k.n_rows,
+                reason: "one entry per row of K",
+            });
+        }
+        let shape = |matrix: &SparseRef| (matrix.n_rows, matrix.n_cols);
+        let (normal, tangential) = (matrices.normal, matrices.tangential);
+        let (m, n) = (matrices.gap.len(), matrices.load.len());
+        check::contact_shapes::<D>(shape(&normal), shape(&tangential), m, n)?;
+        let mu = matrices.friction_coefficient;
+        let slip_bound = match matrices.slip_bound {
+            [] if !mu.is_empty() => vec![0.0; m],
+            given => given.to_vec(),
+        };
+        Self::new(ContactData {
+            stiffness: k.blocks("K")?,
+            load: matrices.load.to_vec(),
+            normal: normal.blocks("N")?,
+            tangential: tangential.blocks("T")?,
+            gap: matrices.gap.to_vec(),
+            slip_bound,
+            coordinates: matrices.coordinates.map(<[_]>::to_vec),
+        })?
+        .with_friction_coefficient(mu.to_vec())
+    }
+}
+
+/// A sparse matrix of scalars that belongs to someone else, in compressed rows or columns counted from 0.
+///
+/// Entries of a row may stand in any order, and repeated ones add up. Nothing is checked before the matrix is used.
+#[derive(Clone, Copy, Debug)]
+pub struct SparseRef<'a> {
+    n_rows: usize,
+    n_cols: usize,
+    by_columns: bool,
+    starts: Indices<'a>,
+    /// Of lines that are shorter than the distance to the next start.
+    lengths: Option<Indices<'a>>,
+    indices: Indices<'a>,
+    values: &'a [f64],
+}
+
+impl<'a> SparseRef<'a> {
+    /// Compressed rows (CSR): row i owns the entries `row_ptr[i]..row_ptr[i + 1]` of `col_idx` and `values`;
+    /// `row_ptr` has one entry more than there are rows.
+    pub fn from_rows<I: Index>(
+        n_rows: usize,
+        n_cols: usize,
+        row_ptr: &'a [I],
+        col_idx: &'a [I],
+        values: &'a [f64],
+    ) -> Self {
+        Self {
+            n_rows,
+            n_cols,
+            by_columns: false,
+            starts: I::indices(row_ptr),
+            lengths: None,
+            indices: I::indices(col_idx),
+            values,
+        }
+    }
+
+    /// Compressed columns (CSC): the same with rows and columns exchanged.
+    pub fn from_columns<I: Index>(
+        n_rows: usize,
+        n_cols: usize,
+        col_ptr: &'a [I],
+        row_idx: &'a [I],
+        values: &'a [f64],
+    ) -> Self {
+        Self {
+            n_rows,
+            n_cols,
+            by_columns: true,
+            ..Self::from_rows(n_cols, n_rows, col_ptr, row_idx, values)
+        }
+    }
+
+    /// A copy in blocks, of whose sizes whole numbers are made. `name`: what an error calls the matrix.
+    fn blocks<const B: usize>(&self, name: &'static str) -> Result<BlockCsr<B>, ProblemError> {
+        self.check(name)?;
+        Ok(BlockCsr::from_passes(self.n_rows, self.n_cols, || {
+            let lines = 0..self.n_lines();
+            lines.flat_map(|line| {
+                let (start, end) = self.range(line);
+                (start as usize..end as usize).map(move |k| {
+                    let (line, across) = (line as u32, self.indices.get(k) as u32);
+                    let (i, j) = if self.by_columns {
+                        (across, line)
+                    } else {
+                        (line, across)
+                    };
+                    (i, j, self.values[k])
+                })
+            })
+        }))
+    }
+
+    /// Rows of compressed rows, columns of compressed columns.
+    fn n_lines(&self) -> usize {
+        if self.by_columns {
+            self.n_cols
+        } else {
+            self.n_rows
+        }
+    }
+
+    /// The entries of a line: start and end.
+    fn range(&self, line: usize) -> (i64, i64) {
+        let start = self.starts.get(line);
+        let end = match self.lengths {
+            Some(lengths) => start.saturating_add(lengths.get(line)),
+            None => self.starts.get(line + 1),
+        };
+        (start, end)
+    }
+
+    fn check(&self, name: &'static str) -> Result<(), ProblemError> {
+        let (rows, cols) = (self.n_rows, self.n_cols);
+        if rows.max(cols) >= u32::MAX as usize {
+            return Err(ProblemError::TooLarge { name, rows, cols });
+        }
+        let (line, across, limit, pointers, indices) = if self.by_columns {
+            ("column", "row", rows, "column pointers", "row indices")
+        } else {
+            ("row", "column", cols, "row pointers", "column indices")
+        };
+        let (lines, count) = (self.n_lines(), self.values.len());
+        let parts = [
+            (
+                pointers,
+                self.starts.len(),
+                lines + 1,
+                "one per line, and one more",
+            ),
+            (indices, self.indices.len(), count, "one per value"),
+        ];
+        for (part, found, expected, reason) in parts {
+            if found != expected {
+                return Err(ProblemError::Parts {
+                    name,
+                    part,
+                    found,
+                    expected,
+                    reason,
+                });
+            }
+        }
+        let mut next = 0;
+        for number in 0..lines {
+            let (start, end) = self.range(number);
+            let follows = start == next || (self.lengths.is_some() && start >= next);
+            let complete = number + 1 < lines || self.lengths.is_some() || end == count as i64;
+            if !(follows && complete && start <= end && end <= count as i64) {
+                return Err(ProblemError::Pointers {
+                    name,
+                    line,
+                    number: number + 1,
+                    start,
+                    end,
+                    count,
+                });
+            }
+            next = end;
+            for k in start as usize..end as usize {
+                let index = self.indices.get(k);
+                if !(0..limit as i64).contains(&index) {
+                    return Err(ProblemError::Index {
+                        name,
+                        line,
+                        number: number + 1,
+                        across,
+                        index,
+                        limit,
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Default for SparseRef<'_> {
+    /// A matrix without rows and columns.
+    fn default() -> Self {
+        Self::from_rows::<usize>(0, 0, &[0], &[], &[])
+    }
+}
+
+impl<'a, I: Index + faer::Index> From<SparseColMatRef<'a, I, f64>> for SparseRef<'a> {
+    fn from(matrix: SparseColMatRef<'a, I, f64>) -> Self {
+        let (n_rows, n_cols, col_ptr, lengths, row_idx) = matrix.symbolic().parts();
+        // There may be room left behind the last column.
+        let end = match (lengths, col_ptr.last()) {
+            (None, Some(end)) => end.zx().min(row_idx.len()),
+            _ => row_idx.len(),
+        };
+        let (row_idx, values) = (&row_idx[..end], &matrix.val()[..end]);
+        Self {
+            lengths: lengths.map(I::indices),
+            ..Self::from_columns(n_rows, n_cols, col_ptr, row_idx, values)
+        }
+    }
+}
+
+/// An integer that rows, columns and entries may be counted with: `i32`, `u32` or `usize`.
+pub trait Index: Copy + sealed::Sealed {
+    #[doc(hidden)]
+    fn indices(slice: &[Self]) -> Indices<'_>;
+}
+
+/// Indices of any such type.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug)]
+pub enum Indices<'a> {
+    I32(&'a [i32]),
+    U32(&'a [u32]),
+    Usize(&'a [usize]),
+}
+
+impl Indices<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Self::I32(all) => all.len(),
+            Self::U32(all) => all.len(),
+            Self::Usize(all) => all.len(),
+        }
+    }
+
+    /// One of them; negative if it is beyond all that can be counted.
+    fn get(&self, k: usize) -> i64 {
+        match self {
+            Self::I32(all) => all[k].into(),
+            Self::U32(all) => all[k].into(),
+            Self::Usize(all) => all[k].try_into().unwrap_or(-1),
+        }
+    }
+}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for i32 {}
+    impl Sealed for u32 {}
+    impl Sealed for usize {}
+}
+
+impl Index for i32 {
+    fn indices(slice: &[Self]) -> Indices<'_> {
+        Indices::I32(slice)
+    }
+}
+
+impl Index for u32 {
+    fn indices(slice: &[Self]) -> Indices<'_> {
+        Indices::U32(slice)
+    }
+}
+
+impl Index for usize {
+    fn indices(slice: &[Self]) -> Indices<'_> {
+        Indices::Usize(slice)
+    }
+}

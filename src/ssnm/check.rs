@@ -1,0 +1,199 @@
+//! Step 1, with the final check of what meets it, and the end of a solve.
+
+use super::goal::Goal;
+use super::newton::{Newton, Way};
+use super::point::Point;
+use super::subspace::Subspace;
+use super::{MET, Status};
+use crate::control::Stop;
+use crate::dual::{DualError, DualOperator};
+use crate::problem::Kkt;
+
+/// The accuracy of a final check after one that failed, relative to before, at most and at least: where a
+/// stiff body is moved, ‖f‖ says little about the loads of a soft one, and u may be far off.
+const TIGHTER: f64 = 0.1;
+const LEAP: f64 = 1e-3;
+/// A final check is not made more accurate than this.
+const FINEST: f64 = 1e-13;
+/// Final checks that may fail although the goal was met.
+const FAILED: usize = 5;
+/// The part of the violations that [`MET`] allows which later points may show before they are checked again.
+const ALLOWED: f64 = 0.9;
+/// Relative residual for the displacement of a solve that has ended without convergence.
+const ROUGH: f64 = 1e-4;
+
+/// What Step 1 says of a point.
+pub(super) enum Ended {
+    /// It is the last one.
+    With(Status),
+    /// Its r has been made afresh: it has to be looked at again.
+    Again,
+    /// Another step is due.
+    NotYet,
+}
+
+impl<D: DualOperator + ?Sized> Newton<'_, D> {
+    /// Step 1: whether err ≤ ε err⁰, and more than that: pressures as accurate as ε asks for, and conditions that hold
+    /// against K.
+    pub fn step_1(&mut self, way: &mut Way, goal: &mut Goal) -> Result<Ended, DualError> {
+        self.products.allow(way.err);
+        let own_motion = self.own_motion(&way.point.lambda);
+        let rounding = self.rounding(&way.point);
+        goal.err = (self.tolerance * way.err0.max(own_motion)).max(rounding);
+        self.goal_err = goal.err;
+        if way.err <= goal.err {
+            let now = (way.history.len(), self.products.n_a);
+            way.first_met.get_or_insert(now);
+        }
+        if !self.meets(goal, &way.point, way.err) {
+            return Ok(Ended::NotYet);
+        }
+        if let Some(status) = self.verify(&mut way.point, goal)? {
+            return Ok(Ended::With(status));
+        }
+        // r is fresh now. Where it had drifted, so have the images of the known directions.
+        way.err = self.error(&mut way.point);
+        if way.err > goal.err {
+            self.products.sharpen();
+            self.products.known = Subspace::default();
+        } else {
+            // What is left to do lies below the error that products were to resolve.
+            self.products.aim_at(TIGHTER * self.products.level());
+        }
+        self.check_accuracy *= (goal.err / way.err).clamp(LEAP, TIGHTER);
+        way.kept = None;
+        Ok(Ended::Again)
+    }
+
+    /// What an error says that is too small to tell, or to ask for another step, while the forces are not known well
+    /// enough.
+    pub fn below_the_goal(&mut self, way: &mut Way, goal: &Goal) -> Result<Ended, DualError> {
+        if way.err <= self.rounding(&way.point) {
+            self.make_exact(&mut way.point)?;
+            way.err = self.error(&mut way.point);
+            way.kept = None;
+            let nothing_left = way.err <= self.rounding(&way.point);
+            return Ok(if nothing_left && !self.meets(goal, &way.point, way.err) {
+                Ended::With(Status::Stagnated)
+            } else {
+                Ended::Again
+            });
+        }
+        if way.err <= goal.err {
+            // Small beside err⁰, but the forces are smaller still.
+            let (lambda, r) = self.unscaled(&way.point);
+            let part = goal.part_for_forces(self.problem, &lambda, &r);
+            let level = (0.5 * part * way.err).min(self.products.level());
+            self.products.aim_at(level);
+        }
+        Ok(Ended::NotYet)
+    }
+
+    /// Whether a point meets the goal, in the units of the problem.
+    fn meets(&self, goal: &Goal, point: &Point, err: f64) -> bool {
+        let (lambda, r) = self.unscaled(point);
+        goal.met(self.problem, &lambda, &r, err)
+    }
+
+    /// The final check of a point that meets the goal: u from K⁻¹, and the optimality conditions against K.
+    ///
+    /// None, with a goal that is harder to meet and an r that is made afresh, if they are not yet met.
+    fn verify(&mut self, point: &mut Point, goal: &mut Goal) -> Result<Option<Status>, DualError> {
+        let tolerance = self.tolerance;
+        let mut u = self.displacement(point, self.check_accuracy, self.products.stop)?;
+        self.take_from(&u, point);
+        let err = self.error(point);
+        self.problem.free_bodies().add_motion(&point.motion, &mut u);
+        let kkt = self.optimality(point, &u);
+        goal.err = goal.err.max(self.rounding(point));
+        let (lambda, r) = self.unscaled(point);
+        let forces = goal.forces_met(self.problem, &lambda, &r);
+        // Equilibrium does not depend on λ: no further step can mend it. A goal that was met again and
+        // again and still fails the check is at the limit of rounding.
+        let status = if err <= goal.err * (1.0 + 1e-6) && forces && kkt.max() <= MET * tolerance {
+            Status::Converged
+        } else if !(kkt.equilibrium <= MET * tolerance) || goal.checks >= FAILED {
+            Status::Stagnated
+        } else {
+            // An err that is not met was a matter of the accuracy of u: the next check has a better one.
+            if err <= goal.err || self.check_accuracy < FINEST {
+                goal.checks += 1;
+            }
+            let yardsticks = self.problem.yardsticks(&u, &lambda);
+            let part = ALLOWED * MET * tolerance;
+            goal.slack = part * yardsticks.length + yardsticks.rounding;
+            goal.work = part * yardsticks.deformation + yardsticks.rounding;
+            return Ok(None);
+        };
+        self.checked = Some((u, kkt));
+        Ok(Some(status))
+    }
+
+    /// u at a point but for the motions of free bodies, to a residual relative to the acting forces.
+    pub fn displacement(
+        &mut self,
+        point: &Point,
+        accuracy: f64,
+        stop: Stop,
+    ) -> Result<Vec<f64>, DualError> {
+        let mut lambda = point.lambda.clone();
+        self.products.dual.times(&mut lambda);
+        let residual = accuracy * self.problem.acting_forces(&lambda);
+        let mut u = if residual == 0.0 {
+            // Neither load nor contact forces.
+            vec![0.0; self.problem.load().len()]
+        } else {
+            (self.products.dual).displacement(&point.lambda, residual, &stop)?
+        };
+        // Whichever K⁺ it was: bodies stay where they were as far as contact lets them.
+        let free = self.problem.free_bodies();
+        let back: Vec<f64> = free
+            .resultants(&u)
+            .iter()
+            .enumerate()
+            .map(|(j, a)| self.place.map_or(0.0, |place| place[j]) - a)
+            .collect();
+        free.add_motion(&back, &mut u);
+        Ok(u)
+    }
+
+    /// The optimality conditions at a point.
+    fn optimality(&self, point: &Point, u: &[f64]) -> Kkt {
+        let mut lambda = point.lambda.clone();
+        self.products.dual.times(&mut lambda);
+        self.problem.kkt(u, &lambda)
+    }
+
+    /// How a solve has ended, with u and the optimality conditions: those of the final check or, where there was none,
+    /// as far as they are known. Whoever has asked to stop does not wait for more than a picture.
+    pub fn end(
+        &mut self,
+        point: &mut Point,
+        outcome: Result<Status, DualError>,
+    ) -> Result<(Status, Vec<f64>, Kkt), DualError> {
+        let status = match outcome {
+            Ok(status) => {
+                if let Some((u, kkt)) = self.checked.take() {
+                    return Ok((status, u, kkt));
+                }
+                status
+            }
+            Err(DualError::Stopped(stopped)) => stopped.into(),
+            Err(error) if error.is_stalled() => Status::Stagnated,
+            Err(error) => return Err(error),
+        };
+        let mut u = match self.displacement(point, ROUGH, Stop::default()) {
+            Err(error) if error.is_stalled() => {
+                self.displacement(point, f64::INFINITY, Stop::default())?
+            }
+            made => made?,
+        };
+        if status == Status::Stagnated {
+            self.take_from(&u, point);
+            self.error(point);
+        }
+        (self.problem.free_bodies()).add_motion(&point.motion, &mut u);
+        let kkt = self.optimality(point, &u);
+        Ok((status, u, kkt))
+    }
+}

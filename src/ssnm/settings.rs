@@ -1,0 +1,219 @@
+//! What a solve is asked for.
+
+use super::subspace::Subspace;
+use crate::problem::ContactProblem;
+use std::cell::RefCell;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+/// How exactly the inner problems (11) are solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// Algorithm ISSNM: to a tolerance that follows the error.
+    #[default]
+    Inexact,
+    /// Algorithm SSNM: to rounding, as far as CG gets.
+    Exact,
+}
+
+/// Settings of the method; the defaults are those of the case file.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings<'a> {
+    /// ε, in (0, 1): what the answer may be off by. The error err = ‖r̃_ρ(P_Λ(λ))‖ is reached relative to err⁰, that at
+    /// λ = 0 (or, where bodies can move as a whole, at the least forces that balance them); beside it what the rest of
+    /// the gradient could still move is made so small that nodal pressures are right to 3000 ε of the largest.
+    pub tolerance: f64,
+    /// β > 0: ρ = β / σ_max.
+    pub beta: f64,
+    /// r_tol of Step 3.1, in (0, 1).
+    pub r_tol: f64,
+    /// c_fact of Step 3.1, in (0, 1).
+    pub c_fact: f64,
+    /// Inexact (ISSNM) or exact (SSNM) inner solves.
+    pub method: Method,
+    /// Outer steps at most.
+    pub max_iterations: usize,
+    /// Wall time at most.
+    pub time_limit: Option<Duration>,
+    /// λ⁰, length 2m, e.g. the multipliers of an earlier solve; zero if None.
+    pub initial: Option<&'a [f64]>,
+    /// σ_max as an earlier solve with the same A has found it ([`super::Info::sigma_max`]); estimated if None.
+    pub sigma_max: Option<f64>,
+    /// Rᵀu before, for the motions of [`ContactProblem::free_bodies`]: what neither load nor contact moves stays
+    /// there; zero if None.
+    pub place: Option<&'a [f64]>,
+    /// err⁰ as an earlier solve of the same step has found it ([`super::Info::first_error`]): where bodies can move as
+    /// a whole it costs a product.
+    pub first_error: Option<f64>,
+    /// What earlier solves with the same K, N and T have found out; this one adds to it.
+    pub memory: Option<&'a RefCell<Memory>>,
+    /// Set from outside to stop at the next product with A.
+    pub interrupt: Option<&'a AtomicBool>,
+}
+
+impl Default for Settings<'_> {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-6,
+            beta: 1.0,
+            r_tol: 0.1,
+            c_fact: 0.9,
+            method: Method::Inexact,
+            max_iterations: 100,
+            time_limit: None,
+            initial: None,
+            sigma_max: None,
+            place: None,
+            first_error: None,
+            memory: None,
+            interrupt: None,
+        }
+    }
+}
+
+/// A setting, or a vector to start from, that no solve can work with.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{field} must {must}")]
+pub struct SettingsError {
+    /// Its name.
+    pub field: &'static str,
+    /// What it must do, as the end of a sentence.
+    pub must: String,
+}
+
+impl SettingsError {
+    pub(crate) fn unless(good: bool, field: &'static str, must: &str) -> Result<(), Self> {
+        let must = must.to_owned();
+        if good {
+            Ok(())
+        } else {
+            Err(Self { field, must })
+        }
+    }
+
+    /// Unless a number lies in (0, 1).
+    pub(crate) fn unless_part(value: f64, field: &'static str) -> Result<(), Self> {
+        Self::unless(value > 0.0 && value < 1.0, field, "lie between 0 and 1")
+    }
+
+    /// Unless a vector has the length, and finite entries.
+    pub(crate) fn unless_numbers(
+        values: &[f64],
+        length: usize,
+        field: &'static str,
+    ) -> Result<(), Self> {
+        let found = values.len();
+        let must = format!("have {length} entries, it has {found}");
+        Self::unless(found == length, field, &must)?;
+        let finite = values.iter().all(|v| v.is_finite());
+        Self::unless(finite, field, "have finite entries")
+    }
+}
+
+impl Settings<'_> {
+    /// Whether the numbers make sense for any problem; the same for a case file, for Rust, and at the start of each
+    /// solve.
+    ///
+    /// # Errors
+    /// The first setting that does not.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        SettingsError::unless_part(self.tolerance, "tolerance")?;
+        let positive = self.beta > 0.0 && self.beta.is_finite();
+        SettingsError::unless(positive, "beta", "be positive")?;
+        SettingsError::unless_part(self.r_tol, "r_tol")?;
+        SettingsError::unless_part(self.c_fact, "c_fact")?;
+        for (field, value) in [
+            ("sigma_max", self.sigma_max),
+            ("first_error", self.first_error),
+        ] {
+            let good = value.is_none_or(|v| v >= 0.0 && v.is_finite());
+            SettingsError::unless(good, field, "be finite and not negative")?;
+        }
+        Ok(())
+    }
+
+    /// Whether what there is to start from belongs to a problem of this size.
+    pub(super) fn check_for(&self, problem: &ContactProblem) -> Result<(), SettingsError> {
+        let len = 2 * problem.m();
+        if let Some(initial) = self.initial {
+            SettingsError::unless_numbers(initial, len, "initial")?;
+        }
+        if let Some(place) = self.place {
+            SettingsError::unless_numbers(place, problem.free_bodies().n_motions(), "place")?;
+        }
+        let fits = self
+            .memory
+            .is_none_or(|memory| memory.borrow().0.fits_length(len));
+        SettingsError::unless(fits, "memory", "be that of a problem of the same size")
+    }
+}
+
+/// Directions whose products with A are known: they hold for every load, gap and slip bound, as long as K, N and T
+/// stay what they are, and spare later solves their products where these are exact (by a factor).
+#[derive(Clone, Debug, Default)]
+pub struct Memory(pub(super) Subspace);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_say_what_is_wrong_with_them() {
+        let good = Settings::default();
+        assert_eq!(good.check(), Ok(()));
+        for value in [0.0, 1.0, -0.5, f64::NAN, f64::INFINITY] {
+            let wrong = |settings: Settings, field: &str| {
+                let text = settings.check().expect_err("it is wrong").to_string();
+                assert!(text.starts_with(field) && text.contains(" must "), "{text}");
+            };
+            wrong(
+                Settings {
+                    tolerance: value,
+                    ..good
+                },
+                "tolerance",
+            );
+            wrong(
+                Settings {
+                    r_tol: value,
+                    ..good
+                },
+                "r_tol",
+            );
+            wrong(
+                Settings {
+                    c_fact: value,
+                    ..good
+                },
+                "c_fact",
+            );
+            if !(value >= 0.0 && value < 2.0) {
+                let value = Some(value);
+                wrong(
+                    Settings {
+                        sigma_max: value,
+                        ..good
+                    },
+                    "sigma_max",
+                );
+                wrong(
+                    Settings {
+                        first_error: value,
+                        ..good
+                    },
+                    "first_error",
+                );
+            }
+            if value != 1.0 {
+                wrong(
+                    Settings {
+                        beta: value,
+                        ..good
+                    },
+                    "beta",
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! What a solve gives back.
+
+use super::sets::{SetSizes, Sets};
+use super::settings::SettingsError;
+use crate::control::Stopped;
+use crate::dual::DualError;
+use crate::problem::Kkt;
+
+/// How a solve ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Status {
+    /// err ≤ ε err⁰, and the optimality conditions checked in f64 against K are met to 10 ε.
+    Converged,
+    /// `max_iterations` reached.
+    IterationLimit,
+    /// No progress any more: the tolerance is below what f64, or PCG, can give here, or under Coulomb's law no step
+    /// lowers the error.
+    Stagnated,
+    /// Contact and friction cannot balance the loads on a body that can move as a whole: no static solution
+    /// exists. λ balances them as far as it goes ([`Solution::imbalance`]).
+    NotHeld,
+    /// `time_limit` reached.
+    TimeLimit,
+    /// Stopped from outside.
+    Interrupted,
+}
+
+impl From<Stopped> for Status {
+    fn from(stopped: Stopped) -> Self {
+        match stopped {
+            Stopped::TimeLimit => Self::TimeLimit,
+            Stopped::Interrupted => Self::Interrupted,
+        }
+    }
+}
+
+/// A solve that could not be finished, with what it had reached.
+#[derive(Debug, thiserror::Error)]
+#[error("{cause}")]
+#[non_exhaustive]
+pub struct SolveError {
+    /// What went wrong.
+    pub cause: Cause,
+    /// λ after the last outer step: a start for another solve ([`super::Settings::initial`]). Empty where there was no
+    /// first one.
+    pub lambda: Vec<f64>,
+    /// The outer steps made.
+    pub history: Vec<Step>,
+}
+
+/// Why a solve could not be finished.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Cause {
+    /// It was asked for what makes no sense.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// The dual operator does not belong to the problem.
+    #[error(
+        "the dual operator was made for another problem, with {} rows of K and {} multipliers in place of {} and {}",
+        found.0, found.1, expected.0, expected.1
+    )]
+    OtherProblem {
+        /// Rows of K and of B that the problem has.
+        expected: (usize, usize),
+        /// Those that the operator has.
+        found: (usize, usize),
+    },
+    /// The operator has failed.
+    #[error(transparent)]
+    Operator(#[from] DualError),
+}
+
+impl<C: Into<Cause>> From<C> for SolveError {
+    /// Nothing had been reached.
+    fn from(cause: C) -> Self {
+        Self {
+            cause: cause.into(),
+            lambda: Vec::new(),
+            history: Vec::new(),
+        }
+    }
+}
+
+/// One outer step, as the observer sees it and the report lists it.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+#[non_exhaustive]
+pub struct Step {
+    /// Number of the step, from 1.
+    pub iter: usize,
+    /// CG iterations in it.
+    pub inner: usize,
+    /// Products with A since the start.
+    #[serde(rename = "n_A")]
+    pub n_a: usize,
+    /// err / err⁰ after it.
+    pub err: f64,
+    /// Sizes of the sets it worked with.
+    pub sets: SetSizes,
+    /// Multipliers that changed their set since the step before.
+    pub changes: usize,
+    /// Whether the safeguard replaced the Newton step.
+    pub safeguarded: bool,
+}
+
+/// Figures of a solve.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Info {
+    /// Outer steps.
+    pub iter: usize,
+    /// Products with A inside the method.
+    pub n_a: usize,
+    /// `iter` and `n_a` where err ≤ ε err⁰ held first: the paper's stopping test, before the optimality
+    /// conditions were checked.
+    pub first_met: Option<(usize, usize)>,
+    /// Products spent on the estimate of σ_max.
+    pub n_a_sigma: usize,
+    /// ρ = β / σ_max.
+    pub rho: f64,
+    /// The estimate of σ_max.
+    pub sigma_max: f64,
+    /// err⁰, not relative to anything.
+    pub first_error: f64,
+    /// err / err⁰ at the end.
+    pub err_relative: f64,
+    /// The optimality conditions at the end.
+    pub kkt: Kkt,
+    /// A row per outer step.
+    pub history: Vec<Step>,
+    /// Seconds for b and σ_max.
+    pub setup_seconds: f64,
+    /// Seconds for the outer steps and the final check.
+    pub solve_seconds: f64,
+}
+
+/// The result of a solve; after a stop without convergence, the best point found.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Solution {
+    /// How it ended.
+    pub status: Status,
+    /// u, as long as K has rows.
+    pub u: Vec<f64>,
+    /// λ = (λν, λτ) ∈ Λ, length 2m.
+    pub lambda: Vec<f64>,
+    /// The sets at the end.
+    pub sets: Sets,
+    /// Rᵀ(f − Bᵀλ) for the motions of [`crate::problem::ContactProblem::free_bodies`], where that cannot be made zero:
+    /// which way bodies are pushed that nothing holds. Empty otherwise.
+    pub imbalance: Vec<f64>,
+    /// Figures.
+    pub info: Info,
+}
