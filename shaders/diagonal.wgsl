@@ -30,15 +30,7 @@ fn main(
             store_d(row, step);
             store_x_next(row, step);
         } else {
-            let z = diagonal_times(row, load_x_next(row));
-            var step = load_d(row);
-            var moved = load_x(row);
-            for (var i = 0u; i < ROWS; i++) {
-                step[i] = params.c1 * step[i] + params.c2 * z[i];
-                moved[i] += step[i];
-            }
-            store_d(row, step);
-            store_x_next(row, moved);
+            smoothed(row, diagonal_times(row, load_x_next(row)));
         }
     }
 }

@@ -29,14 +29,6 @@ fn main(
         for (var i = 0u; i < ROWS; i++) {
             r[i] -= product[i];
         }
-        let z = diagonal_times(place, r);
-        var step = load_d(place);
-        var moved = load_x(place);
-        for (var i = 0u; i < ROWS; i++) {
-            step[i] = params.c1 * step[i] + params.c2 * z[i];
-            moved[i] += step[i];
-        }
-        store_d(place, step);
-        store_x_next(place, moved);
+        smoothed(place, diagonal_times(place, r));
     }
 }

@@ -117,6 +117,8 @@ pub struct GpuOptions {
     pub precision: Option<Precision>,
     /// Bytes of one storage binding to use at most, below what the adapter allows.
     pub max_binding: Option<u64>,
+    /// Bytes of its memory to use at most, below what the adapter tells.
+    pub max_memory: Option<u64>,
     /// Runs the kernels with wgpu's own checks of every index and loop.
     pub checked: bool,
     /// Only a real GPU will do, no software adapter.

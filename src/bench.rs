@@ -23,16 +23,22 @@ use std::time::Instant;
 /// A benchmark could not be run.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
+    /// No device.
     #[error(transparent)]
     Gpu(#[from] GpuError),
+    /// The device has failed.
     #[error(transparent)]
     Backend(#[from] BackendError),
+    /// PCG has failed.
     #[error(transparent)]
     Pcg(#[from] PcgError),
+    /// There is no factor.
     #[error(transparent)]
     Factor(#[from] FactorError),
+    /// A product has failed.
     #[error(transparent)]
     Dual(#[from] DualError),
+    /// A solve has failed.
     #[error(transparent)]
     Solve(#[from] SolveError),
 }
@@ -42,6 +48,7 @@ pub enum BenchError {
 pub struct Speeds {
     /// Where.
     pub path: String,
+    /// Unknowns.
     pub n: usize,
     /// Bytes per second of a copy, read and written bytes added up.
     pub copy: f64,
@@ -64,19 +71,28 @@ pub struct Speeds {
 /// A contact problem solved on one path.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
+    /// Where and how.
     pub path: String,
+    /// Refinement of the mesh.
     pub k: usize,
+    /// Unknowns.
     pub n: usize,
+    /// Contact nodes.
     pub m: usize,
+    /// How it ended.
     pub status: Status,
     /// Seconds for the factor, or for the hierarchy and moving it.
     pub set_up: f64,
     /// Seconds for b, σ_max, the outer steps and the final check.
     pub solve: f64,
+    /// Seconds of both.
     pub total: f64,
+    /// Outer steps.
     pub iter: usize,
+    /// Products with A.
     #[serde(rename = "n_A")]
     pub n_a: usize,
+    /// V-cycles of the whole solve.
     pub v_cycles: Option<usize>,
     /// V-cycles of one system with K to 1e-8.
     pub v_cycles_linear: Option<usize>,

@@ -6,8 +6,10 @@ use std::time::Instant;
 /// Why a computation was stopped from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Stopped {
+    /// Time is up.
     #[error("the time limit is reached")]
     TimeLimit,
+    /// Somebody asked for it.
     #[error("interrupted")]
     Interrupted,
 }
@@ -51,7 +53,12 @@ pub enum Accuracy {
     /// the sum over the last fifth to third of the iterations is taken for what is still to come.
     /// No such estimate knows of a part of the spectrum that PCG has not met yet: a stiff inclusion that
     /// only moves after a long standstill comes as a surprise.
-    Energy { absolute: f64, relative: f64 },
+    Energy {
+        /// Of √(eᵀKe).
+        absolute: f64,
+        /// Relative to √(xᵀKx).
+        relative: f64,
+    },
 }
 
 /// How a u that follows λ has come closer to K⁻¹(f − Bᵀλ), in the norm √(vᵀKv).

@@ -38,10 +38,6 @@ pub(crate) fn symmetric_eigen(matrix: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)>
 
 /// The largest eigenvalue of a small symmetric tridiagonal matrix, as Lanczos leaves behind: `off` are the entries beside
 /// the diagonal, one fewer. NaN if an entry is not finite, or there is none.
-#[cfg_attr(
-    not(test),
-    expect(dead_code, reason = "its callers still have their own")
-)]
 pub(crate) fn tridiagonal_largest(diagonal: &[f64], off: &[f64]) -> f64 {
     let n = diagonal.len();
     let lower = Mat::from_fn(n, n, |i, j| match i.checked_sub(j) {

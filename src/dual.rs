@@ -9,6 +9,7 @@ pub(crate) use direct::plan;
 pub use nested::NestedDual;
 
 use crate::control::{Accuracy, Costs, Followed, Stop, Stopped};
+use crate::dense::tridiagonal_largest;
 use crate::sparse::{dot, norm};
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::PcgError;
@@ -22,8 +23,10 @@ pub enum DualError {
     /// Not an error of the problem: somebody asked to stop.
     #[error("{0}")]
     Stopped(Stopped),
+    /// PCG has failed.
     #[error(transparent)]
     Pcg(PcgError),
+    /// The factor has failed.
     #[error(transparent)]
     Factor(#[from] FactorError),
 }
@@ -159,7 +162,7 @@ pub(crate) fn sigma_max(
         }
         project(&mut q);
         let previous = ritz;
-        ritz = largest_eigenvalue(&alpha, &beta);
+        ritz = tridiagonal_largest(&alpha, &beta);
         let next = norm(&q);
         if next <= 1e-12 * ritz || (step > 2 && ritz - previous <= SETTLED * ritz) {
             break;
@@ -169,50 +172,85 @@ pub(crate) fn sigma_max(
     Ok((MARGIN * ritz, basis.len()))
 }
 
-/// Largest eigenvalue of the symmetric tridiagonal matrix, by bisection on the signs of its pivots.
-fn largest_eigenvalue(diagonal: &[f64], off: &[f64]) -> f64 {
-    let radius = |i: usize| {
-        let left = if i > 0 { off[i - 1] } else { 0.0 };
-        left + off
-            .get(i)
-            .copied()
-            .filter(|_| i + 1 < diagonal.len())
-            .unwrap_or(0.0)
-    };
-    let mut high = (0..diagonal.len())
-        .map(|i| diagonal[i] + radius(i))
-        .fold(f64::MIN, f64::max);
-    let mut low = diagonal.iter().copied().fold(f64::MIN, f64::max);
-    for _ in 0..60 {
-        let x = 0.5 * (low + high);
-        let mut pivot = 1.0;
-        let all_below = diagonal.iter().enumerate().all(|(i, d)| {
-            let coupling = if i > 0 {
-                off[i - 1] * off[i - 1] / pivot
-            } else {
-                0.0
-            };
-            pivot = d - x - coupling;
-            pivot < 0.0
-        });
-        if all_below {
-            high = x;
-        } else {
-            low = x;
-        }
-    }
-    high
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::backend::cpu::Cpu;
+    use crate::engine::{Engine, Options, Place, Stiffness};
+    use crate::lattice::lattice;
+    use crate::problem::{ContactData, ContactProblem};
+    use crate::sparse::Csr;
 
+    /// A lattice whose base (z = 0) meets a plane below, away from where it is held.
+    fn in_space() -> ContactProblem<3> {
+        let (stiffness, points) = lattice([9, 8, 7]);
+        let base: Vec<usize> = (0..points.len())
+            .filter(|&i| points[i][2] == 0.0 && points[i][0] > 0.0)
+            .collect();
+        let (m, n) = (base.len(), stiffness.n_rows());
+        let rows = base.iter().enumerate();
+        let tangents = rows
+            .clone()
+            .flat_map(|(i, node)| [(2 * i, 3 * node, 1.0), (2 * i + 1, 3 * node + 1, 1.0)]);
+        ContactProblem::new(ContactData {
+            load: (0..n).map(|i| ((i * 37) % 11) as f64 - 5.0).collect(),
+            normal: Csr::from_triplets(m, n, rows.map(|(i, node)| (i, 3 * node + 2, -1.0))),
+            tangential: Csr::from_triplets(2 * m, n, tangents),
+            gap: vec![0.1; m],
+            slip_bound: vec![1.0; m],
+            coordinates: Some(points),
+            stiffness,
+        })
+        .unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// The factor and PCG make the same products in space, alone and as an engine without any dimension.
     #[test]
-    fn largest_eigenvalue_of_the_second_difference() {
-        let n = 7;
-        let expected = 2.0 - 2.0 * (std::f64::consts::PI * n as f64 / (n + 1) as f64).cos();
-        let found = largest_eigenvalue(&vec![2.0; n], &vec![1.0; n - 1]);
-        approx::assert_relative_eq!(found, expected, max_relative = 1e-12);
+    fn products_in_space() {
+        let problem = in_space();
+        let len = 3 * problem.m();
+        let p: Vec<f64> = (0..len).map(|i| ((i * 7) % 5) as f64 - 2.0).collect();
+        let accuracy = Accuracy::Residual(1e-12);
+        let made = |dual: &mut dyn DualOperator| -> [Vec<f64>; 3] {
+            let (mut y, mut b) = (vec![0.0; len], vec![0.0; len]);
+            let stop = Stop::default();
+            assert_eq!(dual.size(), (problem.load().len(), len));
+            dual.apply(&p, &mut y, accuracy, &stop)
+                .and_then(|()| dual.right_hand_side(&mut b, Accuracy::Residual(1e-10), &stop))
+                .and_then(|()| dual.displacement(&p, 1e-9, &stop))
+                .map(|u| [y, b, u])
+                .unwrap_or_else(|error| panic!("{error}"))
+        };
+        let mut direct = DirectDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
+        let expected = made(&mut direct);
+        // u by K itself.
+        let mut forces = vec![0.0; problem.load().len()];
+        problem.stiffness().mul(&expected[2], &mut forces);
+        problem
+            .contact_matrix()
+            .mul_transpose_add(1.0, &p, &mut forces);
+        for (f, load) in forces.iter().zip(problem.load()) {
+            assert!((f - load).abs() < 1e-9, "{f} {load}");
+        }
+        let close = |found: [Vec<f64>; 3]| {
+            for (found, expected) in found.iter().zip(&expected) {
+                let off: Vec<f64> = found.iter().zip(expected).map(|(f, e)| f - e).collect();
+                assert!(norm(&off) < 1e-7 * norm(expected), "{:e}", norm(&off));
+            }
+        };
+        let cpu = Cpu::<f32>::default();
+        let mut nested = NestedDual::new(&problem, cpu, Default::default())
+            .unwrap_or_else(|error| panic!("{error}"));
+        close(made(&mut nested));
+        for stiffness in [Stiffness::Auto, Stiffness::Pcg] {
+            let options = Options {
+                place: Place::Cpu,
+                stiffness,
+                ..Default::default()
+            };
+            let mut engine =
+                Engine::new(&problem, options, |_| {}).unwrap_or_else(|error| panic!("{error}"));
+            close(made(&mut engine));
+        }
     }
 }

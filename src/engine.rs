@@ -11,6 +11,7 @@ use crate::memory;
 use crate::problem::ContactProblem;
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::{PcgError, Preconditioner};
+#[cfg(feature = "gpu")]
 use std::sync::Arc;
 
 /// Where to compute.
@@ -19,6 +20,7 @@ pub enum Place {
     /// On a real GPU where that gains time, on the CPU otherwise, and on the CPU if the GPU fails.
     #[default]
     Auto,
+    /// On the CPU.
     Cpu,
     /// On a GPU or, if there is no other, on a software adapter.
     Gpu,
@@ -31,14 +33,18 @@ pub enum Stiffness {
     /// than PCG; PCG otherwise, and on a GPU.
     #[default]
     Auto,
+    /// The sparse factor.
     Cholesky,
+    /// Preconditioned conjugate gradients.
     Pcg,
 }
 
 /// What to ask of an [`Engine`].
 #[derive(Clone, Debug, Default)]
 pub struct Options {
+    /// Where to compute.
     pub place: Place,
+    /// How to apply K⁻¹.
     pub stiffness: Stiffness,
     /// Inside PCG.
     pub preconditioner: Preconditioner,
@@ -111,12 +117,16 @@ impl Path {
     }
 }
 
+type Again<'a> =
+    Box<dyn Fn(bool, &Options, &mut dyn FnMut(&str)) -> Result<Path, EngineError> + 'a>;
+
 /// A dual operator by the means chosen.
 ///
 /// With [`Place::Auto`] a GPU that fails in the middle of a solve is replaced by the CPU: the product under
 /// way is made again and nothing else is lost.
 pub struct Engine<'a> {
-    problem: &'a ContactProblem,
+    /// [`again`] for the problem, whose dimension is no matter of the engine's.
+    again: Again<'a>,
     path: Path,
     /// The load and the offsets, where they are not those of the problem any more.
     data: Option<(Vec<f64>, Vec<f64>)>,
@@ -127,8 +137,8 @@ pub struct Engine<'a> {
 impl<'a> Engine<'a> {
     /// Chooses and sets up; `log` hears, in one line each, what was chosen and why, and of each way back to
     /// the CPU.
-    pub fn new(
-        problem: &'a ContactProblem,
+    pub fn new<const D: usize>(
+        problem: &'a ContactProblem<D>,
         options: Options,
         log: impl FnMut(&str) + 'a,
     ) -> Result<Self, EngineError> {
@@ -168,7 +178,7 @@ impl<'a> Engine<'a> {
             );
         }
         Ok(Self {
-            problem,
+            again: Box::new(move |lost, options, log| again(problem, lost, options, log)),
             path,
             data: None,
             options,
@@ -271,26 +281,7 @@ impl<'a> Engine<'a> {
             return Err(error.into());
         }
         (self.log)(&format!("{error}; going on with the CPU"));
-        let path = if lost {
-            let factor = match stiffness {
-                Stiffness::Pcg => Ok(None),
-                _ => {
-                    let threads = rayon::current_num_threads();
-                    direct(self.problem, memory::total_bytes(), threads, &mut self.log)
-                }
-            };
-            match factor {
-                Ok(Some(dual)) => Ok(Path::Cholesky(dual)),
-                Ok(None) => on_cpu(self.problem, &self.options),
-                Err(error) => Err(error),
-            }
-        } else {
-            // PCG was chosen because it would be faster; now it is the factor or nothing.
-            (DirectDual::new(self.problem))
-                .map(|dual| Path::Cholesky(Box::new(dual)))
-                .map_err(EngineError::from)
-        };
-        path.map_err(|other| {
+        (self.again)(lost, &self.options, &mut self.log).map_err(|other| {
             // What has failed first is of more use than a second complaint.
             (self.log)(&format!("{other}"));
             match other {
@@ -304,9 +295,37 @@ impl<'a> Engine<'a> {
     }
 }
 
+/// Bytes that the Cholesky factor of a problem will take, as [`Stiffness::Auto`] predicts them.
+///
+/// # Errors
+/// If its pattern alone does not fit.
+pub fn factor_bytes<const D: usize>(problem: &ContactProblem<D>) -> Result<usize, FactorError> {
+    plan(problem).map(|plan| plan.bytes())
+}
+
+/// Another path for a problem: without the GPU that is lost, or with the factor where PCG fails.
+fn again<const D: usize>(
+    problem: &ContactProblem<D>,
+    lost: bool,
+    options: &Options,
+    log: &mut dyn FnMut(&str),
+) -> Result<Path, EngineError> {
+    if !lost {
+        // PCG was chosen because it would be faster; now it is the factor or nothing.
+        return Ok(Path::Cholesky(Box::new(DirectDual::new(problem)?)));
+    }
+    if options.stiffness != Stiffness::Pcg {
+        let threads = rayon::current_num_threads();
+        if let Some(dual) = direct(problem, memory::total_bytes(), threads, log)? {
+            return Ok(Path::Cholesky(dual));
+        }
+    }
+    on_cpu(problem, options)
+}
+
 /// The factor, or None where PCG is the better choice on a machine of so many bytes, if known, and threads.
-fn direct(
-    problem: &ContactProblem,
+fn direct<const D: usize>(
+    problem: &ContactProblem<D>,
     memory: Option<usize>,
     threads: usize,
     log: &mut dyn FnMut(&str),
@@ -354,15 +373,18 @@ fn direct(
     }
 }
 
-fn on_cpu(problem: &ContactProblem, options: &Options) -> Result<Path, EngineError> {
+fn on_cpu<const D: usize>(
+    problem: &ContactProblem<D>,
+    options: &Options,
+) -> Result<Path, EngineError> {
     let cpu = Cpu::<f32>::default();
     let dual = NestedDual::new(problem, cpu, options.preconditioner)?;
     Ok(Path::Cpu(Box::new(dual)))
 }
 
 #[cfg(not(feature = "gpu"))]
-fn on_gpu(
-    _problem: &ContactProblem,
+fn on_gpu<const D: usize>(
+    _problem: &ContactProblem<D>,
     _options: &Options,
     _log: &mut dyn FnMut(&str),
 ) -> Result<Path, EngineError> {
@@ -370,8 +392,8 @@ fn on_gpu(
 }
 
 #[cfg(feature = "gpu")]
-fn on_gpu(
-    problem: &ContactProblem,
+fn on_gpu<const D: usize>(
+    problem: &ContactProblem<D>,
     options: &Options,
     log: &mut dyn FnMut(&str),
 ) -> Result<Path, EngineError> {
@@ -393,8 +415,8 @@ fn on_gpu(
 }
 
 /// PCG on a real GPU or, without one or if it fails, on the CPU.
-fn on_best(
-    problem: &ContactProblem,
+fn on_best<const D: usize>(
+    problem: &ContactProblem<D>,
     options: &Options,
     log: &mut dyn FnMut(&str),
 ) -> Result<Path, EngineError> {
@@ -417,6 +439,7 @@ impl DualOperator for Engine<'_> {
         match &self.path {
             Path::Cholesky(dual) => dual.size(),
             Path::Cpu(dual) => dual.size(),
+            #[cfg(feature = "gpu")]
             Path::Gpu(dual, _) => dual.size(),
         }
     }
@@ -499,7 +522,7 @@ mod tests {
                 ..Default::default()
             };
             let mut engine = Engine {
-                problem: &problem,
+                again: Box::new(|lost, options, log| again(&problem, lost, options, log)),
                 path: on_cpu(&problem, &options).expect("no GPU is needed"),
                 data: None,
                 options,

@@ -28,10 +28,10 @@
 //! # The way the data flows
 //!
 //! ```text
-//! case ─▶ mesh ─▶ elasticity (K, f) ─┐
-//!                 contact (N, T, d, g) ┴▶ ContactProblem ─▶ dual (A, b) ─▶ ssnm ─▶ Solution ─▶ output
-//!                                                │              └─ stiffness: Cholesky | PCG
-//!                                                └─ quasistatic: load steps          └─ backend: Cpu | Gpu
+//! case ─▶ model ─▶ elasticity (K, f) ─┐
+//!                  contact (N, T, d, g) ┴▶ ContactProblem ─▶ dual (A, b) ─▶ ssnm ─▶ Solution ─▶ output
+//!                                                 │              └─ stiffness: Cholesky | PCG
+//!                                                 └─ quasistatic: load steps          └─ backend: Cpu | Gpu
 //! ```
 //!
 //! Each stage can be entered from outside: [`problem::ContactProblem`] is the door for matrices of your
@@ -81,13 +81,10 @@
 //! A block let down on another one, meshes not matching, with Coulomb friction:
 //!
 //! ```
-//! use signorini::dual::DirectDual;
 //! use signorini::elasticity::Material;
 //! use signorini::mesh::structured::{CellShape, join, rectangle};
 //! use signorini::model::{Model, Pair, Support};
-//! use signorini::quasistatic::{self, Settings, State};
 //! use signorini::ssnm::Status;
-//! use std::ops::ControlFlow;
 //!
 //! let mesh = join(
 //!     rectangle([0.0, 0.0], [2.0, 1.0], [10, 5], CellShape::Quad, "low", "low-"),
@@ -100,16 +97,12 @@
 //!     .contact(Pair::new("up-bottom", "low-top").coulomb(0.3))
 //!     .build()?;
 //!
-//! let problem = &built.problem;
-//! let mut dual = DirectDual::new(problem)?;
-//! let (step, start) = (built.step(0)?, State::at_rest(problem));
-//! let solution = quasistatic::solve_step(
-//!     problem, &step.load, &start, &mut dual, &Settings::default(), |_| ControlFlow::Continue(()),
-//! )?;
+//! // One load step, on what suits the problem.
+//! let solution = built.solve(&Default::default())?.remove(0);
 //! assert_eq!(solution.status, Status::Converged);
 //!
 //! // Displacements of all nodes, and pressures at the contact nodes.
-//! let u = step.unknowns.displacements(&solution.u);
+//! let u = built.step(0)?.unknowns.displacements(&solution.u);
 //! let nodes = built.elastic.contact.nodes.iter();
 //! let pressures: Vec<f64> = nodes.zip(&solution.lambda).map(|(node, l)| l / node.area).collect();
 //! assert!(u.iter().all(|u| u[1] <= 0.0));
@@ -149,6 +142,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#![warn(missing_docs)]
+
 pub mod backend;
 #[cfg(feature = "gpu")]
 pub mod bench;
@@ -160,6 +155,8 @@ mod dense;
 pub mod dual;
 pub mod elasticity;
 pub mod engine;
+#[cfg(test)]
+mod lattice;
 pub mod matrix_market;
 mod memory;
 pub mod mesh;

@@ -195,7 +195,7 @@ pub struct StepSolution {
 #[non_exhaustive]
 pub struct StepError {
     /// What went wrong in which solve; its λ is a start for another one.
-    pub error: SolveError,
+    pub error: Box<SolveError>,
     /// The solves that were finished before.
     pub rounds: Vec<Round>,
 }
@@ -204,7 +204,7 @@ impl<C: Into<Cause>> From<C> for StepError {
     /// Nothing had been reached.
     fn from(cause: C) -> Self {
         Self {
-            error: cause.into().into(),
+            error: Box::new(cause.into().into()),
             rounds: Vec::new(),
         }
     }
@@ -265,7 +265,7 @@ pub fn solve_step(
     match step.make(start) {
         Ok((solution, frozen)) => Ok(step.end(solution, frozen)),
         Err(error) => Err(StepError {
-            error,
+            error: Box::new(error),
             rounds: step.made,
         }),
     }
@@ -501,157 +501,4 @@ fn pushed(problem: &ContactProblem, imbalance: &[f64]) -> Vec<NotHeld> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::control::{Accuracy, Stop};
-    use crate::dual::{DirectDual, DualError};
-    use crate::problem::ContactData;
-    use crate::sparse::{BlockCsr, Csr};
-    use crate::stiffness::cholesky::FactorError;
-
-    /// Two springs in a row, the outer one pushed to a wall that rubs on both.
-    fn springs(nodes: usize) -> ContactProblem {
-        let one = |j: usize| Csr::from_triplets(1, 2 * nodes, [(0, j, 1.0)]);
-        let chain = (0..2 * nodes).flat_map(|i| {
-            let next = (i + 1 < 2 * nodes).then_some((i, i + 1, -1.0));
-            let before = i.checked_sub(1).map(|j| (i, j, -1.0));
-            [Some((i, i, 2.0)), next, before].into_iter().flatten()
-        });
-        let mut load = vec![0.0; 2 * nodes];
-        load[1] = 5.0;
-        let problem = ContactProblem::new(ContactData {
-            stiffness: BlockCsr::from_triplets(2 * nodes, 2 * nodes, chain),
-            load,
-            normal: one(1),
-            tangential: one(0),
-            gap: vec![1.0],
-            slip_bound: vec![0.0],
-            coordinates: None,
-        });
-        let problem = problem.unwrap_or_else(|error| panic!("{error}"));
-        (problem.with_friction_coefficient(vec![0.1])).unwrap_or_else(|error| panic!("{error}"))
-    }
-
-    /// Fails after so many displacements.
-    struct Failing(DirectDual, usize);
-
-    impl DualOperator for Failing {
-        fn size(&self) -> (usize, usize) {
-            self.0.size()
-        }
-        fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
-            self.0.set_data(load, offsets)
-        }
-        fn apply(
-            &mut self,
-            p: &[f64],
-            y: &mut [f64],
-            accuracy: Accuracy,
-            stop: &Stop,
-        ) -> Result<(), DualError> {
-            self.0.apply(p, y, accuracy, stop)
-        }
-        fn right_hand_side(
-            &mut self,
-            b: &mut [f64],
-            accuracy: Accuracy,
-            stop: &Stop,
-        ) -> Result<(), DualError> {
-            self.0.right_hand_side(b, accuracy, stop)
-        }
-        fn displacement(
-            &mut self,
-            lambda: &[f64],
-            residual: f64,
-            stop: &Stop,
-        ) -> Result<Vec<f64>, DualError> {
-            if self.1 == 0 {
-                return Err(FactorError::TooLarge.into());
-            }
-            self.1 -= 1;
-            self.0.displacement(lambda, residual, stop)
-        }
-    }
-
-    fn solve(
-        problem: &ContactProblem,
-        load: &Load,
-        dual: &mut impl DualOperator,
-        settings: &Settings,
-    ) -> Result<StepSolution, StepError> {
-        let start = State::at_rest(problem);
-        solve_step(problem, load, &start, dual, settings, |_| {
-            ControlFlow::Continue(())
-        })
-    }
-
-    fn direct(problem: &ContactProblem) -> DirectDual {
-        DirectDual::new(problem).unwrap_or_else(|error| panic!("{error}"))
-    }
-
-    #[test]
-    fn an_error_keeps_the_rounds_made() {
-        let problem = springs(1);
-        let settings = Settings {
-            coupled: false,
-            ..Default::default()
-        };
-        let load = Load::of(&problem);
-        let whole = solve(&problem, &load, &mut direct(&problem), &settings);
-        let whole = whole.unwrap_or_else(|error| panic!("{error}"));
-        assert!(whole.status == Status::Converged && whole.rounds.len() > 1);
-        let error = solve(
-            &problem,
-            &load,
-            &mut Failing(direct(&problem), 1),
-            &settings,
-        );
-        let error = error.map(|_| ()).expect_err("it fails");
-        assert!(matches!(error.error.cause, Cause::Operator(_)), "{error}");
-        assert_eq!(error.rounds.len(), 1);
-        let (kept, made) = (&error.rounds[0].info, &whole.rounds[0].info);
-        assert_eq!((kept.iter, kept.n_a), (made.iter, made.n_a));
-        assert_eq!(error.error.lambda.len(), 2);
-    }
-
-    #[test]
-    fn what_does_not_fit_is_an_error() {
-        let (problem, other) = (springs(1), springs(2));
-        let good = Settings::default();
-        let load = Load::of(&problem);
-        let said = |load: &Load, dual: &mut DirectDual, settings: &Settings| {
-            let outcome = solve(&problem, load, dual, settings);
-            outcome.map(|_| ()).expect_err("it is wrong").to_string()
-        };
-        let text = said(&load, &mut direct(&other), &good);
-        assert!(
-            text.contains("another problem, with 4 rows of K and 2"),
-            "{text}"
-        );
-        let mut dual = direct(&problem);
-        let text = said(&Load::of(&other), &mut dual, &good);
-        assert_eq!(text, "load.force must have 2 entries, it has 4");
-        let mut infinite = load.clone();
-        infinite.gap[0] = f64::NAN;
-        assert_eq!(
-            said(&infinite, &mut dual, &good),
-            "load.gap must have finite entries"
-        );
-        let wrong = Settings {
-            friction_tolerance: Some(2.0),
-            ..good
-        };
-        let text = said(&load, &mut dual, &wrong);
-        assert_eq!(text, "friction_tolerance must lie between 0 and 1");
-
-        let initial = [0.0; 3];
-        let wrong = ssnm::Settings {
-            initial: Some(&initial),
-            ..Default::default()
-        };
-        let go_on = |_: &Step| ControlFlow::Continue(());
-        let error = ssnm::solve(&problem, &mut dual, &wrong, go_on).map(|_| ());
-        let text = error.expect_err("it is wrong").to_string();
-        assert_eq!(text, "initial must have 2 entries, it has 3");
-    }
-}
+mod tests;

@@ -1,9 +1,13 @@
-//! A contact problem solved in one call.
+//! A contact problem, or a model with all its load steps, solved in one call.
 
 use crate::engine::{self, Engine, EngineError};
+use crate::model::{Built, ModelError};
 use crate::problem::ContactProblem;
 use crate::quasistatic::{self, Load, State, StepError, StepSolution};
+use crate::ssnm::{SettingsError, Status};
+use std::cell::RefCell;
 use std::ops::ControlFlow;
+use std::time::Instant;
 
 /// How to solve a problem.
 #[derive(Clone, Debug, Default)]
@@ -18,12 +22,76 @@ pub struct Options<'a> {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
+    /// A setting makes no sense.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
     /// No engine could be made: K is singular, say, or there is no such GPU.
     #[error(transparent)]
     Engine(#[from] EngineError),
-    /// The solve has failed; what it had reached is kept.
+    /// A load step cannot be meant.
     #[error(transparent)]
-    Step(#[from] Box<StepError>),
+    Model(#[from] ModelError),
+    /// A step has failed; what it had reached is kept.
+    #[error("{error}")]
+    Step {
+        /// What went wrong.
+        #[source]
+        error: Box<StepError>,
+        /// The steps before it.
+        finished: Vec<StepSolution>,
+    },
+}
+
+/// Solves load steps, one after another from rest, until one does not converge.
+fn steps(
+    problem: &ContactProblem,
+    loads: impl ExactSizeIterator<Item = Result<Load, ModelError>>,
+    options: &Options,
+) -> Result<Vec<StepSolution>, Error> {
+    options.settings.check()?;
+    let mut engine = Engine::new(problem, options.engine.clone(), |_| {})?;
+    let (begin, memory) = (Instant::now(), RefCell::default());
+    let mut settings = options.settings;
+    settings.ssnm.memory = settings.ssnm.memory.or(Some(&memory));
+    let mut state = State::at_rest(problem);
+    let mut finished: Vec<StepSolution> = Vec::with_capacity(loads.len());
+    for load in loads {
+        let load = load?;
+        let limit = options.settings.ssnm.time_limit;
+        settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(begin.elapsed()));
+        let go_on = |_: quasistatic::Event| ControlFlow::Continue(());
+        match quasistatic::solve_step(problem, &load, &state, &mut engine, &settings, go_on) {
+            Ok(solution) => {
+                state = solution.state(&load);
+                settings.ssnm.sigma_max = Some(solution.last().info.sigma_max);
+                finished.push(solution);
+            }
+            Err(error) => {
+                return Err(Error::Step {
+                    error: Box::new(error),
+                    finished,
+                });
+            }
+        }
+        if finished
+            .last()
+            .is_some_and(|made| made.status != Status::Converged)
+        {
+            break;
+        }
+    }
+    Ok(finished)
+}
+
+impl Built {
+    /// Solves all load steps from rest; ends after the first one that does not converge.
+    ///
+    /// # Errors
+    /// As [`ContactProblem::solve`]; the steps before the one at fault are kept.
+    pub fn solve(&self, options: &Options) -> Result<Vec<StepSolution>, Error> {
+        let loads = (0..self.n_steps()).map(|number| self.step(number).map(|step| step.load));
+        steps(&self.problem, loads, options)
+    }
 }
 
 impl ContactProblem {
@@ -65,14 +133,69 @@ impl ContactProblem {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn solve(&self, options: &Options) -> Result<StepSolution, Error> {
-        options
-            .settings
-            .check()
-            .map_err(|error| Box::new(error.into()))?;
-        let mut engine = Engine::new(self, options.engine.clone(), |_| {})?;
-        let (load, start) = (Load::of(self), State::at_rest(self));
-        let go_on = |_: quasistatic::Event| ControlFlow::Continue(());
-        quasistatic::solve_step(self, &load, &start, &mut engine, &options.settings, go_on)
-            .map_err(|error| Box::new(error).into())
+        let mut made = steps(self, std::iter::once(Ok(Load::of(self))), options)?;
+        Ok(made.pop().expect("there is one step"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::Obstacle;
+    use crate::elasticity::Material;
+    use crate::mesh::structured::{CellShape, rectangle};
+    use crate::model::{Model, Pair, Support, Traction};
+
+    /// A block on a plane, without any other support against moving up.
+    fn block(steps: &[f64]) -> Built {
+        let mesh = rectangle([0.0; 2], [2.0, 1.0], [6, 3], CellShape::Quad, "body", "");
+        let ground = Obstacle::HalfPlane {
+            point: [0.0; 2],
+            normal: [0.0, 1.0],
+        };
+        let material = Material {
+            young: 1e6,
+            poisson: 0.3,
+            density: 0.0,
+        };
+        Model::on(mesh)
+            .material(material)
+            .support(Support::on("left").x(0.0))
+            .traction(Traction::on("top").pressure(100.0))
+            .contact(Pair::obstacle("bottom", ground).coulomb(0.3))
+            .steps(steps)
+            .build()
+            .unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    #[test]
+    fn load_steps_are_made_until_one_does_not_converge() {
+        let solved = |steps: &[f64]| -> Vec<(Status, f64)> {
+            let built = block(steps);
+            let made = built.solve(&Options::default());
+            let made = made.unwrap_or_else(|error| panic!("{error}"));
+            let m = built.problem.m();
+            (made.iter())
+                .map(|step| (step.status, step.lambda[..m].iter().sum()))
+                .collect()
+        };
+        let made = solved(&[1.0, 0.5, 2.0]);
+        assert_eq!(made.len(), 3);
+        for ((status, force), factor) in made.into_iter().zip([1.0, 0.5, 2.0]) {
+            assert_eq!(status, Status::Converged);
+            assert!((force / (200.0 * factor) - 1.0).abs() < 1e-6, "{force}");
+        }
+        // Lifted off in the second one.
+        let made = solved(&[1.0, -1.0, 1.0]);
+        let status: Vec<Status> = made.iter().map(|made| made.0).collect();
+        assert_eq!(status, [Status::Converged, Status::NotHeld]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_first() {
+        let mut options = Options::default();
+        options.settings.ssnm.beta = -1.0;
+        let error = block(&[1.0]).solve(&options).err();
+        assert!(matches!(error, Some(Error::Settings(_))), "{error:?}");
     }
 }

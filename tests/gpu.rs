@@ -1154,3 +1154,113 @@ fn multigrid_on_vectors_in_pieces() {
     assert!(iterations.abs_diff(iterations_there) <= 1);
     assert!(common::distance(&pieces, &whole) < 1e-9);
 }
+
+/// A cube of springs to the 26 neighbours of each node, held by springs at x = 0.
+fn cube(n: usize) -> (BlockCsr<3>, Vec<[f64; 3]>) {
+    let count = n * n * n;
+    let place = |i: usize| [i % n, i / n % n, i / n / n].map(|c| c as f64);
+    let mut triplets = Vec::new();
+    for i in 0..count {
+        if i % n == 0 {
+            triplets.extend((0..3).map(|c| (3 * i + c, 3 * i + c, 1.0)));
+        }
+        for j in 0..count {
+            let way: Vec<f64> = (0..3).map(|c| place(j)[c] - place(i)[c]).collect();
+            if i == j || way.iter().any(|d| d.abs() > 1.0) {
+                continue;
+            }
+            let square = dot(&way, &way);
+            for (a, b) in (0..9).map(|e| (e / 3, e % 3)) {
+                let value = way[a] * way[b] / square;
+                triplets.push((3 * i + a, 3 * i + b, value));
+                triplets.push((3 * i + a, 3 * j + b, -value));
+            }
+        }
+    }
+    let k = BlockCsr::from_triplets(3 * count, 3 * count, triplets);
+    (k, (0..count).map(place).collect())
+}
+
+/// In space: K in blocks of 3, coarser levels in blocks of 6, on every device as on the CPU.
+#[test]
+fn a_body_in_space_is_solved() {
+    let (k, points) = cube(11);
+    let k = Arc::new(k);
+    let b = numbers(&mut Random(23), k.n_rows());
+    fn solved<B: Backend>(
+        backend: B,
+        (k, points, b): (&Arc<BlockCsr<3>>, &[[f64; 3]], &[f64]),
+        preconditioner: Preconditioner,
+    ) -> usize {
+        let mut pcg = Pcg::new(backend, k, Some(points), preconditioner)
+            .unwrap_or_else(|error| panic!("{error}"));
+        let mut x = vec![0.0; b.len()];
+        pcg.solve(b, &mut x, 1e-9, &Stop::default())
+            .unwrap_or_else(|error| panic!("{error}"));
+        let mut r = vec![0.0; b.len()];
+        k.mul(&x, &mut r);
+        r.iter_mut().zip(b).for_each(|(r, b)| *r -= b);
+        assert!(norm(&r) < 2e-9 * norm(b), "{:e}", norm(&r) / norm(b));
+        pcg.counts.iterations
+    }
+    for preconditioner in [Preconditioner::Multigrid, Preconditioner::BlockJacobi] {
+        let system = (&k, &points[..], &b[..]);
+        let on_cpu = solved(Cpu::<f32>::default(), system, preconditioner);
+        for precision in PRECISIONS {
+            let gpu = Gpu::new(&context(precision, None)).unwrap_or_else(|error| panic!("{error}"));
+            let found = solved(gpu, system, preconditioner);
+            println!("{preconditioner:?}: {found} iterations in {precision}, {on_cpu} on the CPU");
+            let limit = match precision {
+                Precision::F64 => on_cpu + 2,
+                Precision::F32 => 2 * on_cpu + 8,
+            };
+            assert!(
+                found <= limit,
+                "{found} in {precision}, {on_cpu} on the CPU"
+            );
+        }
+    }
+}
+
+/// Where there is room for K and not for its hierarchy, PCG goes on with block-Jacobi and says so.
+#[test]
+fn without_room_for_multigrid_there_is_block_jacobi() {
+    let problem = one_body(1);
+    let with = |max_memory| {
+        let options = GpuOptions {
+            precision: Some(Precision::F64),
+            max_memory: Some(max_memory),
+            checked: true,
+            ..Default::default()
+        };
+        let context = Context::new(&options).unwrap_or_else(|error| panic!("{error}"));
+        let gpu = Gpu::new(&context).unwrap_or_else(|error| panic!("{error}"));
+        Pcg::new(
+            gpu,
+            problem.stiffness(),
+            problem.coordinates(),
+            Preconditioner::Multigrid,
+        )
+    };
+    let mut seen = [false; 3];
+    for kib in (100..3000).step_by(100) {
+        match with(kib << 10) {
+            Err(error) => {
+                assert!(error.to_string().contains("MiB"), "{error}");
+                assert_eq!(seen, [seen[0], false, false], "{kib} KiB");
+                seen[0] = true;
+            }
+            Ok(mut pcg) => {
+                let fallback = pcg.fallback.clone();
+                assert_eq!(fallback.is_some(), pcg.hierarchy.is_none());
+                seen[if fallback.is_some() { 1 } else { 2 }] = true;
+                assert!(fallback.is_none() || !seen[2], "{kib} KiB");
+                assert!(fallback.is_none_or(|why| why.contains("MiB")));
+                let mut x = vec![0.0; problem.load().len()];
+                pcg.solve(problem.load(), &mut x, 1e-8, &Stop::default())
+                    .unwrap_or_else(|error| panic!("{kib} KiB: {error}"));
+            }
+        }
+    }
+    assert_eq!(seen, [true; 3]);
+}

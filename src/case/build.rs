@@ -105,6 +105,7 @@ impl Case {
     /// What is wrong with a part of the model, said about the line that it stands in.
     fn at_line(&self, error: ModelError) -> BuildError {
         let ModelError { entity, fault } = error;
+        let fault = *fault;
         let message = match fault {
             Fault::Problem(source) => {
                 return BuildError::Problem {

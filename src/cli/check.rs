@@ -3,6 +3,7 @@
 use super::advice::told;
 use signorini::case::{Build, Case};
 use signorini::elasticity::Plane;
+use signorini::engine::factor_bytes;
 use signorini::mesh::{FaultKind, Kind, Mesh};
 use signorini::model::Elastic;
 use signorini::model::PairData;
@@ -176,15 +177,13 @@ fn contact(lines: &mut Vec<String>, case: &Case, pair: &PairData) {
 
 /// How large the problem is, and what the direct path will take.
 fn size(problem: &ContactProblem) -> String {
-    // The factor of a plane problem has about 31 n log₂ n entries in nested-dissection order, a third of
-    // them in small pieces; measured 90 to 160 per unknown from n = 1e4 to 1e6.
-    let n = problem.n() as f64;
-    let factor = (n * (8.0 * n.max(2.0).log2() - 10.0).max(20.0)) * 8.0;
-    let matrix = problem.stiffness().n_blocks() as f64 * 36.0;
+    let direct = match factor_bytes(problem) {
+        Ok(bytes) => format!("about {:.1} MiB for", bytes as f64 / f64::from(1 << 20)),
+        Err(_) => "too many for".to_owned(),
+    };
     format!(
-        "size          {} unknowns, {} contact nodes; about {:.0} MiB for the direct solve",
+        "size          {} unknowns, {} contact nodes; {direct} the direct solve",
         problem.n_free(),
         problem.m(),
-        (factor + 3.0 * matrix) / (1 << 20) as f64 + 20.0
     )
 }

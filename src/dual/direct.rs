@@ -9,7 +9,8 @@
 use super::{DualError, DualOperator};
 use crate::control::{Accuracy, Followed, Stop};
 use crate::problem::ContactProblem;
-use crate::sparse::{BlockCsr, Csr, norm};
+use crate::sparse::stored::SquareBlocks;
+use crate::sparse::{Csr, norm};
 use crate::stiffness::cholesky::{Factor, FactorError, Plan};
 use std::sync::Arc;
 use std::time::Instant;
@@ -27,7 +28,7 @@ pub struct DirectDual {
     factor: Factor,
     /// B₂: 2m rows (N, then T) over the trailing positions.
     b: Csr,
-    k: Arc<BlockCsr<2>>,
+    k: Arc<dyn SquareBlocks>,
     /// B over all unknowns.
     contact: Csr,
     /// f.
@@ -45,20 +46,23 @@ pub struct DirectDual {
 }
 
 /// The order of elimination for a problem and the pattern of the factor.
-pub(crate) fn plan(problem: &ContactProblem) -> Result<Plan, FactorError> {
+pub(crate) fn plan<const D: usize>(problem: &ContactProblem<D>) -> Result<Plan, FactorError> {
     let touched = problem.touched();
-    let fixed = (problem.free_bodies()).unknowns_to_fix(|unknown| touched[unknown / 2]);
+    let fixed = (problem.free_bodies()).unknowns_to_fix(|unknown| touched[unknown / D]);
     Plan::new(problem.stiffness(), problem.coordinates(), &touched, fixed)
 }
 
 impl DirectDual {
     /// Factorises K of the problem and checks the factor with a solve.
-    pub fn new(problem: &ContactProblem) -> Result<Self, FactorError> {
+    pub fn new<const D: usize>(problem: &ContactProblem<D>) -> Result<Self, FactorError> {
         Self::with_plan(problem, plan(problem)?)
     }
 
     /// As [`DirectDual::new`], with a plan made for the same problem before.
-    pub(crate) fn with_plan(problem: &ContactProblem, plan: Plan) -> Result<Self, FactorError> {
+    pub(crate) fn with_plan<const D: usize>(
+        problem: &ContactProblem<D>,
+        plan: Plan,
+    ) -> Result<Self, FactorError> {
         let k = problem.stiffness();
         let factor = Factor::new(k, plan).map_err(|error| match error {
             FactorError::NotPositiveDefinite { unknown, .. } => FactorError::NotPositiveDefinite {
@@ -76,7 +80,7 @@ impl DirectDual {
         let b = Csr::from_triplets(contact.n_rows(), trailing, entries);
         let mut dual = Self {
             b,
-            k: Arc::clone(k),
+            k: Arc::clone(k) as _,
             contact,
             load: Vec::new(),
             reduced_load: Vec::new(),
@@ -96,7 +100,7 @@ impl DirectDual {
     }
 
     /// Solves K x = f, checks the residual, and keeps the forward half for all that follows.
-    fn probe(&mut self, problem: &ContactProblem) -> Result<(), FactorError> {
+    fn probe<const D: usize>(&mut self, problem: &ContactProblem<D>) -> Result<(), FactorError> {
         let n = self.factor.n();
         let f = problem.load();
         let zero_load = f.iter().all(|&v| v == 0.0);
@@ -142,18 +146,17 @@ impl DirectDual {
         if self.refined {
             // Sum and error of each row (Ogita, Rump and Oishi 2005).
             let mut errors = vec![0.0; f.len()];
-            for (i, j, value) in self.k.triplets() {
+            self.k.for_entries(&mut |i, j, value| {
                 let product = -value * u[j];
                 let sum = rest[i] + product;
                 let part = sum - rest[i];
                 errors[i] += (-value).mul_add(u[j], -product)
                     + ((rest[i] - (sum - part)) + (product - part));
                 rest[i] = sum;
-            }
+            });
             rest.iter_mut().zip(errors).for_each(|(r, e)| *r += e);
         } else {
-            self.k.mul(u, &mut rest);
-            rest.iter_mut().zip(f).for_each(|(r, f)| *r = f - *r);
+            self.k.subtract_product(u, &mut rest);
         }
         self.factor.release(&mut rest);
         rest
@@ -162,9 +165,7 @@ impl DirectDual {
     /// |K| |x| + |f|: what K x − f is a difference of.
     fn terms(&self, x: &[f64], f: &[f64]) -> Vec<f64> {
         let mut terms: Vec<f64> = f.iter().map(|f| f.abs()).collect();
-        for (i, j, value) in self.k.triplets() {
-            terms[i] += (value * x[j]).abs();
-        }
+        (self.k).for_entries(&mut |i, j, value| terms[i] += (value * x[j]).abs());
         terms
     }
 }

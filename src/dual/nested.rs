@@ -48,15 +48,15 @@ pub struct NestedDual<B: Backend> {
 
 impl<B: Backend> NestedDual<B> {
     /// Moves the problem to the backend.
-    pub fn new(
-        problem: &ContactProblem,
+    pub fn new<const D: usize>(
+        problem: &ContactProblem<D>,
         backend: B,
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
         let b = problem.contact_matrix();
         let touched = problem.touched();
         let (k, ties) =
-            (problem.free_bodies()).grounded(problem.stiffness(), |unknown| touched[unknown / 2]);
+            (problem.free_bodies()).grounded(problem.stiffness(), |unknown| touched[unknown / D]);
         let mut pcg = Pcg::new(backend, &k, problem.coordinates(), preconditioner)?;
         let unit = power_of_two_below(norm(problem.load()));
         let mut u = Vec::new();

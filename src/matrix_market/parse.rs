@@ -60,41 +60,41 @@ pub(super) fn parse(text: &[u8], piece: usize) -> Result<(Header<'_>, Vec<Vec<En
     Ok((header, vec![entries]))
 }
 
+/// Whether the entries are given with their places, and whether one triangle stands for both.
+fn parse_banner(banner: &str) -> Result<(bool, bool), String> {
+    let banner = banner.to_lowercase();
+    let banner: Vec<&str> = banner.split_whitespace().collect();
+    let ["%%matrixmarket", "matrix", form, field, symmetry] = banner[..] else {
+        return Err(
+            "the first line must be: %%MatrixMarket matrix coordinate|array real general|symmetric"
+                .to_owned(),
+        );
+    };
+    let coordinate = match form {
+        "coordinate" => true,
+        "array" => false,
+        _ => return Err(format!("form \"{form}\" is not coordinate or array")),
+    };
+    if !matches!(field, "real" | "integer" | "double") {
+        return Err(format!(
+            "field \"{field}\" is not supported: only real numbers are"
+        ));
+    }
+    match symmetry {
+        "general" => Ok((coordinate, false)),
+        "symmetric" => Ok((coordinate, true)),
+        _ => Err(format!(
+            "symmetry \"{symmetry}\" is not general or symmetric"
+        )),
+    }
+}
+
 fn parse_header(text: &[u8]) -> Result<Header<'_>, Fault> {
     if text.is_empty() {
         return Err((1, "the file is empty".to_owned()));
     }
     let (banner, mut body) = split_line(text);
-    let banner = banner.to_lowercase();
-    let banner: Vec<&str> = banner.split_whitespace().collect();
-    let ["%%matrixmarket", "matrix", form, field, symmetry] = banner[..] else {
-        return Err((
-            1,
-            "the first line must be: %%MatrixMarket matrix coordinate|array real general|symmetric"
-                .to_owned(),
-        ));
-    };
-    let coordinate = match form {
-        "coordinate" => true,
-        "array" => false,
-        _ => return Err((1, format!("form \"{form}\" is not coordinate or array"))),
-    };
-    if !matches!(field, "real" | "integer" | "double") {
-        return Err((
-            1,
-            format!("field \"{field}\" is not supported: only real numbers are"),
-        ));
-    }
-    let symmetric = match symmetry {
-        "general" => false,
-        "symmetric" => true,
-        _ => {
-            return Err((
-                1,
-                format!("symmetry \"{symmetry}\" is not general or symmetric"),
-            ));
-        }
-    };
+    let (coordinate, symmetric) = parse_banner(&banner).map_err(|fault| (1, fault))?;
     let mut line = 1;
     let sizes = loop {
         if body.is_empty() {

@@ -13,7 +13,7 @@ pub struct ModelError {
     pub entity: Entity,
     /// What is wrong with it.
     #[source]
-    pub fault: Fault,
+    pub fault: Box<Fault>,
 }
 
 /// A part of a model, such as `support 2 on "bottom"`.
@@ -112,7 +112,7 @@ impl Entity {
     pub(crate) fn error(self, fault: impl Into<Fault>) -> ModelError {
         ModelError {
             entity: self,
-            fault: fault.into(),
+            fault: Box::new(fault.into()),
         }
     }
 }

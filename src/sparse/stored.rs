@@ -57,6 +57,8 @@ pub trait SquareBlocks: Send + Sync {
     fn multiply(&self, x: &[f64], y: &mut [f64]) -> f64;
     /// y −= K x.
     fn subtract_product(&self, x: &[f64], y: &mut [f64]);
+    /// Hands out the stored scalar entries (row, column, value), row by row.
+    fn for_entries(&self, take: &mut dyn FnMut(usize, usize, f64));
 
     /// Scalar rows.
     fn n_rows(&self) -> usize {
@@ -93,6 +95,10 @@ impl<const B: usize> SquareBlocks for BlockCsr<B> {
             y.iter_mut().zip(sum).for_each(|(y, v)| *y -= v);
             0.0
         });
+    }
+
+    fn for_entries(&self, take: &mut dyn FnMut(usize, usize, f64)) {
+        self.triplets().for_each(|(i, j, v)| take(i, j, v));
     }
 }
 

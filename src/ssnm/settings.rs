@@ -188,7 +188,7 @@ mod tests {
                 },
                 "c_fact",
             );
-            if !(value >= 0.0 && value < 2.0) {
+            if !(0.0..2.0).contains(&value) {
                 let value = Some(value);
                 wrong(
                     Settings {

@@ -80,22 +80,37 @@ const COARSE_ALPHA: f64 = 300.0;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AmgError {
+    /// Not a square matrix of a plane or of space.
     #[error("the stiffness matrix has no unknowns, or is not square")]
     Shape,
+    /// Not a point per node.
     #[error("there are {found} points for {expected} nodes")]
-    Coordinates { found: usize, expected: usize },
+    Coordinates {
+        /// Points.
+        found: usize,
+        /// Nodes.
+        expected: usize,
+    },
+    /// The block of a node on the diagonal is not definite.
     #[error(
         "the stiffness matrix is not positive definite at the unknowns {first} to {last}: \
          a part of a body has no stiffness, or an entry is not a finite number",
         first = block * node + 1, last = block * (node + 1)
     )]
-    NotPositiveDefinite { node: usize, block: usize },
+    NotPositiveDefinite {
+        /// The node, from 0.
+        node: usize,
+        /// Unknowns of a node.
+        block: usize,
+    },
+    /// A motion has no stiffness.
     #[error(
         "the stiffness matrix is singular, or not positive definite: a part of a body has no stiffness or hangs \
          on a hinge: check that its parts are connected by more than a point. Bodies that can move as a whole \
          need coordinates, which tell their rigid motions, or supports"
     )]
     Singular,
+    /// Indices have 32 bits.
     #[error("the stiffness matrix has too many entries for 32-bit indices")]
     TooLarge,
 }

@@ -29,24 +29,39 @@ use std::time::Instant;
 /// Why K could not be factorised.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum FactorError {
+    /// A pivot is not positive.
     #[error(
         "the stiffness matrix is singular, or not positive definite (unknown {unknown}{place}): a part of a body \
          has no stiffness or hangs on a hinge: check that its parts are connected by more than a point. \
          Bodies that can move as a whole need coordinates, which tell their rigid motions, or supports"
     )]
-    NotPositiveDefinite { unknown: usize, place: String },
+    NotPositiveDefinite {
+        /// Its unknown, from 1.
+        unknown: usize,
+        /// " at (x, y)", where that is known.
+        place: String,
+    },
+    /// A solve with the factor is too far off.
     #[error(
         "the Cholesky factor failed its check: x of K x = f is off by {error:.1e} of its size (at most {limit:.0e} is \
          accepted), residual {backward:.1e} of |K| |x| + |f|; the stiffness matrix is too badly conditioned: look for \
          slivers, extreme ratios of the moduli, or a nearly unsupported body; mesh very slender bodies with fewer elements"
     )]
     BadFactor {
+        /// The relative error of the solution.
         error: f64,
+        /// What is accepted.
         limit: f64,
+        /// The backward error.
         backward: f64,
     },
+    /// There is no room for it.
     #[error("not enough memory for the Cholesky factor ({mib} MiB)")]
-    OutOfMemory { mib: usize },
+    OutOfMemory {
+        /// What it takes.
+        mib: usize,
+    },
+    /// It has too many entries.
     #[error("the Cholesky factor has too many entries for 32-bit indices")]
     TooLarge,
 }

@@ -15,8 +15,10 @@ use std::sync::Arc;
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PcgError {
+    /// The backend cannot, or has failed.
     #[error(transparent)]
     Backend(#[from] BackendError),
+    /// A direction without stiffness.
     #[error(
         "the stiffness matrix is singular, or not positive definite: conjugate gradients met a direction without \
          stiffness; a part of a body has no stiffness or hangs on a hinge: check that its parts are connected by \
@@ -24,18 +26,24 @@ pub enum PcgError {
          supports"
     )]
     NotPositiveDefinite,
+    /// There is no multigrid hierarchy.
     #[error(transparent)]
     Hierarchy(#[from] AmgError),
+    /// No progress any more.
     #[error(
         "conjugate gradients stopped at a relative residual of {reached:.1e} instead of {asked:.0e} after \
          {iterations} iterations; the stiffness matrix is singular or too badly conditioned: look for a \
          body without supports, slivers, or extreme ratios of the moduli"
     )]
     Stalled {
+        /// ‖r‖/‖b‖ at the end.
         reached: f64,
+        /// ‖r‖/‖b‖ to reach.
         asked: f64,
+        /// Iterations made.
         iterations: usize,
     },
+    /// Not an error of the problem: somebody asked to stop.
     #[error("{0}")]
     Stopped(Stopped),
 }
@@ -118,12 +126,44 @@ pub struct Pcg<B: Backend> {
     pub counts: SolveCounts,
 }
 
-/// What tells whether a run makes progress: how far it had come when it was last found to.
-struct Milestone {
-    iterations: usize,
-    /// The smallest ‖r‖² at any look until then.
-    rr: f64,
-    energy: f64,
+/// What tells whether a run makes progress.
+struct Watch {
+    /// The factor by which the energy has to grow to be called so.
+    noticeable: f64,
+    /// The smallest ‖r‖² at any look.
+    least_rr: f64,
+    /// How far it had come when it was last looked at closely: iterations, `least_rr` and energy.
+    milestone: Option<(usize, f64, f64)>,
+}
+
+impl Watch {
+    fn new(noticeable: f64) -> Self {
+        Self {
+            noticeable,
+            least_rr: f64::INFINITY,
+            milestone: None,
+        }
+    }
+
+    /// Twice the iterations have to bring something: half of the residual or some energy. The energy alone grows for long
+    /// where the residual goes up and down, the residual alone falls where the energy is as good as complete.
+    fn gets_nowhere(&mut self, issued: usize, progress: &Progress) -> bool {
+        self.least_rr = self.least_rr.min(progress.rr);
+        let due = self
+            .milestone
+            .map_or(LEAST_ITERATIONS, |(then, ..)| 2 * then);
+        let so_far = match self.milestone {
+            None => 2 * issued,
+            Some(_) => issued,
+        };
+        if so_far < due {
+            return false;
+        }
+        let here = (issued, self.least_rr, progress.energy);
+        self.milestone.replace(here).is_some_and(|(_, rr, energy)| {
+            !(self.least_rr <= 0.25 * rr) && !(progress.energy > self.noticeable * energy)
+        })
+    }
 }
 
 /// A short product y = M x to bring to the host.
@@ -320,15 +360,9 @@ impl<B: Backend> Pcg<B> {
         let length_b = norm(b);
         let start = self.counts.iterations;
         let mut correction = vec![0.0; b.len()];
-        let mut residual = vec![0.0; b.len()];
-        let subtract_from_b = |k: &dyn SquareBlocks, x: &[f64], residual: &mut [f64]| {
-            residual.copy_from_slice(b);
-            k.subtract_product(x, residual);
-        };
-        if x.iter().all(|&v| v == 0.0) {
-            residual.copy_from_slice(b);
-        } else {
-            subtract_from_b(&*self.k, x, &mut residual);
+        let mut residual = b.to_vec();
+        if x.iter().any(|&v| v != 0.0) {
+            self.k.subtract_product(x, &mut residual);
         }
         let goal = match accuracy {
             Accuracy::Residual(tolerance) => tolerance * length_b,
@@ -341,14 +375,8 @@ impl<B: Backend> Pcg<B> {
         let mut length = norm(&residual);
         for _ in 0..MAX_CORRECTIONS {
             if length <= goal {
-                return Ok(Followed {
-                    change: f64::sqrt(energy),
-                    remaining: 0.0,
-                    slow: self.is_slow(),
-                });
+                return Ok(self.refined(energy, 0.0));
             }
-            let factor = self.load(&residual, length);
-            let unit = factor / self.scale;
             let target = match accuracy {
                 Accuracy::Residual(_) => 0.0,
                 Accuracy::Energy { absolute, relative } => {
@@ -362,20 +390,8 @@ impl<B: Backend> Pcg<B> {
                     relative: relative.max(CORRECTION),
                 },
             };
-            let run = self.run_to(run, unit);
-            let made = match self.run(run, stop, None) {
-                Ok(progress) => self.followed(&progress, unit),
-                // In f32 a breakdown may be one of rounding, and so may a lack of progress: the residual in
-                // f64 tells.
-                Err(PcgError::NotPositiveDefinite | PcgError::Stalled { .. }) => {
-                    Followed::default()
-                }
-                Err(error) => return Err(error),
-            };
-            self.backend.download(&self.x, &mut correction)?;
-            for (x, c) in x.iter_mut().zip(&correction) {
-                *x += c * factor;
-            }
+            let made = self.correct(&residual, length, run, stop, &mut correction)?;
+            x.iter_mut().zip(&correction).for_each(|(x, c)| *x += c);
             let gained = made.change.powi(2);
             energy += gained;
             // A short run may lower the energy error and not the residual.
@@ -393,15 +409,12 @@ impl<B: Backend> Pcg<B> {
                 // Written so that NaN is not enough. Where rounding keeps it from advancing, the caller has
                 // to live with what there is.
                 if gained > 0.0 && (enough || !advances && gained <= last) {
-                    return Ok(Followed {
-                        change: energy.sqrt(),
-                        remaining: (truncated + rounded).sqrt(),
-                        slow: self.is_slow(),
-                    });
+                    return Ok(self.refined(energy, truncated + rounded));
                 }
             }
             last = gained;
-            subtract_from_b(&*self.k, x, &mut residual);
+            residual.copy_from_slice(b);
+            self.k.subtract_product(x, &mut residual);
             let before = std::mem::replace(&mut length, norm(&residual));
             let achieved = length / before;
             if let Accuracy::Residual(_) = accuracy {
@@ -416,11 +429,7 @@ impl<B: Backend> Pcg<B> {
         }
         // What f64 cannot give is not asked for again: whether it is enough shows in the final check.
         if length <= goal.max(AT_ROUNDING * length_b) {
-            return Ok(Followed {
-                change: f64::sqrt(energy),
-                remaining: 0.0,
-                slow: self.is_slow(),
-            });
+            return Ok(self.refined(energy, 0.0));
         }
         let asked = match accuracy {
             Accuracy::Residual(tolerance) => tolerance,
@@ -431,6 +440,39 @@ impl<B: Backend> Pcg<B> {
             asked,
             iterations: self.counts.iterations - start,
         })
+    }
+
+    /// What corrections have changed of eᵀKe and have left of it.
+    fn refined(&self, energy: f64, left: f64) -> Followed {
+        Followed {
+            change: energy.sqrt(),
+            remaining: left.sqrt(),
+            slow: self.is_slow(),
+        }
+    }
+
+    /// A correction in low precision for a residual of norm `length`; what it is worth.
+    fn correct(
+        &mut self,
+        residual: &[f64],
+        length: f64,
+        accuracy: Accuracy,
+        stop: &Stop,
+        correction: &mut [f64],
+    ) -> Result<Followed, PcgError> {
+        let factor = self.load(residual, length);
+        let unit = factor / self.scale;
+        let run = self.run_to(accuracy, unit);
+        let made = match self.run(run, stop, None) {
+            Ok(progress) => self.followed(&progress, unit),
+            // In f32 a breakdown may be one of rounding, and so may a lack of progress: the residual in
+            // f64 tells.
+            Err(PcgError::NotPositiveDefinite | PcgError::Stalled { .. }) => Followed::default(),
+            Err(error) => return Err(error),
+        };
+        self.backend.download(&self.x, correction)?;
+        correction.iter_mut().for_each(|c| *c *= factor);
+        Ok(made)
     }
 
     /// r −= K x.
@@ -481,8 +523,7 @@ impl<B: Backend> Pcg<B> {
         let limit = 1000 + 30 * self.k.n_rows();
         // More than the rounding of the sum that the energy is.
         let noticeable = 1.0 + 64.0 * backend.unit_roundoff();
-        let mut milestone = None;
-        let mut least_rr = f64::INFINITY;
+        let mut watch = Watch::new(noticeable);
         let mut first_energy = None;
         backend.start(r, x, preconditioner.r(), state, goals);
         preconditioner.cycle(backend, state);
@@ -532,29 +573,9 @@ impl<B: Backend> Pcg<B> {
                 self.counts.iterations += progress.iterations;
                 return Err(PcgError::Stopped(stopped));
             }
-            least_rr = least_rr.min(progress.rr);
-            // Twice the iterations have to bring something: half of the residual or some energy. The energy
-            // alone grows for long where the residual goes up and down, the residual alone falls where the
-            // energy is as good as complete.
-            let mut stalled = issued >= limit;
-            match &milestone {
-                None if 2 * issued < LEAST_ITERATIONS => {}
-                Some(Milestone { iterations, .. }) if issued < 2 * iterations => {}
-                before => {
-                    stalled |= before.as_ref().is_some_and(|before: &Milestone| {
-                        !(least_rr <= 0.25 * before.rr)
-                            && !(progress.energy > noticeable * before.energy)
-                    });
-                    milestone = Some(Milestone {
-                        iterations: issued,
-                        rr: least_rr,
-                        energy: progress.energy,
-                    });
-                }
-            }
             // A residual that grows without end belongs to a singular matrix.
             let grown = progress.rr > GROWTH * progress.rr_start;
-            if stalled || grown {
+            if watch.gets_nowhere(issued, &progress) || issued >= limit || grown {
                 self.counts.iterations += progress.iterations;
                 return Err(PcgError::Stalled {
                     reached: (progress.rr / progress.rr_start).sqrt(),

@@ -141,7 +141,7 @@ pub(super) fn multiply<S: Real>(
 ) {
     match product {
         Product::Plain => with_any_shape!(m.block(), rows(m, x, y, |_, y, v| *y = v)),
-        Product::Added => with_any_shape!(m.block(), rows(m, x, y, |_, y, v| *y = *y + v)),
+        Product::Added => with_any_shape!(m.block(), rows(m, x, y, |_, y, v| *y += v)),
         Product::Residual => with_any_shape!(m.block(), rows(m, x, y, |i, y, v| *y = b[i] - v)),
     }
 }
@@ -189,4 +189,83 @@ pub(super) fn dense_apply<S: Real>(m: &Dense<S>, b: &[S], x: &mut [S]) {
                 *x = sums.into_iter().fold(S::default(), |sum, v| sum + v);
             }
         });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::BlockCsr;
+
+    /// Two rows of 2 × 3 blocks: 1 2 3 / 4 5 6 in the column 1 of the first, 1 0 0 / 0 1 0 in both of the second.
+    fn matrix() -> BlockMatrix<f64> {
+        let one = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let blocks = vec![[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], one, one];
+        BlockMatrix::new(
+            &BlockCsr::<2, 3>::from_parts(2, 2, vec![0, 1, 3], vec![1, 0, 1], blocks),
+            1.0,
+        )
+    }
+
+    #[test]
+    fn products_by_hand() {
+        let x = [1.0, 10.0, 100.0, 1.0, -1.0, 2.0];
+        // M x = (5, 11, 2, 9).
+        for (product, expected) in [
+            (Product::Plain, [5.0, 11.0, 2.0, 9.0]),
+            (Product::Added, [6.0, 13.0, 5.0, 13.0]),
+            (Product::Residual, [5.0, -1.0, 8.0, 1.0]),
+        ] {
+            let mut y = [1.0, 2.0, 3.0, 4.0];
+            multiply(&matrix(), product, &[10.0; 4], &x, &mut y);
+            assert_eq!(y, expected, "{product:?}");
+        }
+    }
+
+    #[test]
+    fn smoothing_by_hand() {
+        // D⁻¹ is 1/2 of the identity and A the identity with a coupling of the nodes: x = (1, 2, 3, 4).
+        let identity = [[1.0, 0.0], [0.0, 1.0]];
+        let coupling = [[0.0, 1.0], [0.0, 0.0]];
+        let a = BlockCsr::<2>::from_parts(
+            2,
+            2,
+            vec![0, 2, 3],
+            vec![0, 1, 1],
+            vec![identity, coupling, identity],
+        );
+        let a = BlockMatrix::new(&a, 1.0);
+        let half = Diagonal {
+            block: 2,
+            values: [0.5, 0.0, 0.0, 0.5].repeat(2),
+        };
+        let b = [9.0, 8.0, 7.0, 6.0];
+        let (mut d, mut x) = ([0.0; 4], [0.0; 4]);
+        smooth_first(&half, 2.0, &b, &mut d, &mut x);
+        assert_eq!((d, x), (b, b));
+        let x = [1.0, 2.0, 3.0, 4.0];
+        let (mut d, mut next) = ([10.0, 0.0, 0.0, 0.0], [0.0; 4]);
+        // A x = (5, 2, 3, 4), r = (4, 6, 4, 2); d = 0.1 d + 4 · r/2.
+        smooth(&a, &half, [0.1, 4.0], &b, &x, &mut d, &mut next);
+        assert_eq!(d, [9.0, 12.0, 8.0, 4.0]);
+        assert_eq!(next, [10.0, 14.0, 11.0, 8.0]);
+    }
+
+    #[test]
+    fn dense_by_hand() {
+        let n = 19;
+        // Row i is i, 2i, 3i …; against ones that is i n(n + 1)/2.
+        let values = (0..n * n).map(|k| ((k / n) * (k % n + 1)) as f64);
+        let m = Dense::new(n, values.collect());
+        let mut x = vec![0.0; n];
+        dense_apply(&m, &vec![1.0; n], &mut x);
+        assert!(x.iter().enumerate().all(|(i, &v)| v == (i * 190) as f64));
+    }
+
+    #[test]
+    fn other_shapes_have_no_kernel() {
+        assert!(check_shape([6, 6]).is_ok() && check_shape([3, 6]).is_ok());
+        for block in [[1, 1], [2, 6], [6, 2], [4, 4], [3, 9]] {
+            assert!(check_shape(block).is_err());
+        }
+    }
 }

@@ -36,15 +36,21 @@ pub enum GpuError {
 /// One adapter, with the limits and features that matter here.
 #[derive(Clone, Debug)]
 pub struct AdapterSummary {
+    /// What it is called.
     pub name: String,
+    /// Its driver with its version.
     pub driver: String,
     /// vulkan, metal, dx12, gl.
     pub api: String,
     /// Discrete, integrated, virtual or software.
     pub kind: &'static str,
+    /// Whether it computes on the CPU.
     pub is_software: bool,
+    /// Whether kernels may compute in f64.
     pub f64: bool,
+    /// Whether it has subgroup operations.
     pub subgroups: bool,
+    /// Whether it has timestamps.
     pub timestamps: bool,
     /// Bytes of one storage binding.
     pub max_binding: u64,
@@ -198,7 +204,11 @@ pub struct Context {
 impl Context {
     /// Opens a device on the adapter that the options ask for.
     pub fn new(options: &GpuOptions) -> Result<Arc<Self>, GpuError> {
-        let (adapter, summary, reason) = choose(options)?;
+        let (adapter, mut summary, reason) = choose(options)?;
+        summary.memory = [summary.memory, options.max_memory]
+            .into_iter()
+            .flatten()
+            .min();
         let name = summary.to_string();
         let precision = match options.precision {
             Some(Precision::F64) if !summary.f64 => {

@@ -33,6 +33,8 @@ pub(super) mod flag {
     ];
 }
 
+const SMOOTHER: &str = include_str!("../../../shaders/shared/smoother.wgsl");
+
 /// What a matrix is stored in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Scalar {
@@ -140,6 +142,7 @@ impl Kernel {
                     + &diagonal(shape.rows)
                     + &["b", "x", "d"].map(|name| load(name, shape.rows)).concat()
                     + &["d", "x_next"].map(|name| store(name, shape.rows)).concat()
+                    + SMOOTHER
             }
             Self::Diagonal(shape) => {
                 types(shape, Scalar::Single)
@@ -148,6 +151,7 @@ impl Kernel {
                         .map(|name| load(name, shape.rows))
                         .concat()
                     + &["d", "x_next"].map(|name| store(name, shape.rows)).concat()
+                    + SMOOTHER
             }
             _ => String::new(),
         }

@@ -205,6 +205,7 @@ fn pieces<'a, V>(
 }
 
 #[cfg(test)]
+#[allow(clippy::single_range_in_vec_init, reason = "a list of one segment")]
 mod tests {
     use super::*;
 

@@ -2,6 +2,7 @@
 
 use super::aggregation::{Aggregates, NONE};
 use super::product::add_product;
+use crate::rigid::Frame;
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
 
@@ -12,39 +13,23 @@ const RANK_TOLERANCE: f64 = 1e-8;
 /// The values of M modes at one node with B components.
 pub(super) type Modes<const B: usize, const M: usize> = [[f64; M]; B];
 
-/// The modes of n nodes that move without strain: translations along the axes, and with coordinates the rotations in
-/// the planes of two axes about the centre of all nodes.
+/// The first M rigid motions of n nodes about the centre of all: translations and, with coordinates, rotations.
 pub(super) fn rigid_body_modes<const D: usize, const M: usize>(
     n: usize,
     coordinates: Option<&[[f64; D]]>,
 ) -> Vec<Modes<D, M>> {
-    let mut modes = vec![[[0.0; M]; D]; n];
-    for mode in &mut modes {
-        for c in 0..D {
-            mode[c][c] = 1.0;
-        }
-    }
-    if let Some(points) = coordinates {
-        // Centred, and of size about 1, so that the unit of length does not matter.
-        let (mut low, mut high) = ([f64::INFINITY; D], [f64::NEG_INFINITY; D]);
-        for x in points {
-            for c in 0..D {
-                low[c] = low[c].min(x[c]);
-                high[c] = high[c].max(x[c]);
-            }
-        }
-        let size = (0..D).map(|c| high[c] - low[c]).fold(0.0, f64::max);
-        if size > 0.0 {
-            let planes = (0..D).flat_map(|a| (a + 1..D).map(move |b| (a, b)));
-            for (k, (a, b)) in (D..M).zip(planes) {
-                for (mode, x) in modes.iter_mut().zip(points) {
-                    mode[a][k] = -(x[b] - 0.5 * (low[b] + high[b])) / size;
-                    mode[b][k] = (x[a] - 0.5 * (low[a] + high[a])) / size;
-                }
-            }
-        }
-    }
-    modes
+    let frame = match coordinates {
+        // Of size about 1, so that the unit of length does not matter.
+        Some(points) => Frame::of_box(points, |edges| edges.into_iter().fold(0.0, f64::max)),
+        None => Frame {
+            centre: [0.0; D],
+            size: 1.0,
+        },
+    };
+    let origin = frame.centre;
+    (0..n)
+        .map(|i| frame.motions(coordinates.map_or(&origin, |points| &points[i])))
+        .collect()
 }
 
 /// Which components are tied to nothing: their row has no entry off the diagonal. Of a node that is tied

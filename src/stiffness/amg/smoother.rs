@@ -1,5 +1,6 @@
 //! The data of the Chebyshev smoother: inverse diagonal blocks, spectral radius, coefficients.
 
+use crate::dense::tridiagonal_largest;
 use crate::sparse::stored::{BlockMatrix, Real, times};
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
@@ -119,7 +120,8 @@ pub(super) fn spectral_radius<const B: usize, S: Real>(
         off_diagonal.push(beta.sqrt() / alpha);
         alpha_old = alpha;
     }
-    largest_eigenvalue(&diagonal, &off_diagonal)
+    off_diagonal.truncate(diagonal.len().saturating_sub(1));
+    tridiagonal_largest(&diagonal, &off_diagonal)
 }
 
 /// Σ xᵢ yᵢ of two short vectors.
@@ -138,31 +140,6 @@ pub(super) fn noise(i: usize) -> f64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-}
-
-/// The largest eigenvalue of a symmetric tridiagonal matrix, by bisection on the signs of the pivots of
-/// T − λI.
-fn largest_eigenvalue(diagonal: &[f64], off_diagonal: &[f64]) -> f64 {
-    let off = |i: usize| off_diagonal.get(i).copied().unwrap_or(0.0).abs();
-    let n = diagonal.len();
-    let bound = |i: usize| diagonal[i] + off(i) + if i > 0 { off(i - 1) } else { 0.0 };
-    let mut high = (0..n).map(bound).fold(0.0, f64::max);
-    let mut low = 0.0;
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        let mut pivot = -1.0;
-        let above = (0..n).any(|i| {
-            let coupling = if i > 0 { off(i - 1).powi(2) } else { 0.0 };
-            pivot = diagonal[i] - middle - coupling / pivot;
-            pivot >= 0.0
-        });
-        if above {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    high
 }
 
 /// The coefficients (c₁, c₂) of the steps d ← c₁ d + c₂ D⁻¹(b − A x), x ← x + d of the Chebyshev
