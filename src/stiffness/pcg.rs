@@ -186,6 +186,28 @@ fn on_backend<B: Backend>(
     Ok((Multigrid::new(backend, hierarchy)?, table, fast))
 }
 
+/// K on a backend with its factor, and the vectors and scalars of CG.
+type Placed<B> = (
+    Arc<dyn SquareBlocks>,
+    <B as Backend>::Matrix,
+    f64,
+    [<B as Backend>::Vector; 4],
+    <B as Backend>::State,
+);
+
+fn placed<B: Backend, const D: usize>(
+    backend: &mut B,
+    k: &Arc<BlockCsr<D>>,
+) -> Result<Placed<B>, PcgError> {
+    let n = k.n_rows();
+    let k: Arc<dyn SquareBlocks> = Arc::clone(k) as _;
+    let (matrix, scale) = backend.matrix(Arc::clone(&k))?;
+    let mut vector = || backend.vector(n);
+    let vectors = [vector()?, vector()?, vector()?, vector()?];
+    let state = backend.state(&matrix, &vectors[0])?;
+    Ok((k, matrix, scale, vectors, state))
+}
+
 impl<B: Backend> Pcg<B> {
     /// Moves K to the backend and sets up the preconditioner; `coordinates` has a point per node
     /// (without, multigrid has no rotations to work with and needs more iterations).
@@ -195,13 +217,15 @@ impl<B: Backend> Pcg<B> {
         coordinates: Option<&[[f64; D]]>,
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
+        // What cannot be done without comes first: multigrid takes what is left.
+        let placed = placed(&mut backend, k)?;
         let mut fallback = None;
         if preconditioner == Preconditioner::Multigrid {
             let made = Hierarchy::new(k, coordinates, &Default::default())
                 .map_err(PcgError::from)
                 .and_then(|hierarchy| on_backend(&mut backend, hierarchy));
             match made {
-                Ok(made) => return Self::assemble(backend, k, made, None),
+                Ok(made) => return Ok(Self::assemble(backend, placed, made, None)),
                 Err(
                     error @ (PcgError::Hierarchy(AmgError::TooLarge)
                     | PcgError::Backend(BackendError::TooLarge { .. })),
@@ -210,7 +234,7 @@ impl<B: Backend> Pcg<B> {
             }
         }
         let made = on_backend(&mut backend, Hierarchy::block_jacobi(k)?)?;
-        Self::assemble(backend, k, made, fallback)
+        Ok(Self::assemble(backend, placed, made, fallback))
     }
 
     /// As [`Pcg::new`], with a hierarchy made before.
@@ -219,23 +243,18 @@ impl<B: Backend> Pcg<B> {
         k: &Arc<BlockCsr<D>>,
         hierarchy: Hierarchy<B::Stored>,
     ) -> Result<Self, PcgError> {
+        let placed = placed(&mut backend, k)?;
         let made = on_backend(&mut backend, hierarchy)?;
-        Self::assemble(backend, k, made, None)
+        Ok(Self::assemble(backend, placed, made, None))
     }
 
-    fn assemble<const D: usize>(
-        mut backend: B,
-        k: &Arc<BlockCsr<D>>,
+    fn assemble(
+        backend: B,
+        (k, matrix, scale, [x, r, p, q], state): Placed<B>,
         (preconditioner, hierarchy, fast): Made<B>,
         fallback: Option<String>,
-    ) -> Result<Self, PcgError> {
-        let n = k.n_rows();
-        let k: Arc<dyn SquareBlocks> = Arc::clone(k) as _;
-        let (matrix, scale) = backend.matrix(Arc::clone(&k))?;
-        let (x, r) = (backend.vector(n)?, backend.vector(n)?);
-        let (p, q) = (backend.vector(n)?, backend.vector(n)?);
-        let state = backend.state(&matrix, &x)?;
-        Ok(Self {
+    ) -> Self {
+        Self {
             backend,
             k,
             matrix,
@@ -254,7 +273,7 @@ impl<B: Backend> Pcg<B> {
             last: 0,
             rounding: ROUNDING,
             counts: SolveCounts::default(),
-        })
+        }
     }
 
     /// Whether the backend's own arithmetic is enough for an f64 answer.
