@@ -2,7 +2,7 @@
 
 use super::build::BuildError;
 use super::{Case, CaseError, RectangleTable};
-use crate::mesh::{Mesh, gmsh, structured};
+use crate::mesh::{AnyMesh, Mesh, gmsh, structured};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -135,7 +135,12 @@ impl Case {
 
     fn part(&self, span: Range<usize>, source: Result<Source, String>) -> Result<Mesh, BuildError> {
         let r = match source {
-            Ok(Source::File(file, scale)) => return Ok(gmsh::read(&self.beside(file), scale)?),
+            Ok(Source::File(file, scale)) => {
+                return Ok(match gmsh::read(&self.beside(file), scale)? {
+                    AnyMesh::Plane(mesh) => mesh,
+                    AnyMesh::Space(_) => self.invalid(span, "the mesh is one of space")?,
+                });
+            }
             Ok(Source::Rectangle(rectangle)) => rectangle,
             Err(problem) => return Ok(self.invalid(span, problem)?),
         };
