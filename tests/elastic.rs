@@ -212,7 +212,7 @@ fn gmsh_formats_agree() {
     let mesh = |i: usize| &solutions[i].elastic().mesh;
     assert_eq!(mesh(0).regions.len(), 2);
     assert_eq!(mesh(0).boundaries.len(), 4);
-    let areas = mesh(0).areas();
+    let areas = mesh(0).measures();
     assert!(areas.iter().all(|a| (a - 1e-6).abs() < 1e-15));
     for i in 1..4 {
         assert_eq!(mesh(i).elements.len(), mesh(0).elements.len());
