@@ -44,6 +44,15 @@ where
     pub faults: BTreeMap<String, Fault<D>>,
 }
 
+/// A mesh of either dimension: which one may show only when a file is read.
+#[derive(Clone, Debug)]
+pub enum AnyMesh {
+    /// One of the plane.
+    Plane(Mesh),
+    /// One of space.
+    Space(Mesh<3>),
+}
+
 /// The worst that the facets of a boundary have, and the first facet that has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault<const D: usize = 2> {
