@@ -117,7 +117,7 @@ impl<const D: usize> ContactProblem<D> {
     /// use signorini::sparse::{BlockCsr, Csr};
     /// use signorini::ssnm::Status;
     ///
-    /// let problem = ContactProblem::new(ContactData {
+    /// let problem: ContactProblem = ContactProblem::new(ContactData {
     ///     stiffness: BlockCsr::from_triplets(2, 2, [(0, 0, 2.0), (0, 1, -1.0), (1, 0, -1.0), (1, 1, 1.0)]),
     ///     load: vec![0.0, 1.0],
     ///     normal: Csr::from_triplets(1, 2, [(0, 1, 1.0)]),

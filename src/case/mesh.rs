@@ -3,7 +3,7 @@
 use super::build::BuildError;
 use super::definition::{quantity, vector};
 use super::{BoxTable, Case, CaseError, Figure, MeshTable, PartTable, RectangleTable};
-use crate::mesh::{AnyMesh, Topology, Kind, Mesh, gmsh, structured};
+use crate::mesh::{AnyMesh, Kind, Mesh, Topology, gmsh, structured};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;

@@ -420,22 +420,23 @@ fn obstacle_fault<const D: usize>(obstacle: &Obstacle<D>) -> Option<&'static str
     let finite = |point: &[f64; D]| point.iter().all(|v| v.is_finite());
     let positive = |value: f64| value > 0.0 && value.is_finite();
     match obstacle {
-        Obstacle::HalfPlane { point, normal } => {
-            (!finite(point) || !positive(length(*normal))).then_some(match D {
+        Obstacle::HalfPlane { point, normal } => (!finite(point) || !positive(length(*normal)))
+            .then_some(match D {
                 2 => "half_plane needs a finite point and a normal that is not zero",
                 _ => "half_space needs a finite point and a normal that is not zero",
-            })
-        }
+            }),
         Obstacle::Circle { center, radius } => {
             (!finite(center) || !positive(*radius)).then_some(match D {
                 2 => "circle needs a finite center and a positive radius",
                 _ => "sphere needs a finite center and a positive radius",
             })
         }
-        Obstacle::Cylinder { point, axis, radius } => {
-            (!finite(point) || !positive(length(*axis)) || !positive(*radius)).then_some(
-                "cylinder needs a finite point, an axis that is not zero and a positive radius",
-            )
-        }
+        Obstacle::Cylinder {
+            point,
+            axis,
+            radius,
+        } => (!finite(point) || !positive(length(*axis)) || !positive(*radius)).then_some(
+            "cylinder needs a finite point, an axis that is not zero and a positive radius",
+        ),
     }
 }

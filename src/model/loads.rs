@@ -6,7 +6,9 @@ use super::{Definition, Elastic, Quantity};
 use crate::contact::Space;
 use crate::elasticity::{Body, Unknowns, load_vector};
 use crate::mesh::vector::{length, minus};
-use crate::mesh::{BoundaryError, Facet, Kind as ElementKind, Mesh, Place as At, Topology, facet_nodes};
+use crate::mesh::{
+    BoundaryError, Facet, Kind as ElementKind, Mesh, Place as At, Topology, facet_nodes,
+};
 use crate::quasistatic::Load;
 use crate::sparse::norm;
 use std::collections::HashSet;
@@ -120,10 +122,7 @@ where
 }
 
 /// The regions that a name stands for.
-pub(super) fn region<'m, const D: usize>(
-    mesh: &'m Mesh<D>,
-    name: &str,
-) -> Result<&'m [u32], Fault>
+pub(super) fn region<'m, const D: usize>(mesh: &'m Mesh<D>, name: &str) -> Result<&'m [u32], Fault>
 where
     ElementKind: Topology<D>,
 {
@@ -140,11 +139,7 @@ where
 type Held<'s, const D: usize> = Vec<(u32, [Option<&'s Quantity<D>>; D])>;
 
 impl<const D: usize> Support<D> {
-    fn nodes<'s>(
-        &'s self,
-        mesh: &Mesh<D>,
-        zero: &'s Quantity<D>,
-    ) -> Result<Held<'s, D>, Fault>
+    fn nodes<'s>(&'s self, mesh: &Mesh<D>, zero: &'s Quantity<D>) -> Result<Held<'s, D>, Fault>
     where
         ElementKind: Topology<D>,
     {
@@ -159,8 +154,7 @@ impl<const D: usize> Support<D> {
             let mut components = stated;
             if self.symmetry {
                 let across = |&axis: &usize| {
-                    (facets.iter())
-                        .all(|facet| mesh.facet_normal(facet).1[axis].abs() > 1.0 - 1e-9)
+                    (facets.iter()).all(|facet| mesh.facet_normal(facet).1[axis].abs() > 1.0 - 1e-9)
                 };
                 let Some(axis) = (0..D).find(across) else {
                     let (what, wanted) = match D {

@@ -125,7 +125,10 @@ where
         let pressed = normal.map(|v| -self.pressure[i] * v + 0.0);
         let rubbed = std::array::from_fn(|c| {
             let parts = tangents.iter().zip(along);
-            parts.map(|(tangent, along)| along * tangent[c]).sum::<f64>() + 0.0
+            parts
+                .map(|(tangent, along)| along * tangent[c])
+                .sum::<f64>()
+                + 0.0
         });
         [pressed, rubbed]
     }

@@ -1,8 +1,8 @@
 //! VTK unstructured grids (`.vtu`), inline base64: what ParaView opens (VTK File Formats, docs.vtk.org).
 
 use super::{ContactFields, NodeStatus, StepFields, put};
-use crate::elasticity::Stress;
 use crate::contact::Space;
+use crate::elasticity::Stress;
 use crate::mesh::Kind;
 use crate::model::Elastic;
 use base64::Engine as _;
@@ -146,8 +146,10 @@ where
         at_nodes.scalars("tangential_traction", &scattered(&contact.traction));
     } else {
         // Along the axes: the tangents of each node are its own.
-        let (mut whole, mut tangential) =
-            (vec![[0.0; D]; mesh.nodes.len()], vec![[0.0; D]; mesh.nodes.len()]);
+        let (mut whole, mut tangential) = (
+            vec![[0.0; D]; mesh.nodes.len()],
+            vec![[0.0; D]; mesh.nodes.len()],
+        );
         for (&node, &i) in &shown {
             let [pressed, rubbed] = contact.traction_vectors(i);
             tangential[node as usize] = rubbed;

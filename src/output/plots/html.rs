@@ -17,11 +17,7 @@ summary { cursor: pointer; margin: .5rem 0 } figure { margin: 1rem 0; overflow-x
 const MOST_STEPS: usize = 12;
 
 /// A table with a head; cells are escaped.
-fn table(
-    out: &mut String,
-    head: &[impl AsRef<str>],
-    rows: impl Iterator<Item = Vec<String>>,
-) {
+fn table(out: &mut String, head: &[impl AsRef<str>], rows: impl Iterator<Item = Vec<String>>) {
     out.push_str("<div class=\"scroll\"><table>");
     let mut row = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
         let cells: String = cells
@@ -147,18 +143,21 @@ fn contacts(out: &mut String, report: &Report, step: &StepReport) {
         out,
         &head,
         step.contacts.iter().map(|c| {
-            [format!("{} / {}", c.boundary, c.against), c.friction.clone()]
-                .into_iter()
-                .chain(components(&c.force))
-                .chain([
-                    format!("{:.4e}", c.max_pressure),
-                    format!("{:.4e}", c.area),
-                    c.separated.to_string(),
-                    c.stick.to_string(),
-                    c.slip.to_string(),
-                    c.frictionless.to_string(),
-                ])
-                .collect()
+            [
+                format!("{} / {}", c.boundary, c.against),
+                c.friction.clone(),
+            ]
+            .into_iter()
+            .chain(components(&c.force))
+            .chain([
+                format!("{:.4e}", c.max_pressure),
+                format!("{:.4e}", c.area),
+                c.separated.to_string(),
+                c.stick.to_string(),
+                c.slip.to_string(),
+                c.frictionless.to_string(),
+            ])
+            .collect()
         }),
     );
     out.push_str("<p class=\"note\">Forces act on the body of the boundary named first.</p>\n");

@@ -130,7 +130,10 @@ fn space_has_a_third_coordinate() {
     assert!(told("1 + Z").ends_with("column 5: unknown name \"Z\": did you mean \"z\"?"));
     // In the plane it is no name, and none that is proposed.
     let plane = Expression::<2>::parse("Z").expect_err("it is wrong");
-    assert!(plane.ends_with("only the coordinates x and y vary"), "{plane}");
+    assert!(
+        plane.ends_with("only the coordinates x and y vary"),
+        "{plane}"
+    );
 }
 
 /// An expression before it is written down.
