@@ -247,7 +247,7 @@ impl Case {
         source: Result<Source, String>,
     ) -> Result<AnyMesh, BuildError> {
         Ok(match source {
-            Ok(Source::File(file, scale)) => AnyMesh::Plane(gmsh::read(&self.beside(file), scale)?),
+            Ok(Source::File(file, scale)) => gmsh::read(&self.beside(file), scale)?,
             Ok(Source::Rectangle(r)) => {
                 let mesh = structured::rectangle(r.origin, r.size, r.cells, r.shape, "body", "");
                 AnyMesh::Plane(self.mapped(span, "rectangle", mesh, &r.map)?)
