@@ -135,8 +135,6 @@ fn force_error<const D: usize>(problem: &ContactProblem<D>, lambda: &[f64], r: &
     for (i, (&g, &area)) in bounds.iter().zip(areas).enumerate() {
         let [node, slope, c, closes] =
             [lambda, r, compliance, problem.compliance()].map(|x| at::<D>(x, i));
-        // One for all tangents: what a slipping node lacks along its own direction must not turn it.
-        let c: [f64; D] = from_fn(|a| if a == 0 { c[0] } else { norm_max(&c[1..]) });
         let disc = Disc { g };
         let asked: [f64; D] = from_fn(|a| {
             if c[a] > 0.0 {
