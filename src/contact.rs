@@ -1,8 +1,8 @@
 //! Contact: from boundaries to the rows of N and T, the gaps d and the slip bounds g.
 //!
 //! A boundary meets a rigid [`Obstacle`] node by node ([`obstacle_contact`]), or the boundary of another body
-//! through a mortar coupling of meshes that need not match ([`mortar_contact`]). Both search the boundaries of plane
-//! meshes; obstacles, contact nodes and rows are written for any dimension.
+//! through a mortar coupling of meshes that need not match ([`mortar_contact`]). That is one of the plane; all else is
+//! written for any dimension ([`Space`]).
 
 mod mortar;
 mod obstacle;
@@ -15,7 +15,7 @@ pub use mortar::mortar_contact;
 pub use obstacle::{Obstacle, obstacle_contact};
 pub use rows::{ContactRows, contact_rows};
 
-use crate::elasticity::{Body, Field};
+use crate::elasticity::{Body, Elements, Field};
 use crate::mesh::vector::{length, minus};
 use crate::mesh::{Facet, Kind, Place, Topology, bounds};
 
@@ -154,6 +154,49 @@ impl SlipBound {
     }
 }
 
+/// Contact between two boundaries, for the dimensions that have it.
+pub trait BodyContact<const D: usize>: Topology<D> {
+    /// The contact nodes of the boundary `facets` against the boundary `others` of another body.
+    ///
+    /// # Errors
+    /// What is wrong with the boundaries or what is said of them; in space [`ContactError::BodiesInSpace`].
+    fn body_contact(
+        body: &Body<D>,
+        facets: &[Facet<D>],
+        others: &[Facet<D>],
+        options: &PairOptions<D>,
+    ) -> Result<Vec<ContactNode<D>>, ContactError>
+    where
+        Kind: Topology<D>;
+}
+
+impl BodyContact<2> for Kind {
+    fn body_contact(
+        body: &Body,
+        facets: &[Facet],
+        others: &[Facet],
+        options: &PairOptions,
+    ) -> Result<Vec<ContactNode>, ContactError> {
+        mortar_contact(body, facets, others, options)
+    }
+}
+
+impl BodyContact<3> for Kind {
+    fn body_contact(
+        _: &Body<3>,
+        _: &[Facet<3>],
+        _: &[Facet<3>],
+        _: &PairOptions<3>,
+    ) -> Result<Vec<ContactNode<3>>, ContactError> {
+        Err(ContactError::BodiesInSpace)
+    }
+}
+
+/// What elastic bodies in contact need of D dimensions: `where Kind: Space<D>` says it all.
+pub trait Space<const D: usize>: Elements<D> + BodyContact<D> {}
+
+impl<const D: usize, T: Elements<D> + BodyContact<D>> Space<D> for T {}
+
 /// What is wrong with a contact definition.
 #[derive(Debug, thiserror::Error)]
 pub enum ContactError {
@@ -215,23 +258,39 @@ pub enum ContactError {
         /// The node.
         place: Place,
     },
-    /// The boundary looks away from a half-plane.
+    /// The boundary looks away from a half-plane (half-space).
     #[error(
-        "no part of it faces the obstacle: the normal of a half-plane points out of the obstacle, towards the body"
+        "no part of it faces the obstacle: the normal of a {obstacle} points out of the obstacle, towards the body"
     )]
-    FacesAway,
-    /// The boundary lies inside a circle.
+    FacesAway {
+        /// What the obstacle is called.
+        obstacle: &'static str,
+    },
+    /// The boundary lies inside a circle (sphere, cylinder).
     #[error(
-        "no part of it faces the circle from outside: the obstacle is the disc itself, which the body must lie \
+        "no part of it faces the {obstacle} from outside: the obstacle is the {solid} itself, which the body must lie \
          outside of; a hole around a body is no obstacle of this kind (mesh its wall, hold it, and let the body meet that boundary)"
     )]
-    InsideCircle,
-    /// A circle has no direction at its centre.
-    #[error("the node at {place} lies at the centre of the circle, so its normal is undefined")]
+    Inside {
+        /// What the obstacle is called.
+        obstacle: &'static str,
+        /// What that is full of.
+        solid: &'static str,
+    },
+    /// A circle (sphere, cylinder) has no direction at its centre (axis).
+    #[error(
+        "the node at {place} lies {} of the {obstacle}, so its normal is undefined",
+        if *obstacle == "cylinder" { "on the axis" } else { "at the centre" }
+    )]
     NoNormal {
         /// The node.
         place: Place,
+        /// What the obstacle is called.
+        obstacle: &'static str,
     },
+    /// Two bodies in space.
+    #[error("contact between two bodies in space is not there yet: use a rigid obstacle")]
+    BodiesInSpace,
     /// The averaged normal of a node vanishes.
     #[error("the boundary turns back on itself at {place}, so its normal is undefined")]
     Folded {

@@ -1,26 +1,32 @@
 //! Linear elasticity: materials, supports, loads, the stiffness matrix K and stresses.
 //!
-//! Small strains, isotropic materials, 3-node triangles and bilinear 4-node quadrilaterals with full
-//! integration. Forces are per body of the given thickness; coordinates, moduli and tractions may be in
-//! any consistent units (metres, pascals and newtons in the documentation).
+//! Small strains, isotropic materials; in the plane 3-node triangles and bilinear 4-node quadrilaterals, in space
+//! 4-node tetrahedra, trilinear 8-node hexahedra and 6-node wedges, all with full integration. Forces in the plane are
+//! per body of the given thickness; coordinates, moduli and tractions may be in any consistent units (metres, pascals
+//! and newtons in the documentation).
 //!
 //! A new type of element is a [`Kind`] of the mesh, a file beside `quad.rs` with its shape functions, and a line in
-//! `Kind::with`. Boundary loads and stresses are those of the plane; the rest is written for any dimension.
+//! `Kind::with`; what its facets are integrated with is in `surface.rs`.
 
 mod assembly;
 mod element;
+mod hexahedron;
 mod loads;
 mod quad;
 mod stress;
+mod surface;
 #[cfg(test)]
 mod tests;
+mod tetrahedron;
 mod triangle;
 mod unknowns;
+mod wedge;
 
 pub use assembly::{assemble, internal_forces, load_vector};
 pub use element::Elements;
-pub(crate) use loads::edge_points;
 pub use stress::{Stress, stresses};
+pub use surface::FacetPoint;
+pub(crate) use surface::edge_points;
 pub use unknowns::Unknowns;
 
 use crate::mesh::{Kind, Mesh, Topology};

@@ -1,18 +1,22 @@
 //! Meshes with named regions and boundaries.
 //!
-//! [`Mesh`] is that of the plane, with triangles and quadrilaterals; what holds in any dimension is written for
-//! `Mesh<D>`. Edges, areas and the orientation of elements are the matter of `mesh/plane.rs`.
+//! [`Mesh`] is that of the plane, with triangles and quadrilaterals, `Mesh<3>` that of space, with tetrahedra,
+//! hexahedra and wedges. Everything is written for both; what their geometry differs in is in `mesh/plane.rs` and
+//! `mesh/solid.rs`.
 
+mod boundary;
 mod element;
 pub mod gmsh;
 mod plane;
+mod solid;
 pub mod structured;
 #[cfg(test)]
 pub(crate) mod tests;
 pub(crate) mod vector;
 
-pub use element::{Element, Facet, Kind, Topology};
+pub use element::{Element, Facet, Kind, Topology, facet, facet_nodes};
 pub(crate) use vector::bounds;
+use vector::minus;
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
@@ -32,8 +36,9 @@ where
     /// The regions that a name stands for: every region under its own name, and groups of them that may overlap.
     pub groups: BTreeMap<String, Vec<u32>>,
     /// Named boundaries: in the plane edges (from, to) with the body on the left, so that the outward normal points
-    /// right. Those that [`Self::faults`] names also hold edges between elements, which have no outward normal:
-    /// [`Mesh::outer_edges`] and [`Mesh::edges`] mind that.
+    /// right; in space faces whose corners go round counter-clockwise as seen from outside. Those that
+    /// [`Self::faults`] names also hold facets between elements, which have no outward normal:
+    /// [`Mesh::outer_facets`] and [`Mesh::facets`] mind that.
     pub boundaries: BTreeMap<String, Vec<Facet<D>>>,
     /// What is wrong with the boundaries that are not on the outside of the body altogether.
     pub faults: BTreeMap<String, Fault<D>>,
@@ -44,38 +49,33 @@ where
 pub struct Fault<const D: usize = 2> {
     /// What it is.
     pub kind: FaultKind,
-    /// The coordinates of two nodes of the facet: both ends of an edge.
+    /// The coordinates of two nodes of the facet: both ends of an edge, two corners of a face.
     pub ends: [[f64; D]; 2],
 }
 
-/// Why an edge is no outer edge of the body.
+/// Why a facet is no outer facet of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FaultKind {
     /// There are elements on both sides: an interface.
     Inside,
-    /// No element has it: a construction line. It is not in [`Mesh::boundaries`].
+    /// No element has it: a construction line or surface. It is not in [`Mesh::boundaries`].
     Stray,
-}
-
-impl FaultKind {
-    fn remedy(self) -> &'static str {
-        match self {
-            Self::Inside => {
-                "take that curve out of the physical group or, where two bodies touch, draw it once for each"
-            }
-            Self::Stray => "take that curve out of the physical group",
-        }
-    }
 }
 
 impl<const D: usize> fmt::Display for Fault<D> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let [from, to] = self.ends.map(Place::from);
-        let what = match self.kind {
-            FaultKind::Inside => "lies between elements, not on the outside of the body",
-            FaultKind::Stray => "is not an edge of any element",
+        let (which, a_facet) = match D {
+            2 => ("edge from", "an edge"),
+            _ => ("face with corners from", "a face"),
         };
-        write!(f, "its edge from {from} to {to} {what}")
+        write!(f, "its {which} {from} to {to} ")?;
+        match self.kind {
+            FaultKind::Inside => {
+                f.write_str("lies between elements, not on the outside of the body")
+            }
+            FaultKind::Stray => write!(f, "is not {a_facet} of any element"),
+        }
     }
 }
 
@@ -105,13 +105,15 @@ pub enum BoundaryError {
     /// No boundary has the name.
     #[error("there is no boundary \"{0}\"")]
     Unknown(String),
-    /// It has edges that it must not have.
-    #[error("boundary \"{name}\": {fault}: {}", fault.kind.remedy())]
+    /// It has facets that it must not have.
+    #[error("boundary \"{name}\": {fault}")]
     Faulty {
         /// The boundary.
         name: String,
-        /// The worst of its edges.
-        fault: Fault,
+        /// What the worst of its facets is.
+        kind: FaultKind,
+        /// Which one that is, and what to do about it.
+        fault: String,
     },
 }
 
@@ -134,9 +136,10 @@ pub enum MeshError {
     /// A coordinate is infinite or NaN.
     #[error("node {0} has a coordinate that is not finite")]
     NotFinite(usize),
-    /// An element has no area, or a corner that turns inwards.
+    /// An element has no area (volume), or a corner that turns inwards.
     #[error(
-        "element {element} near {place} has no area or folds over itself: repair it in the mesher"
+        "element {element} near {place} has no {} or folds over itself: repair it in the mesher",
+        if place.0.len() == 2 { "area" } else { "volume" }
     )]
     Degenerate {
         /// The element.
@@ -170,6 +173,33 @@ impl<const D: usize> Mesh<D>
 where
     Kind: Topology<D>,
 {
+    /// A mesh from its parts: checks them, turns elements around whose nodes go the wrong way round, drops nodes that
+    /// no element uses, and directs the facets of boundaries so that the body lies behind them. Boundaries may have
+    /// facets that do not lie on the outside: they are noted in [`Self::faults`]. Every region is a group of its own.
+    pub fn new(
+        nodes: Vec<[f64; D]>,
+        elements: Vec<Element<D>>,
+        regions: Vec<String>,
+        boundaries: BTreeMap<String, Vec<Facet<D>>>,
+    ) -> Result<Self, MeshError> {
+        let mut mesh = Self {
+            nodes,
+            elements,
+            regions,
+            groups: BTreeMap::new(),
+            boundaries,
+            faults: BTreeMap::new(),
+        };
+        mesh.check()?;
+        for (number, element) in mesh.elements.iter_mut().enumerate() {
+            orient(element, &mesh.nodes, number)?;
+        }
+        mesh.direct_boundaries();
+        mesh.group_regions();
+        mesh.drop_unused_nodes();
+        Ok(mesh)
+    }
+
     /// Checks that there are elements, that nodes are finite, and that elements and boundaries name what there is.
     fn check(&self) -> Result<(), MeshError> {
         if self.elements.is_empty() {
@@ -306,8 +336,65 @@ where
         std::array::from_fn(|a| self.nodes[nodes[a] as usize])
     }
 
+    /// Area (volume) of an element, negative if its nodes go round the wrong way.
+    pub(crate) fn signed_measure(&self, element: &Element<D>) -> f64 {
+        let (x, len) = corners(element, &self.nodes);
+        element.kind().signed_measure(&x[..len])
+    }
+
+    /// Area (volume) of each region.
+    pub fn measures(&self) -> Vec<f64> {
+        let mut measures = vec![0.0; self.regions.len()];
+        for element in &self.elements {
+            measures[element.region as usize] += self.signed_measure(element);
+        }
+        measures
+    }
+
     /// Smallest and largest corner of the box around the mesh.
     pub fn bounding_box(&self) -> ([f64; D], [f64; D]) {
         bounds(self.nodes.iter().copied())
     }
+}
+
+/// The coordinates of the nodes of an element, and how many these are.
+fn corners<const D: usize>(element: &Element<D>, nodes: &[[f64; D]]) -> ([[f64; D]; 8], usize)
+where
+    Kind: Topology<D>,
+{
+    let mut x = [[0.0; D]; 8];
+    for (x, &node) in x.iter_mut().zip(element.nodes()) {
+        *x = nodes[node as usize];
+    }
+    (x, element.nodes().len())
+}
+
+/// Turns an element around whose nodes go the wrong way round, and rejects one without area (volume) or with a corner
+/// that turns inwards.
+fn orient<const D: usize>(
+    element: &mut Element<D>,
+    nodes: &[[f64; D]],
+    number: usize,
+) -> Result<(), MeshError>
+where
+    Kind: Topology<D>,
+{
+    let (mut x, len) = corners(element, nodes);
+    if element.kind().corners(&x[..len]).sum::<f64>() < 0.0 {
+        element.turn();
+        (x, _) = corners(element, nodes);
+    }
+    let x = &x[..len];
+    // The square of the size of the element, and that to the power of D.
+    let size = (x.iter())
+        .map(|&x_a| (minus(x_a, x[0]).iter()).map(|v| v.powi(2)).sum())
+        .fold(0.0, f64::max);
+    let measure = if D == 2 { size } else { size * size.sqrt() };
+    if (element.kind().corners(x)).all(|corner| corner > 1e-12 * measure) {
+        return Ok(());
+    }
+    Err(MeshError::Degenerate {
+        element: number,
+        place: x[0].into(),
+    })
 }

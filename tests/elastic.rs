@@ -87,7 +87,7 @@ fn stick_and_slip_of_a_block() {
     };
     let stick = run(&text("{ tresca = 1e4 }"), 1e-9);
     let sizes = stick.sizes();
-    assert_eq!((sizes.slip_plus, sizes.slip_minus), (0, 0));
+    assert_eq!(sizes.slip.total(), 0);
     let slip = run(&text("{ tresca = 0.01 }"), 1e-9);
     // But for the corner, which the support keeps from sliding.
     assert_eq!((slip.sizes().stick, slip.sizes().frictionless), (0, 1));
@@ -212,7 +212,7 @@ fn gmsh_formats_agree() {
     let mesh = |i: usize| &solutions[i].elastic().mesh;
     assert_eq!(mesh(0).regions.len(), 2);
     assert_eq!(mesh(0).boundaries.len(), 4);
-    let areas = mesh(0).areas();
+    let areas = mesh(0).measures();
     assert!(areas.iter().all(|a| (a - 1e-6).abs() < 1e-15));
     for i in 1..4 {
         assert_eq!(mesh(i).elements.len(), mesh(0).elements.len());

@@ -344,7 +344,7 @@ fn an_element_in_two_groups_stands_once_in_every_format() {
         assert_eq!(mesh.elements.len(), 3, "{format}");
         assert_eq!(mesh.nodes.len(), 6, "{format}");
         assert_eq!(mesh.regions, ["steel & all", "rubber & all"], "{format}");
-        assert_eq!(mesh.areas(), [1.0, 1.0], "{format}");
+        assert_eq!(mesh.measures(), [1.0, 1.0], "{format}");
         let groups: Vec<(&str, &[u32])> = (mesh.groups.iter())
             .map(|(name, regions)| (name.as_str(), &regions[..]))
             .collect();
@@ -360,10 +360,10 @@ fn an_element_in_two_groups_stands_once_in_every_format() {
             "{format}"
         );
         // Turned around or not, boundaries have the body on their left.
-        let bottom = mesh.outer_edges("bottom").unwrap_or_default();
+        let bottom = mesh.outer_facets("bottom").unwrap_or_default();
         assert_eq!(bottom.len(), 2, "{format}");
         for &edge in bottom {
-            assert_eq!(mesh.edge_normal(edge), (1.0, [0.0, -1.0]), "{format}");
+            assert_eq!(mesh.facet_normal(&edge), (1.0, [0.0, -1.0]), "{format}");
         }
         assert_eq!(mesh.boundaries["top"].len(), 2, "{format}");
     }
@@ -441,10 +441,10 @@ fn copies_of_elements_count_once() {
             ["steel", "steel & rubber", "rubber & all"],
             "{format}"
         );
-        assert_eq!(mesh.areas(), [0.5, 0.5, 1.0], "{format}");
+        assert_eq!(mesh.measures(), [0.5, 0.5, 1.0], "{format}");
         assert_eq!(mesh.groups["rubber"], [1, 2], "{format}");
         assert_eq!(mesh.faults["middle"].kind, FaultKind::Inside);
-        assert!(mesh.outer_edges("left").is_ok(), "{format}");
+        assert!(mesh.outer_facets("left").is_ok(), "{format}");
     }
     // A triangle and a quadrilateral with three nodes in common are different elements.
     let mut drawing = squares();
@@ -461,7 +461,7 @@ fn copies_of_elements_count_once() {
         surface(&[3], &[&[2, 3, 4, 5]]),
     ];
     let mesh = mesh_of(&drawing.msh4(Coding::Ascii));
-    assert_eq!(mesh.areas(), [0.5, 1.0]);
+    assert_eq!(mesh.measures(), [0.5, 1.0]);
     assert_eq!(mesh.groups["steel & rubber"], [1]);
 }
 
@@ -497,15 +497,15 @@ fn a_2_1_file_with_inner_and_reversed_curves_is_solved() {
 fn inner_boundaries_may_be_held_but_not_loaded() {
     let bytes = squares().msh4(Coding::Ascii);
     let mesh = mesh_of(&bytes);
-    let middle = mesh.edges("middle").unwrap_or_default();
+    let middle = mesh.facets("middle").unwrap_or_default();
     assert_eq!(middle, [[1, 4]]);
-    assert_eq!(mesh.edges("every").unwrap_or_default().len(), 6);
+    assert_eq!(mesh.facets("every").unwrap_or_default().len(), 6);
     assert_eq!(
         mesh.faults.keys().collect::<Vec<_>>(),
         ["every", "line", "middle"]
     );
     assert!(matches!(
-        mesh.outer_edges("nothing"),
+        mesh.outer_facets("nothing"),
         Err(BoundaryError::Unknown(_))
     ));
 
@@ -568,7 +568,7 @@ fn inner_boundaries_may_be_held_but_not_loaded() {
         assert_eq!(mesh.faults["middle"].kind, FaultKind::Stray);
         assert_eq!(mesh.faults["middle"].ends, [[5.0, 5.0], [6.0, 5.0]]);
         assert_eq!(mesh.boundaries["middle"], [[1, 4]]);
-        assert!(mesh.edges("middle").is_err());
+        assert!(mesh.facets("middle").is_err());
     }
 }
 
@@ -858,7 +858,7 @@ fn hostile_files_are_errors() {
     assert!(mesh_of(&latin).boundaries.contains_key("Stütze"));
     // Tags far apart.
     let far = with("\n6 0 1 0 \n", "\n2000000000 0 1 0 \n").replace(" 6 ", " 2000000000 ");
-    assert_eq!(mesh_of(far.as_bytes()).areas(), [1.0, 1.0]);
+    assert_eq!(mesh_of(far.as_bytes()).measures(), [1.0, 1.0]);
 }
 
 #[cfg(feature = "cli")]

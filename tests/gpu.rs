@@ -625,8 +625,7 @@ fn every_path_solves_the_table() {
             assert!(
                 close(f.separated, e.separated)
                     && close(f.stick, e.stick)
-                    && close(f.slip_plus, e.slip_plus)
-                    && close(f.slip_minus, e.slip_minus),
+                    && close(f.slip.total(), e.slip.total()),
                 "{what}: {f:?} {e:?}"
             );
             let apart = |a: &[f64], b: &[f64]| common::distance(a, b);

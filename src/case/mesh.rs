@@ -145,7 +145,7 @@ impl Case {
                 *place = [x.at(*place), y.at(*place)];
             }
             let turned = (mesh.elements.iter())
-                .filter(|element| mesh.signed_area(element) < 0.0)
+                .filter(|element| mesh.signed_measure(element) < 0.0)
                 .count();
             if turned != 0 && turned != mesh.elements.len() {
                 return Ok(self.invalid(span, "map folds the rectangle over itself")?);

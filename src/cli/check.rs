@@ -63,7 +63,7 @@ fn bodies(lines: &mut Vec<String>, case: &Case, elastic: &Elastic) {
         low[1],
         high[1],
     ));
-    let regions = mesh.regions.iter().zip(mesh.areas());
+    let regions = mesh.regions.iter().zip(mesh.measures());
     for ((name, area), material) in regions.zip(&elastic.materials) {
         lines.push(format!(
             "region        \"{name}\": area {area:.4e} {length}², E = {:.4e} {stress}, ν = {}, density {}",
@@ -84,7 +84,7 @@ fn bodies(lines: &mut Vec<String>, case: &Case, elastic: &Elastic) {
 fn boundaries(lines: &mut Vec<String>, case: &Case, mesh: &Mesh) {
     let length = case.units().length;
     for (name, edges) in &mesh.boundaries {
-        let extent = (edges.iter()).fold(0.0, |sum, &e| sum + mesh.edge_normal(e).0);
+        let extent = (edges.iter()).fold(0.0, |sum, e| sum + mesh.facet_normal(e).0);
         let fault = match mesh.faults.get(name) {
             Some(fault) if fault.kind == FaultKind::Stray => {
                 format!("; not to be used: {fault}")

@@ -132,10 +132,10 @@ pub fn mortar_contact(
     let shares: Vec<Shares> = edges
         .par_iter()
         .map(|&edge| {
-            let (_, normal) = mesh.edge_normal(edge);
+            let (_, normal) = mesh.facet_normal(&edge);
             let near: Vec<[u32; 2]> = search
                 .near(Bounds::around(mesh, &edge), distance)
-                .filter(|&other| dot(mesh.edge_normal(other).1, normal) < FACING)
+                .filter(|&other| dot(mesh.facet_normal(&other).1, normal) < FACING)
                 .collect();
             let geometry = Edge {
                 ends: edge.map(place),
@@ -158,7 +158,7 @@ pub fn mortar_contact(
     // The sums at the nodes, in the order of the edges.
     let mut sums: BTreeMap<u32, Sums> = BTreeMap::new();
     for (&edge, shares) in edges.iter().zip(&shares) {
-        let half = 0.5 * body.thickness * mesh.edge_normal(edge).0;
+        let half = 0.5 * body.thickness * mesh.facet_normal(&edge).0;
         for (end, &node) in edge.iter().enumerate() {
             sums.entry(node).or_default().add(half, shares, end);
         }
@@ -178,7 +178,7 @@ pub fn mortar_contact(
 fn averaged_normals(mesh: &Mesh, edges: &[[u32; 2]]) -> Result<HashMap<u32, Point>, ContactError> {
     let mut normals: HashMap<u32, Point> = HashMap::new();
     for &edge in edges {
-        let (_, n) = mesh.edge_normal(edge);
+        let (_, n) = mesh.facet_normal(&edge);
         for node in edge {
             let sum = normals.entry(node).or_default();
             *sum = [sum[0] + n[0], sum[1] + n[1]];
@@ -298,7 +298,7 @@ fn integrate(
     ];
     for &(other, a, b) in &segments {
         let ends = other.map(place);
-        let (_, facing) = body.mesh.edge_normal(other);
+        let (_, facing) = body.mesh.facet_normal(&other);
         for (s, w) in points(a, b) {
             let (x, n) = edge.at(s);
             let phi = [1.0 - s, s];

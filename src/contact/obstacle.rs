@@ -3,8 +3,9 @@
 use super::{
     ContactError, ContactNode, Friction, PairOptions, SlipBound, checked, frame, rounding,
 };
-use crate::elasticity::Body;
+use crate::elasticity::{Body, Elements};
 use crate::mesh::vector::{dot, length, minus, unit};
+use crate::mesh::{Facet, Kind, facet_nodes};
 
 /// A rigid obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,13 +25,22 @@ pub enum Obstacle<const D: usize = 2> {
         /// Its radius.
         radius: f64,
     },
+    /// An endless cylinder in space; the body lies outside.
+    Cylinder {
+        /// Any point of its axis.
+        point: [f64; D],
+        /// The direction of its axis (any length).
+        axis: [f64; D],
+        /// Its radius.
+        radius: f64,
+    },
 }
 
 impl<const D: usize> Obstacle<D> {
     /// Distance of x from the obstacle (negative inside) and the unit direction from x to it.
     ///
     /// The non-penetration condition of a node at x that moves by u is ν·u ≤ distance: exact for a
-    /// half-plane, linearised at x for a circle.
+    /// half-plane, linearised at x for a circle or a cylinder.
     pub fn distance(&self, x: [f64; D]) -> (f64, [f64; D]) {
         match *self {
             Self::HalfPlane { point, normal } => {
@@ -40,6 +50,16 @@ impl<const D: usize> Obstacle<D> {
             Self::Circle { center, radius } => {
                 let to = minus(center, x);
                 (length(to) - radius, unit(to))
+            }
+            Self::Cylinder {
+                point,
+                axis,
+                radius,
+            } => {
+                let (to, axis) = (minus(point, x), unit(axis));
+                let along = dot(to, axis);
+                let across = std::array::from_fn(|c| to[c] - along * axis[c]);
+                (length(across) - radius, unit(across))
             }
         }
     }
@@ -51,7 +71,44 @@ impl<const D: usize> Obstacle<D> {
             Self::Circle { center, radius } => {
                 (center.map(|c| c - radius), center.map(|c| c + radius))
             }
+            Self::Cylinder {
+                point,
+                axis,
+                radius,
+            } => {
+                let reach = axis.map(|a| if a == 0.0 { radius } else { f64::INFINITY });
+                (
+                    std::array::from_fn(|c| point[c] - reach[c]),
+                    std::array::from_fn(|c| point[c] + reach[c]),
+                )
+            }
         }
+    }
+
+    /// What it is called: "half-plane", "circle"; in space "half-space", "sphere", "cylinder".
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::HalfPlane { .. } if D == 2 => "half-plane",
+            Self::HalfPlane { .. } => "half-space",
+            Self::Circle { .. } if D == 2 => "circle",
+            Self::Circle { .. } => "sphere",
+            Self::Cylinder { .. } => "cylinder",
+        }
+    }
+
+    /// The error about a boundary of which no part looks at it.
+    fn unseen(&self) -> ContactError {
+        let (obstacle, solid) = match self {
+            Self::HalfPlane { .. } => {
+                return ContactError::FacesAway {
+                    obstacle: self.name(),
+                };
+            }
+            Self::Circle { .. } if D == 2 => (self.name(), "disc"),
+            Self::Circle { .. } => (self.name(), "ball"),
+            Self::Cylinder { .. } => (self.name(), "solid cylinder"),
+        };
+        ContactError::Inside { obstacle, solid }
     }
 }
 
@@ -61,42 +118,39 @@ impl<const D: usize> Obstacle<D> {
 /// nodal force ∫ bound φᵢ ds (times the thickness). Overlaps below 1e-9 of the size of the mesh count as
 /// touching. No node can pass through the obstacle, however far it was from it; but where the gap is larger than
 /// the search distance there is no friction of Tresca's kind, which would rub without a pressure.
-pub fn obstacle_contact(
-    body: &Body,
-    edges: &[[u32; 2]],
-    obstacle: &Obstacle,
-    options: &PairOptions,
-) -> Result<Vec<ContactNode>, ContactError> {
+pub fn obstacle_contact<const D: usize>(
+    body: &Body<D>,
+    facets: &[Facet<D>],
+    obstacle: &Obstacle<D>,
+    options: &PairOptions<D>,
+) -> Result<Vec<ContactNode<D>>, ContactError>
+where
+    Kind: Elements<D>,
+{
     let mesh = body.mesh;
     let rounding = rounding(body);
-    let mut nodes: Vec<u32> = edges.iter().flatten().copied().collect();
+    let mut nodes: Vec<u32> = (facets.iter()).flat_map(facet_nodes).copied().collect();
     nodes.sort_unstable();
     nodes.dedup();
-    let faces = |&edge: &[u32; 2]| {
-        let (_, outward) = mesh.edge_normal(edge);
-        let [p, q] = edge.map(|node| mesh.nodes[node as usize]);
-        let (_, towards) = obstacle.distance([0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1])]);
+    let faces = |facet: &Facet<D>| {
+        let (_, outward) = mesh.facet_normal(facet);
+        let (x, len) = mesh.corners_of(facet);
+        let sum = |c: usize| x[..len].iter().map(|x| x[c]).sum::<f64>();
+        let (_, towards) = obstacle.distance(std::array::from_fn(|c| sum(c) / len as f64));
         // An undefined direction is an error of its own below.
         !(dot(outward, towards) <= 0.0)
     };
     let inside = |&node: &u32| obstacle.distance(mesh.nodes[node as usize]).0 < -rounding;
-    let circle = matches!(obstacle, Obstacle::Circle { .. });
-    if circle && nodes.iter().all(inside) {
-        return Err(ContactError::InsideCircle);
+    let round = !matches!(obstacle, Obstacle::HalfPlane { .. });
+    if (round && nodes.iter().all(inside)) || !facets.iter().any(faces) {
+        return Err(obstacle.unseen());
     }
-    if !edges.iter().any(faces) {
-        return Err(if circle {
-            ContactError::InsideCircle
-        } else {
-            ContactError::FacesAway
-        });
-    }
-    let near = options.distance_to(body, edges, obstacle);
+    let near = options.distance_to(body, facets, obstacle);
     let mut area = vec![0.0; mesh.nodes.len()];
     let mut bound = area.clone();
-    body.integrate_on_boundary(edges, &|_| 1.0, &mut area);
+    body.integrate_on_boundary(facets, &|_| 1.0, &mut area);
     if let Friction::Tresca(tresca) = options.friction {
-        body.integrate_on_boundary(edges, tresca, &mut bound);
+        body.integrate_on_boundary(facets, tresca, &mut bound);
     }
     nodes
         .into_iter()
@@ -107,6 +161,7 @@ pub fn obstacle_contact(
             if !normal.iter().all(|v| v.is_finite()) {
                 return Err(ContactError::NoNormal {
                     place: place.into(),
+                    obstacle: obstacle.name(),
                 });
             }
             let gap = options.gap_at(place, distance, rounding);

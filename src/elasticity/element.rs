@@ -1,8 +1,16 @@
 //! What a type of element has to say: shape functions, integration points, stress recovery.
 
+use super::hexahedron::Hexahedron;
 use super::quad::Quad;
+use super::surface::{self, FacetPoint};
+use super::tetrahedron::Tetrahedron;
 use super::triangle::Triangle;
+use super::wedge::Wedge;
+use crate::mesh::vector::{cross, dot};
 use crate::mesh::{Kind, Topology};
+
+/// 1/√3: the Gauss points of the 2-point rule on (−1, 1).
+pub(super) const GAUSS: f64 = 0.577_350_269_189_625_8;
 
 /// An integration point of an element with N nodes.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +33,42 @@ impl<const D: usize, const N: usize> Point<D, N> {
                 .map(|(shape, x)| shape * x[c])
                 .sum()
         })
+    }
+}
+
+impl<const N: usize> Point<3, N> {
+    /// The point of the element with its nodes at x where the shape functions have these values and derivatives by
+    /// the reference coordinates; `weight` is that of the reference element.
+    #[inline]
+    pub(super) fn mapped(
+        shape: [f64; N],
+        local: &[[f64; 3]; N],
+        weight: f64,
+        x: &[[f64; 3]; N],
+    ) -> Self {
+        // Columns of the Jacobian: ∂x/∂ξⱼ.
+        let mut along = [[0.0; 3]; 3];
+        for (local, x) in local.iter().zip(x) {
+            for (along, slope) in along.iter_mut().zip(local) {
+                for (along, x) in along.iter_mut().zip(x) {
+                    *along += slope * x;
+                }
+            }
+        }
+        let [p, q, r] = along;
+        let rows = [cross(q, r), cross(r, p), cross(p, q)];
+        let det = dot(rows[0], p);
+        let inverse = 1.0 / det;
+        Self {
+            shape,
+            gradient: local.map(|slope| {
+                std::array::from_fn(|c| {
+                    (slope[0] * rows[0][c] + slope[1] * rows[1][c] + slope[2] * rows[2][c])
+                        * inverse
+                })
+            }),
+            weight: det * weight,
+        }
     }
 }
 
@@ -55,7 +99,14 @@ pub trait Visit<const D: usize> {
 /// Implemented by [`Kind`] for the dimensions in which there are elements.
 pub trait Elements<const D: usize>: Topology<D> {
     /// Turns a kind into its type: the only place that does.
+    ///
+    /// # Panics
+    /// If it is a kind of another dimension, of which no [`crate::mesh::Element`] can be.
     fn with<V: Visit<D>>(self, visit: V) -> V::Output;
+
+    /// Hands `take` the points that integrate over a facet with its corners at x a product of a shape function and a
+    /// load that is quadratic in the place; `thickness` is a factor of all weights.
+    fn facet_points(x: &[[f64; D]], thickness: f64, take: impl FnMut(&FacetPoint<D>));
 }
 
 impl Elements<2> for Kind {
@@ -64,6 +115,27 @@ impl Elements<2> for Kind {
         match self {
             Self::Triangle => visit.visit::<Triangle, 3>(),
             Self::Quad => visit.visit::<Quad, 4>(),
+            _ => panic!("{self:?} is no element of the plane"),
         }
+    }
+
+    fn facet_points(x: &[[f64; 2]], thickness: f64, take: impl FnMut(&FacetPoint<2>)) {
+        surface::of_edge(x, thickness, take);
+    }
+}
+
+impl Elements<3> for Kind {
+    #[inline]
+    fn with<V: Visit<3>>(self, visit: V) -> V::Output {
+        match self {
+            Self::Tetrahedron => visit.visit::<Tetrahedron, 4>(),
+            Self::Hexahedron => visit.visit::<Hexahedron, 8>(),
+            Self::Wedge => visit.visit::<Wedge, 6>(),
+            _ => panic!("{self:?} is no element of space"),
+        }
+    }
+
+    fn facet_points(x: &[[f64; 3]], thickness: f64, take: impl FnMut(&FacetPoint<3>)) {
+        surface::of_face(x, thickness, take);
     }
 }

@@ -1,42 +1,49 @@
 //! Loads: nodal forces from what acts on boundaries and in bodies.
 
 use super::element::{Element, Elements, Visit};
+use super::surface::FacetPoint;
 use super::{Body, Field};
-use crate::mesh::{self, Kind};
+use crate::mesh::{self, Facet, Kind, facet_nodes};
 
-/// Boundaries of the plane.
-impl Body<'_> {
-    /// Adds ∫ t·v over the edges to the nodal forces (two per node); `traction(x, n)` gives t in Pa at
+impl<const D: usize> Body<'_, D>
+where
+    Kind: Elements<D>,
+{
+    /// Adds ∫ t·v over the facets to the nodal forces (D per node); `traction(x, n)` gives t in Pa at
     /// the point x with outward unit normal n.
     pub fn add_traction(
         &self,
-        edges: &[[u32; 2]],
-        traction: impl Fn([f64; 2], [f64; 2]) -> [f64; 2],
-        forces: &mut [[f64; 2]],
+        facets: &[Facet<D>],
+        traction: impl Fn([f64; D], [f64; D]) -> [f64; D],
+        forces: &mut [[f64; D]],
     ) {
-        for &edge in edges {
-            let (length, normal) = self.mesh.edge_normal(edge);
-            for (x, shape, weight) in edge_points(edge.map(|node| self.mesh.nodes[node as usize])) {
-                let t = traction(x, normal);
-                for (node, shape) in edge.iter().zip(shape) {
-                    for c in 0..2 {
-                        forces[*node as usize][c] +=
-                            self.thickness * length * weight * shape * t[c];
-                    }
+        self.on_boundary(facets, |nodes, point| {
+            let t = traction(point.place, point.normal);
+            for (&node, shape) in nodes.iter().zip(point.shape) {
+                for (force, t) in forces[node as usize].iter_mut().zip(t) {
+                    *force += point.weight * shape * t;
                 }
             }
-        }
+        });
     }
 
-    /// ∫ q φᵢ ds for every node i of the edges: the nodal share of a quantity q given per area.
-    pub fn integrate_on_boundary(&self, edges: &[[u32; 2]], q: Field, shares: &mut [f64]) {
-        for &edge in edges {
-            let (length, _) = self.mesh.edge_normal(edge);
-            for (x, shape, weight) in edge_points(edge.map(|node| self.mesh.nodes[node as usize])) {
-                for (node, shape) in edge.iter().zip(shape) {
-                    shares[*node as usize] += self.thickness * length * weight * shape * q(x);
-                }
+    /// ∫ q φᵢ ds for every node i of the facets: the nodal share of a quantity q given per area.
+    pub fn integrate_on_boundary(&self, facets: &[Facet<D>], q: Field<D>, shares: &mut [f64]) {
+        self.on_boundary(facets, |nodes, point| {
+            for (&node, shape) in nodes.iter().zip(point.shape) {
+                shares[node as usize] += point.weight * shape * q(point.place);
             }
+        });
+    }
+
+    /// Hands over the integration points of facets with the nodes of each.
+    fn on_boundary(&self, facets: &[Facet<D>], mut take: impl FnMut(&[u32], &FacetPoint<D>)) {
+        for facet in facets {
+            let (x, len) = self.mesh.corners_of(facet);
+            let nodes = facet_nodes(facet);
+            <Kind as Elements<D>>::facet_points(&x[..len], self.thickness, |point| {
+                take(nodes, point);
+            });
         }
     }
 }
@@ -97,14 +104,4 @@ where
             }
         }
     }
-}
-
-/// Three Gauss points on an edge: place, the shape functions of its two nodes, weight (they sum to 1).
-pub(crate) fn edge_points(ends: [[f64; 2]; 2]) -> [([f64; 2], [f64; 2], f64); 3] {
-    const OUTER: f64 = 0.774_596_669_241_483_4; // √(3/5)
-    [(-OUTER, 5.0 / 18.0), (0.0, 8.0 / 18.0), (OUTER, 5.0 / 18.0)].map(|(s, weight)| {
-        let shape = [0.5 * (1.0 - s), 0.5 * (1.0 + s)];
-        let place = std::array::from_fn(|c| shape[0] * ends[0][c] + shape[1] * ends[1][c]);
-        (place, shape, weight)
-    })
 }

@@ -1,26 +1,32 @@
 //! The bilinear quadrilateral with 2 × 2 Gauss points.
 
-use super::element::{Element, Point};
+use super::element::{Element, GAUSS, Point};
 
 pub(super) struct Quad;
 
 /// Corners of the reference square, counter-clockwise; the Gauss points lie beside them.
 const CORNERS: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
 
-/// 1/√3: the Gauss points of the 2-point rule on (−1, 1).
-const GAUSS: f64 = 0.577_350_269_189_625_8;
-
 impl Quad {
+    /// The shape functions and their derivatives at a point of the reference square.
     #[inline]
-    fn point(xi: [f64; 2], x: &[[f64; 2]; 4]) -> Point<2, 4> {
+    pub(super) fn shapes(xi: [f64; 2]) -> ([f64; 4], [[f64; 2]; 4]) {
         let mut shape = [0.0; 4];
         let mut local = [[0.0; 2]; 4];
-        let mut jacobian = [[0.0; 2]; 2];
         for a in 0..4 {
             let [s, t] = CORNERS[a];
             let (fs, ft) = (1.0 + s * xi[0], 1.0 + t * xi[1]);
             shape[a] = 0.25 * fs * ft;
             local[a] = [0.25 * s * ft, 0.25 * t * fs];
+        }
+        (shape, local)
+    }
+
+    #[inline]
+    fn point(xi: [f64; 2], x: &[[f64; 2]; 4]) -> Point<2, 4> {
+        let (shape, local) = Self::shapes(xi);
+        let mut jacobian = [[0.0; 2]; 2];
+        for a in 0..4 {
             for i in 0..2 {
                 for j in 0..2 {
                     jacobian[i][j] += local[a][j] * x[a][i];

@@ -18,7 +18,7 @@ impl Visit<2> for Check<'_> {
 
     fn visit<E: Element<2, N>, const N: usize>(self) {
         let x: [[f64; 2]; N] = self.0.coordinates(self.1);
-        let area = self.0.signed_area(self.1);
+        let area = self.0.signed_measure(self.1);
         let (stiffness, loads): (Vec<_>, Vec<_>) = (
             E::stiffness_points(&x).collect(),
             E::load_points(&x).collect(),
@@ -165,7 +165,7 @@ fn weight_is_shared_out_whole() {
     let total: f64 = forces.iter().map(|f| f[1]).sum();
     assert_relative_eq!(
         total,
-        -10.0 * 3.0 * 0.5 * mesh.areas()[0],
+        -10.0 * 3.0 * 0.5 * mesh.measures()[0],
         max_relative = 1e-14
     );
     // Moments of a linear load: ∫ x dV from the nodal forces and from the corners of the elements.

@@ -1,6 +1,7 @@
 //! Elements and their kinds.
 
 use std::fmt::Debug;
+use std::hash::Hash;
 
 /// The kinds of elements, all of first order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -9,6 +10,13 @@ pub enum Kind {
     Triangle,
     /// A quadrilateral: four nodes in the plane, counter-clockwise.
     Quad,
+    /// Four nodes in space: a triangle, counter-clockwise as seen from the fourth node, and that.
+    Tetrahedron,
+    /// Eight nodes in space: a quadrilateral, counter-clockwise as seen from the other four, and those above its
+    /// corners.
+    Hexahedron,
+    /// Six nodes in space: a triangle, counter-clockwise as seen from the other three, and those above its corners.
+    Wedge,
 }
 
 impl Kind {
@@ -16,41 +24,104 @@ impl Kind {
     pub const fn n_nodes(self) -> usize {
         match self {
             Self::Triangle => 3,
-            Self::Quad => 4,
+            Self::Quad | Self::Tetrahedron => 4,
+            Self::Hexahedron => 8,
+            Self::Wedge => 6,
         }
     }
 
-    /// Its facets, by the places of their nodes among its own: in the plane edges with the element on their left.
+    /// Its facets, by the places of their nodes among its own: in the plane edges with the element on their left, in
+    /// space faces that go round counter-clockwise as seen from outside.
     pub const fn facets(self) -> &'static [&'static [usize]] {
         match self {
             Self::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
             Self::Quad => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
+            Self::Tetrahedron => &[&[0, 2, 1], &[0, 1, 3], &[1, 2, 3], &[2, 0, 3]],
+            Self::Hexahedron => &[
+                &[0, 3, 2, 1],
+                &[4, 5, 6, 7],
+                &[0, 1, 5, 4],
+                &[1, 2, 6, 5],
+                &[2, 3, 7, 6],
+                &[3, 0, 4, 7],
+            ],
+            Self::Wedge => &[
+                &[0, 2, 1],
+                &[3, 4, 5],
+                &[0, 1, 4, 3],
+                &[1, 2, 5, 4],
+                &[2, 0, 3, 5],
+            ],
         }
     }
 }
 
-/// Room for the node numbers of what meshes of D dimensions consist of.
+/// What meshes of D dimensions consist of: room for the node numbers, and the geometry that is another one in the
+/// plane and in space.
 pub trait Topology<const D: usize> {
     /// The nodes of an element, with zeros behind them where its kind has fewer.
     type Nodes: AsRef<[u32]> + AsMut<[u32]> + Copy + Debug + Default + PartialEq + Send + Sync;
-    /// The nodes of a facet of an element, of which boundaries consist.
-    type Facet: AsRef<[u32]> + AsMut<[u32]> + Copy + Debug + Ord + Send + Sync;
+    /// The nodes of a facet of an element, of which boundaries consist; the last of them again where there is room
+    /// for more.
+    type Facet: AsRef<[u32]> + AsMut<[u32]> + Copy + Debug + Default + Hash + Ord + Send + Sync;
+
+    /// The area (volume) of an element with its corners at x; negative where they go round the wrong way.
+    fn signed_measure(self, x: &[[f64; D]]) -> f64;
+
+    /// The area (volume) that the edges of each corner span, twice (six times) that of their triangle (tetrahedron).
+    fn corners(self, x: &[[f64; D]]) -> impl Iterator<Item = f64>;
+
+    /// Numbers the nodes of an element the other way round.
+    fn turn(self, nodes: &mut [u32]);
+
+    /// The length (area) of a facet with its corners at x, and its outward unit normal: of a warped quadrilateral
+    /// the mean.
+    fn facet_normal(x: &[[f64; D]]) -> (f64, [f64; D]);
 }
 
-/// The plane: facets are edges, from one node to the other.
-impl Topology<2> for Kind {
-    type Nodes = [u32; 4];
-    type Facet = [u32; 2];
-}
-
-/// Space: facets are faces; one with three corners names the last of them twice.
-impl Topology<3> for Kind {
-    type Nodes = [u32; 8];
-    type Facet = [u32; 4];
-}
-
-/// The nodes of a facet in D dimensions: `[u32; 2]` in the plane.
+/// The nodes of a facet in D dimensions: `[u32; 2]` in the plane, the ends of an edge; `[u32; 4]` in space, the
+/// corners of a face, where a triangle names its last corner twice ([`facet_nodes`]).
 pub type Facet<const D: usize = 2> = <Kind as Topology<D>>::Facet;
+
+/// The nodes of a facet, each once.
+pub fn facet_nodes<F: AsRef<[u32]>>(facet: &F) -> &[u32] {
+    match facet.as_ref() {
+        [rest @ .., a, b] if a == b => &facet.as_ref()[..rest.len() + 1],
+        nodes => nodes,
+    }
+}
+
+/// The facet with these nodes.
+///
+/// # Panics
+/// If there are none, or too many for the dimension.
+pub fn facet<const D: usize>(nodes: &[u32]) -> Facet<D>
+where
+    Kind: Topology<D>,
+{
+    let mut facet = Facet::<D>::default();
+    let last = *nodes.last().expect("a facet has nodes");
+    facet.as_mut().fill(last);
+    facet.as_mut()[..nodes.len()].copy_from_slice(nodes);
+    facet
+}
+
+/// The same facet for whichever of its sides it was named from: the lowest node first, then the lower of its
+/// neighbours.
+pub(super) fn unsided<const D: usize>(of: &Facet<D>) -> Facet<D>
+where
+    Kind: Topology<D>,
+{
+    let mut copy = *of;
+    let len = facet_nodes(of).len();
+    let nodes = &mut copy.as_mut()[..len];
+    let lowest = (0..len).min_by_key(|&a| nodes[a]).unwrap_or(0);
+    nodes.rotate_left(lowest);
+    if len > 2 && nodes[1] > nodes[len - 1] {
+        nodes[1..].reverse();
+    }
+    facet::<D>(&copy.as_ref()[..len])
+}
 
 /// An element of a mesh in D dimensions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,6 +162,23 @@ where
     pub(super) fn nodes_mut(&mut self) -> &mut [u32] {
         &mut self.nodes.as_mut()[..self.kind.n_nodes()]
     }
+
+    pub(super) fn turn(&mut self) {
+        let kind = self.kind;
+        kind.turn(self.nodes_mut());
+    }
+
+    /// Its facets, named from outside: edges with the element on their left, faces that go round counter-clockwise.
+    pub fn facets(&self) -> impl Iterator<Item = Facet<D>> {
+        let nodes = self.nodes();
+        self.kind.facets().iter().map(move |places| {
+            let mut corners = [0; 4];
+            for (corner, &place) in corners.iter_mut().zip(*places) {
+                *corner = nodes[place];
+            }
+            facet::<D>(&corners[..places.len()])
+        })
+    }
 }
 
 /// The plane.
@@ -104,10 +192,22 @@ impl Element {
     pub fn quad(nodes: [u32; 4], region: u32) -> Self {
         Self::new(Kind::Quad, &nodes, region)
     }
+}
 
-    /// Its edges, with the element on their left.
-    pub fn edges(&self) -> impl Iterator<Item = [u32; 2]> {
-        let nodes = self.nodes();
-        (self.kind.facets().iter()).map(move |facet| [nodes[facet[0]], nodes[facet[1]]])
+/// Space.
+impl Element<3> {
+    /// A 4-node tetrahedron.
+    pub fn tetrahedron(nodes: [u32; 4], region: u32) -> Self {
+        Self::new(Kind::Tetrahedron, &nodes, region)
+    }
+
+    /// An 8-node hexahedron.
+    pub fn hexahedron(nodes: [u32; 8], region: u32) -> Self {
+        Self::new(Kind::Hexahedron, &nodes, region)
+    }
+
+    /// A 6-node wedge.
+    pub fn wedge(nodes: [u32; 6], region: u32) -> Self {
+        Self::new(Kind::Wedge, &nodes, region)
     }
 }

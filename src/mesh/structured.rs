@@ -1,6 +1,6 @@
-//! Structured meshes of rectangles.
+//! Structured meshes of rectangles and blocks.
 
-use super::{Element, Mesh};
+use super::{Element, Facet, Kind, Mesh, Topology};
 use std::collections::BTreeMap;
 
 /// Which elements fill a structured rectangle.
@@ -81,11 +81,123 @@ pub fn rectangle(
     }
 }
 
+/// Which elements fill a structured block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, Default)]
+#[serde(rename_all = "lowercase")]
+pub enum SolidShape {
+    /// 8-node hexahedra.
+    #[default]
+    Hexahedron,
+    /// Each cell cut into six 4-node tetrahedra around the same diagonal.
+    Tetrahedron,
+    /// Each cell cut into two 6-node wedges along z, the diagonals alternating.
+    Wedge,
+}
+
+/// The corners of a cell, as the nodes of a hexahedron stand: steps along x, y and z.
+const CELL: [[usize; 3]; 8] = [
+    [0, 0, 0],
+    [1, 0, 0],
+    [1, 1, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+    [1, 0, 1],
+    [1, 1, 1],
+    [0, 1, 1],
+];
+
+/// Six tetrahedra around the diagonal from corner 0 to corner 6 (Kuhn, Freudenthal): the same in all cells, which
+/// makes faces of neighbours match.
+const TETRAHEDRA: [[usize; 4]; 6] = [
+    [0, 1, 2, 6],
+    [0, 2, 3, 6],
+    [0, 3, 7, 6],
+    [0, 7, 4, 6],
+    [0, 4, 5, 6],
+    [0, 5, 1, 6],
+];
+
+/// Two wedges for either diagonal of the cell as seen along z.
+const WEDGES: [[[usize; 6]; 2]; 2] = [
+    [[0, 1, 2, 4, 5, 6], [0, 2, 3, 4, 6, 7]],
+    [[0, 1, 3, 4, 5, 7], [1, 2, 3, 5, 6, 7]],
+];
+
+/// A block of `cells[0] × cells[1] × cells[2]` equal cells with its lowest corner at `origin`.
+///
+/// One region `region`; the boundaries are `left` and `right` across x, `front` and `back` across y, `bottom` and
+/// `top` across z, the lower coordinate first, with `prefix` in front.
+///
+/// # Panics
+/// If a number of cells is zero or a size is not positive.
+pub fn block(
+    origin: [f64; 3],
+    size: [f64; 3],
+    cells: [usize; 3],
+    shape: SolidShape,
+    region: &str,
+    prefix: &str,
+) -> Mesh<3> {
+    assert!(cells.iter().all(|&c| c > 0) && size.iter().all(|&s| s > 0.0));
+    let [nx, ny, nz] = cells;
+    let number = |[i, j, k]: [usize; 3]| {
+        u32::try_from((k * (ny + 1) + j) * (nx + 1) + i).expect("few nodes")
+    };
+    let grid = |[nx, ny, nz]: [usize; 3]| {
+        (0..nz).flat_map(move |k| (0..ny).flat_map(move |j| (0..nx).map(move |i| [i, j, k])))
+    };
+    let place = |at: [usize; 3]| {
+        std::array::from_fn(|c| origin[c] + size[c] * (at[c] as f64 / cells[c] as f64))
+    };
+    let nodes = grid([nx + 1, ny + 1, nz + 1]).map(place).collect();
+    let mut elements = Vec::new();
+    // The facets of the elements on each side; a boundary consists of those of whole sides of cells.
+    let names = [["left", "right"], ["front", "back"], ["bottom", "top"]];
+    let mut sides: [[Vec<Facet<3>>; 2]; 3] = Default::default();
+    for cell in grid(cells) {
+        let corner = CELL.map(|step| number(std::array::from_fn(|c| cell[c] + step[c])));
+        let first = elements.len();
+        match shape {
+            SolidShape::Hexahedron => elements.push(Element::hexahedron(corner, 0)),
+            SolidShape::Tetrahedron => elements
+                .extend(TETRAHEDRA.map(|nodes| Element::tetrahedron(nodes.map(|a| corner[a]), 0))),
+            SolidShape::Wedge => elements.extend(
+                WEDGES[(cell[0] + cell[1]) % 2]
+                    .map(|nodes| Element::wedge(nodes.map(|a| corner[a]), 0)),
+            ),
+        }
+        for c in 0..3 {
+            for (end, step) in [(0, 0), (1, 1)] {
+                if cell[c] + step != [0, cells[c]][end] {
+                    continue;
+                }
+                let there = |node: &u32| (0..8).any(|a| corner[a] == *node && CELL[a][c] == step);
+                let facets = elements[first..].iter().flat_map(Element::facets);
+                sides[c][end].extend(facets.filter(|facet| facet.iter().all(there)));
+            }
+        }
+    }
+    let sides = names.into_iter().zip(sides).flat_map(|(names, sides)| {
+        (names.into_iter().zip(sides)).map(|(name, facets)| (format!("{prefix}{name}"), facets))
+    });
+    Mesh {
+        nodes,
+        elements,
+        regions: vec![region.to_owned()],
+        groups: BTreeMap::from([(region.to_owned(), vec![0])]),
+        boundaries: sides.collect(),
+        faults: BTreeMap::new(),
+    }
+}
+
 /// Two meshes as one: nodes and elements of `b` follow those of `a`; the parts share no node.
 ///
 /// # Panics
 /// If both have a region, a group or a boundary of the same name.
-pub fn join(mut a: Mesh, mut b: Mesh) -> Mesh {
+pub fn join<const D: usize>(mut a: Mesh<D>, mut b: Mesh<D>) -> Mesh<D>
+where
+    Kind: Topology<D>,
+{
     let (nodes, regions) = (a.nodes.len() as u32, a.regions.len() as u32);
     b.renumber(|node| node + nodes);
     a.nodes.extend(b.nodes);
@@ -99,8 +211,8 @@ pub fn join(mut a: Mesh, mut b: Mesh) -> Mesh {
         assert!(a.groups.insert(name, members).is_none());
     }
     a.faults.extend(b.faults);
-    for (name, edges) in b.boundaries {
-        assert!(a.boundaries.insert(name, edges).is_none());
+    for (name, facets) in b.boundaries {
+        assert!(a.boundaries.insert(name, facets).is_none());
     }
     a
 }

@@ -24,7 +24,7 @@ fn facets_go_round_a_kind() {
             assert_eq!(**facet, [number, (number + 1) % kind.n_nodes()]);
         }
     }
-    let edges: Vec<_> = Element::quad([7, 3, 5, 9], 0).edges().collect();
+    let edges: Vec<_> = Element::quad([7, 3, 5, 9], 0).facets().collect();
     assert_eq!(edges, [[7, 3], [3, 5], [5, 9], [9, 7]]);
 }
 
@@ -38,16 +38,16 @@ fn elements_and_edges_are_turned_around() {
     let made = made.unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(made.elements[0].nodes(), [1, 3, 0]);
     assert_eq!(made.elements[1].nodes(), [1, 2, 3]);
-    assert_eq!(made.areas(), [2.0]);
+    assert_eq!(made.measures(), [2.0]);
     assert_eq!(made.boundaries["side"], [[0, 1], [1, 2]]);
     assert!(made.faults.is_empty());
-    assert_eq!(made.edge_normal([1, 2]), (1.0, [1.0, 0.0]));
+    assert_eq!(made.facet_normal(&[1, 2]), (1.0, [1.0, 0.0]));
     assert_eq!(made.groups["body"], [0]);
 
     let quad = mesh(&CORNERS, vec![Element::quad([0, 3, 2, 1], 0)], &[]);
     let quad = quad.unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(quad.elements[0].nodes(), [1, 2, 3, 0]);
-    assert_eq!(quad.areas(), [2.0]);
+    assert_eq!(quad.measures(), [2.0]);
 }
 
 #[test]
@@ -77,8 +77,8 @@ fn edges_that_are_not_outside_are_noted() {
     let inside = inside.unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(inside.boundaries["cut"], [[0, 1], [0, 2]]);
     assert_eq!(inside.faults["cut"].kind, FaultKind::Inside);
-    assert!(inside.edges("cut").is_ok());
-    let error = inside.outer_edges("cut").expect_err("it lies inside");
+    assert!(inside.facets("cut").is_ok());
+    let error = inside.outer_facets("cut").expect_err("it lies inside");
     assert_eq!(
         error.to_string(),
         "boundary \"cut\": its edge from (2.000000e0, 1.000000e0) to (0.000000e0, 0.000000e0) lies between elements, \
@@ -90,11 +90,11 @@ fn edges_that_are_not_outside_are_noted() {
     let stray = stray.unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(stray.boundaries["line"], [[0, 1]]);
     assert!(matches!(
-        stray.edges("line"),
+        stray.facets("line"),
         Err(BoundaryError::Faulty { .. })
     ));
     assert!(matches!(
-        stray.edges("lime"),
+        stray.facets("lime"),
         Err(BoundaryError::Unknown(_))
     ));
 }
@@ -144,14 +144,14 @@ fn joined_meshes_are_bodies_of_their_own() {
     let both = join(part(0.0, "a"), part(1.0, "b"));
     let (bodies, body) = both.bodies();
     assert_eq!((bodies, body[0], body[12]), (2, 0, 1));
-    assert_eq!(both.areas().len(), 2);
+    assert_eq!(both.measures().len(), 2);
     for (name, outward) in [
         ("aleft", [-1.0, 0.0]),
         ("btop", [0.0, 1.0]),
         ("bbottom", [0.0, -1.0]),
     ] {
         for &edge in &both.boundaries[name] {
-            assert_eq!(both.edge_normal(edge).1, outward);
+            assert_eq!(both.facet_normal(&edge).1, outward);
         }
     }
     assert_eq!(both.bounding_box(), ([0.0, 0.0], [2.0, 1.0]));

@@ -10,6 +10,15 @@ pub(crate) fn dot<const D: usize>(a: [f64; D], b: [f64; D]) -> f64 {
     a.iter().zip(&b).map(|(a, b)| a * b).sum()
 }
 
+/// a × b.
+pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
 /// ‖v‖, without overflow; not for D = 1.
 pub(crate) fn length<const D: usize>(v: [f64; D]) -> f64 {
     v[1..].iter().fold(v[0], |sum, &next| sum.hypot(next))

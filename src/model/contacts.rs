@@ -81,14 +81,11 @@ impl Pair {
                 (found, names.to_string(), distance)
             }
             Against::Obstacle(obstacle) => {
-                let name = match obstacle {
-                    Obstacle::HalfPlane { .. } => "rigid half-plane",
-                    Obstacle::Circle { .. } => "rigid circle",
-                };
+                let name = format!("rigid {}", obstacle.name());
                 let distance = options.distance_to(body, &edges, obstacle);
                 options.search_distance = Some(distance);
                 let found = obstacle_contact(body, &edges, obstacle, &options);
-                (found, name.to_owned(), distance)
+                (found, name, distance)
             }
         };
         let data = PairData {

@@ -410,6 +410,9 @@ impl Pair {
             &Against::Obstacle(Obstacle::Circle { center, radius }) => (!finite(center)
                 || !(radius > 0.0 && radius.is_finite()))
             .then_some("circle needs a finite center and a positive radius"),
+            Against::Obstacle(Obstacle::Cylinder { .. }) => {
+                Some("a cylinder is an obstacle in space")
+            }
         }
     }
 

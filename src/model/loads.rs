@@ -96,7 +96,7 @@ fn known<'m>(
 pub(super) fn outer_edges(mesh: &Mesh, names: &[String]) -> Result<Vec<[u32; 2]>, Fault> {
     let mut all = Vec::new();
     for name in names {
-        all.extend_from_slice(known(mesh, mesh.outer_edges(name))?);
+        all.extend_from_slice(known(mesh, mesh.outer_facets(name))?);
     }
     all.sort_unstable();
     all.dedup();
@@ -126,9 +126,9 @@ impl Support {
         };
         let mut nodes = Held::new();
         for name in names {
-            let edges = known(mesh, mesh.edges(name))?;
+            let edges = known(mesh, mesh.facets(name))?;
             let across = |axis: usize| {
-                (edges.iter()).all(|&edge| mesh.edge_normal(edge).1[axis].abs() > 1.0 - 1e-9)
+                (edges.iter()).all(|edge| mesh.facet_normal(edge).1[axis].abs() > 1.0 - 1e-9)
             };
             let components = match self.symmetry {
                 false => stated,

@@ -67,7 +67,7 @@ fn same(model: Model, text: &str) {
     assert_eq!(a.gap(), b.gap());
     assert_eq!(a.slip_bound(), b.slip_bound());
     assert_eq!(a.friction_coefficient(), b.friction_coefficient());
-    assert_eq!(a.areas(), b.areas());
+    assert_eq!(a.measures(), b.measures());
     assert_eq!(a.n_free(), b.n_free());
     assert_eq!(built.free_bodies(), build.free_bodies());
     let there = build.elastic.as_ref().expect("an elastic case");

@@ -105,7 +105,7 @@ impl ContactFields {
             NodeStatus::Separated
         } else if !self.has_friction[i] {
             NodeStatus::Frictionless
-        } else if self.sets.slip_sign(i) == 0 && self.bound[i] > 0.0 {
+        } else if !self.sets.slips(i) && self.bound[i] > 0.0 {
             NodeStatus::Stick
         } else {
             NodeStatus::Slip

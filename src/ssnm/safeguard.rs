@@ -80,7 +80,10 @@ pub(super) struct Attempts {
 
 impl Safeguard {
     /// What it has to say before the first step.
-    pub fn new<D: DualOperator + ?Sized>(newton: &Newton<D>, way: &Way) -> Self {
+    pub fn new<O: DualOperator + ?Sized, const D: usize>(
+        newton: &Newton<O, D>,
+        way: &Way<D>,
+    ) -> Self {
         let (best, best_err) = (way.point.clone(), way.err);
         if newton.law.is_coulomb() {
             let restarts = match newton.products.are_exact() {
@@ -198,13 +201,13 @@ impl Attempts {
     }
 }
 
-impl<D: DualOperator + ?Sized> Newton<'_, D> {
+impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Judges the step that was made, and goes back to the best point where it has led nowhere; the status where that
     /// is the end. `stopped` says that the observer has asked for one.
     pub fn judge(
         &mut self,
         safeguard: &mut Safeguard,
-        way: &mut Way,
+        way: &mut Way<D>,
         stopped: bool,
     ) -> Result<Option<Status>, DualError> {
         match safeguard {
@@ -216,7 +219,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     fn judge_descent(
         &mut self,
         descent: &mut Descent,
-        way: &mut Way,
+        way: &mut Way<D>,
         stopped: bool,
     ) -> Result<Option<Status>, DualError> {
         let safeguarded = way.history.last().is_some_and(|step| step.safeguarded);
@@ -264,7 +267,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     fn judge_attempts(
         &mut self,
         attempts: &mut Attempts,
-        way: &mut Way,
+        way: &mut Way<D>,
         stopped: bool,
     ) -> Result<Option<Status>, DualError> {
         let goes_on = attempts.note(&way.point, way.err);

@@ -1,6 +1,5 @@
 //! The outer steps: Newton's, and the safeguarded one.
 
-use super::cg::Cg;
 use super::face::Face;
 use super::newton::{Newton, Way};
 use super::point::{Point, project};
@@ -14,15 +13,15 @@ const HALVINGS: usize = 6;
 /// Times that the length of a projected gradient step is halved.
 const SHORTER: usize = 60;
 
-impl<D: DualOperator + ?Sized> Newton<'_, D> {
+impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Steps 2, 3.2 and 3.3 as planned, to a residual of `target`; returns the sets and the number of inner
     /// iterations. Afterwards the point is feasible.
     pub fn step(
         &mut self,
-        way: &mut Way,
+        way: &mut Way<D>,
         plan: Plan,
         target: f64,
-    ) -> Result<(Sets, usize), DualError> {
+    ) -> Result<(Sets<D>, usize), DualError> {
         match plan {
             Plan::Gradient { faces } => self.safeguarded_step(way, target, faces),
             Plan::Newton { rho, search: false } => self.newton_step(way, rho, target),
@@ -40,10 +39,10 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     /// Steps 2 and 3 of the paper, then P_Λ.
     fn newton_step(
         &mut self,
-        way: &mut Way,
+        way: &mut Way<D>,
         rho: f64,
         target: f64,
-    ) -> Result<(Sets, usize), DualError> {
+    ) -> Result<(Sets<D>, usize), DualError> {
         let (point, err) = (&mut way.point, way.err);
         // Step 2.
         let end = self.settle(point, rho);
@@ -58,7 +57,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         let jumped = self.move_to(point, start)?;
         let mut inner = match way.kept.take() {
             Some(inner) if !jumped && *inner.sets() == sets => inner,
-            _ => self.inner_on(face, point),
+            _ => self.inner_on(face, point)?,
         };
         // Step 3.3.
         let floor = match self.method {
@@ -69,7 +68,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
             floor.is_some_and(|floor| residual <= floor) && {
                 let mut there = point.clone();
                 newton.settle(&mut there, rho);
-                newton.predict(&there, rho) != sets
+                newton.predict(&there, rho).differences(&sets) > 0
             }
         };
         let iterations = self.solve_inner(point, &mut inner, target, enough)?;
@@ -80,7 +79,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         if self.products.has_drifted() {
             self.refresh(point)?;
         }
-        if !moved {
+        if !moved && inner.can_go_on() {
             way.kept = Some(inner);
         }
         Ok((sets, iterations))
@@ -88,7 +87,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
 
     /// The sets that a prediction with ρ gives, α as it is. Under Coulomb's law a node without force is bounded by
     /// the one that it is predicted to get.
-    fn predict(&self, point: &Point, rho: f64) -> Sets {
+    fn predict(&self, point: &Point, rho: f64) -> Sets<D> {
         let Point { lambda, r, .. } = point;
         let mut g = self.bounds(lambda);
         if self.law.is_coulomb() {
@@ -134,10 +133,10 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     /// smaller face where that minimum lies outside Λ, and so on.
     fn safeguarded_step(
         &mut self,
-        way: &mut Way,
+        way: &mut Way<D>,
         target: f64,
         faces: usize,
-    ) -> Result<(Sets, usize), DualError> {
+    ) -> Result<(Sets<D>, usize), DualError> {
         let (point, err) = (&mut way.point, way.err);
         let g = self.law.bounds(&point.lambda).into_owned();
         self.gradient_step(point)?;
@@ -148,12 +147,13 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
         for face in 1..=faces {
             let mut end = point.clone();
             let on = Face::new(sets.clone(), &self.law, self.balance.as_ref());
-            let mut cg = Cg::on(on, &self.products.known, &mut end);
-            inner += self.cg(&mut end, &mut cg, target, |_, _, residual| {
+            let curved = on.turns();
+            let mut iteration = self.inner_on(on, &mut end)?;
+            inner += self.solve_inner(&mut end, &mut iteration, target, |_, _, residual| {
                 residual <= SETS_CHANGED * err
             })?;
             let mut projected = end.lambda.clone();
-            project(&mut projected, &g);
+            project::<D>(&mut projected, &g);
             if projected != end.lambda {
                 self.project(&mut projected);
             }
@@ -162,10 +162,11 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 break;
             }
             // Up to the first bound q falls and its gradient is known; beyond, the projection is tried.
-            let cut = point.until_bound(&end, &g);
+            let cut = point.until_bound::<D>(&end, &g);
             self.move_to(&mut end, projected)?;
-            // What is left inside Λ by the last face need not lie on a bound: the best of the chord.
-            if face == faces {
+            // What is left inside Λ by the last face need not lie on a bound, and along tangents Λ is left at once: the
+            // best of the chord.
+            if face == faces || curved {
                 end = point.lowest_towards(&end);
             }
             *point = if cut.q_change(&end) < 0.0 { end } else { cut };

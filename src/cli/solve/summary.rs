@@ -92,11 +92,10 @@ fn states(report: &Report) -> String {
             let SetSizes {
                 separated,
                 stick,
-                slip_plus,
-                slip_minus,
+                slip,
                 frictionless,
             } = report.sets;
-            (separated, stick, slip_plus + slip_minus, frictionless)
+            (separated, stick, slip.total(), frictionless)
         }
     };
     let m = report.m;

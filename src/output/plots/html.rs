@@ -200,7 +200,7 @@ fn steps(out: &mut String, report: &Report) {
                 s.n_a.to_string(),
                 s.sets.separated.to_string(),
                 s.sets.stick.to_string(),
-                (s.sets.slip_plus + s.sets.slip_minus).to_string(),
+                s.sets.slip.total().to_string(),
             ]
         }),
     );

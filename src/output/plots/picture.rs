@@ -217,6 +217,7 @@ impl<'a> Scene<'a> {
                         "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{r:.2}\"/>"
                     ));
                 }
+                Obstacle::Cylinder { .. } => {}
             }
         }
         self.put(format_args!("</g>"));
@@ -239,7 +240,7 @@ impl<'a> Scene<'a> {
             raster.width as f64 / FINE,
             raster.height as f64 / FINE
         ));
-        let area = mesh.areas().iter().sum::<f64>() / mesh.elements.len() as f64;
+        let area = mesh.measures().iter().sum::<f64>() / mesh.elements.len() as f64;
         if area.sqrt() * self.unit > VISIBLE_EDGE {
             let all: Vec<[u32; 2]> = all.iter().map(|&(edge, _)| edge).collect();
             let path = self.path(&all, &self.moved);

@@ -1,0 +1,106 @@
+//! Boundaries: which way their facets look, and which lie on the outside of the body.
+
+use super::element::{facet_nodes, unsided};
+use super::{BoundaryError, Element, Facet, Fault, FaultKind, Kind, Mesh, Topology};
+use std::collections::HashMap;
+
+impl<const D: usize> Mesh<D>
+where
+    Kind: Topology<D>,
+{
+    /// Directs the facets of boundaries, notes those that are no outer ones, and drops those of no element.
+    pub(super) fn direct_boundaries(&mut self) {
+        let mut on_boundary = vec![false; self.nodes.len()];
+        for &node in self.boundaries.values().flatten().flat_map(AsRef::as_ref) {
+            on_boundary[node as usize] = true;
+        }
+        // How many elements have a facet, and how it looks from outside the first of them; an outer one has one owner.
+        let mut owners: HashMap<Facet<D>, (u32, Facet<D>)> = HashMap::new();
+        if !self.boundaries.is_empty() {
+            for facet in self.elements.iter().flat_map(Element::facets) {
+                if (facet.as_ref().iter()).all(|&node| on_boundary[node as usize]) {
+                    owners.entry(unsided(&facet)).or_insert((0, facet)).0 += 1;
+                }
+            }
+        }
+        for (name, facets) in &mut self.boundaries {
+            facets.retain_mut(|facet| {
+                // What has no side must not stand twice if a file has it from both.
+                let unsided = unsided(facet);
+                let kind = match owners.get(&unsided) {
+                    Some(&(1, outward)) => {
+                        *facet = outward;
+                        return true;
+                    }
+                    None => FaultKind::Stray,
+                    Some(_) => FaultKind::Inside,
+                };
+                let nodes = facet_nodes(facet);
+                let ends = [nodes[0], nodes[nodes.len() / 2]];
+                let ends = ends.map(|node| self.nodes[node as usize]);
+                let fault = Fault { kind, ends };
+                let worst = self.faults.entry(name.clone()).or_insert(fault);
+                if worst.kind < kind {
+                    *worst = fault;
+                }
+                *facet = unsided;
+                kind == FaultKind::Inside
+            });
+            facets.sort_unstable();
+            facets.dedup();
+        }
+    }
+
+    /// The facets of a boundary, all on the outside of the body: for what acts on it from there.
+    pub fn outer_facets(&self, name: &str) -> Result<&[Facet<D>], BoundaryError> {
+        self.facets_with(name, None)
+    }
+
+    /// The facets of a boundary that may lie inside the body: for what is done to its nodes.
+    pub fn facets(&self, name: &str) -> Result<&[Facet<D>], BoundaryError> {
+        self.facets_with(name, Some(FaultKind::Inside))
+    }
+
+    fn facets_with(
+        &self,
+        name: &str,
+        allowed: Option<FaultKind>,
+    ) -> Result<&[Facet<D>], BoundaryError> {
+        match (self.boundaries.get(name), self.faults.get(name)) {
+            (_, Some(fault)) if allowed != Some(fault.kind) => Err(BoundaryError::Faulty {
+                name: name.to_owned(),
+                kind: fault.kind,
+                fault: format!("{fault}: {}", fault.remedy()),
+            }),
+            (Some(facets), _) => Ok(facets),
+            (None, _) => Err(BoundaryError::Unknown(name.to_owned())),
+        }
+    }
+
+    /// The length (area) of a boundary facet and its outward unit normal: of a warped quadrilateral the mean.
+    pub fn facet_normal(&self, facet: &Facet<D>) -> (f64, [f64; D]) {
+        let (x, len) = self.corners_of(facet);
+        <Kind as Topology<D>>::facet_normal(&x[..len])
+    }
+
+    /// The coordinates of the nodes of a facet, and how many these are.
+    pub(crate) fn corners_of(&self, facet: &Facet<D>) -> ([[f64; D]; 4], usize) {
+        let mut x = [[0.0; D]; 4];
+        let nodes = facet_nodes(facet);
+        for (x, &node) in x.iter_mut().zip(nodes) {
+            *x = self.nodes[node as usize];
+        }
+        (x, nodes.len())
+    }
+}
+
+impl<const D: usize> Fault<D> {
+    fn remedy(&self) -> String {
+        let part = if D == 2 { "curve" } else { "surface" };
+        let otherwise = match self.kind {
+            FaultKind::Inside => " or, where two bodies touch, draw it once for each",
+            FaultKind::Stray => "",
+        };
+        format!("take that {part} out of the physical group{otherwise}")
+    }
+}
