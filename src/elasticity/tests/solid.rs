@@ -377,7 +377,7 @@ fn a_pressure_on_a_warped_face_follows_its_normal() {
             assert_relative_eq!(forces[node as usize][c], expected[c], epsilon = 1e-5);
         }
     }
-    // The area of the mesh is that of the surface, as near as four triangles tell.
+    // The mesh has the mean normal, and the area as near as four points tell.
     let (area, normal) = cube.facet_normal(&top[0]);
     let whole = total(&forces).map(|f| -0.5 * f);
     let length = whole.iter().map(|v| v * v).sum::<f64>().sqrt();
