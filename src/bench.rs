@@ -12,7 +12,7 @@ use crate::output::{forget_peak_memory, peak_memory_mib};
 use crate::problem::ContactProblem;
 use crate::sparse::norm;
 use crate::ssnm::{self, Settings, SolveError, Status};
-use crate::stiffness::amg::Hierarchy;
+use crate::stiffness::amg::{self, Hierarchy};
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::{Pcg, PcgError};
 use serde::Serialize;
@@ -125,19 +125,20 @@ fn fastest<T>(mut work: impl FnMut() -> Result<T, BenchError>) -> Result<f64, Be
 }
 
 /// Measures a backend on a problem; `copy` is the bandwidth of a copy there, `real` the bytes of a number.
-fn speeds<B: Backend>(
+fn speeds<B: Backend, const D: usize>(
     path: String,
     backend: B,
-    problem: &ContactProblem,
+    problem: &ContactProblem<D>,
     copy: f64,
     real: usize,
 ) -> Result<Speeds, BenchError> {
     let k = problem.stiffness();
     let n = k.n_rows();
     let start = Instant::now();
-    let hierarchy = Hierarchy::<B::Stored>::new(k, problem.coordinates(), &Default::default())
-        .map_err(PcgError::from)?;
-    let matrix_bytes = k.n_blocks() * (4 * real + 4);
+    let settings = amg::Settings::of_dimension(D);
+    let hierarchy =
+        Hierarchy::<B::Stored>::new(k, problem.coordinates(), &settings).map_err(PcgError::from)?;
+    let matrix_bytes = k.n_blocks() * (D * D * real + 4);
     // K p; p, q, x, r read and x, r written; r rounded; z read for the dot product and for the direction.
     let iteration_bytes = matrix_bytes + n * (11 * real + 12) + hierarchy.cycle_bytes();
     let mut pcg = Pcg::with_hierarchy(backend, k, hierarchy)?;
@@ -207,13 +208,16 @@ fn cpu_copy() -> f64 {
 }
 
 /// Simple work on the CPU.
-pub fn measure(problem: &ContactProblem) -> Result<Speeds, BenchError> {
+pub fn measure<const D: usize>(problem: &ContactProblem<D>) -> Result<Speeds, BenchError> {
     let cpu = Cpu::<f32>::default();
     speeds("cpu".to_owned(), cpu, problem, cpu_copy(), 8)
 }
 
 /// Simple work on a device.
-pub fn measure_gpu(problem: &ContactProblem, context: &Arc<Context>) -> Result<Speeds, BenchError> {
+pub fn measure_gpu<const D: usize>(
+    problem: &ContactProblem<D>,
+    context: &Arc<Context>,
+) -> Result<Speeds, BenchError> {
     let mut gpu = Gpu::new(context)?;
     let copy = gpu.copy_bandwidth()?;
     let real = context.precision.bytes();

@@ -9,6 +9,9 @@ use std::array::from_fn;
 /// A nearest point with what it depends on: the derivative of the projection.
 pub(crate) type Projected<const D: usize> = ([f64; D], [[f64; D]; D]);
 
+/// A length that is less than the bound by no more than this part of it is at the bound.
+const ROUNDING: f64 = 1e-14;
+
 /// The row of multiplier a of contact node i (of m) in λ = (λν, λτ): the normal one for a = 0, then those along the
 /// D − 1 tangents, which lie side by side.
 pub(crate) fn row_of<const D: usize>(m: usize, i: usize, a: usize) -> usize {
@@ -38,9 +41,77 @@ pub(crate) struct NodeSets<const D: usize> {
     pub contact: bool,
     /// ℐτ, where λτ = g times this direction (of length one, without a normal part); None in 𝒜τ.
     pub slip: Option<[f64; D]>,
+    /// Whether a λτ in ℐτ can still turn: on a circle, not on the two ends of an interval and not where g = 0.
+    pub turns: bool,
 }
 
 impl<const D: usize> NodeSets<D> {
+    /// In contact and sticking: nothing is held.
+    pub const FREE: Self = Self {
+        contact: true,
+        slip: None,
+        turns: false,
+    };
+
+    /// The tangents along which λτ is free: all in 𝒜τ; in ℐτ the one across the slip where it turns, along the circle
+    /// to first order.
+    pub fn tangents(&self) -> impl Iterator<Item = [f64; D]> + use<D> {
+        let Self { slip, turns, .. } = *self;
+        let axes = (1..D).filter_map(move |axis| {
+            let unit = from_fn(|a| f64::from(u8::from(a == axis)));
+            slip.is_none().then_some(unit)
+        });
+        let across = slip.filter(|_| turns && D == 3).map(|s| {
+            from_fn(|a| match a {
+                1 => -s[2],
+                2 => s[1],
+                _ => 0.0,
+            })
+        });
+        axes.chain(across)
+    }
+
+    /// The directions of what is held apart from λν = 0: each has to vanish on whatever moves within the face.
+    pub fn held_tangents(&self) -> impl Iterator<Item = [f64; D]> + use<D> {
+        let Self { slip, turns, .. } = *self;
+        let held = if slip.is_some() { D - 1 } else { 0 };
+        let axes = (1..=held).filter_map(move |axis| {
+            let unit = from_fn(|a| f64::from(u8::from(a == axis)));
+            (!turns).then_some(unit)
+        });
+        axes.chain(slip.filter(|_| turns))
+    }
+
+    /// What is free of x: zero on what is held.
+    pub fn free_part(&self, mut x: [f64; D]) -> [f64; D] {
+        if !self.contact {
+            x[0] = 0.0;
+        }
+        if let Some(s) = self.slip {
+            let along: f64 = (1..D).map(|a| s[a] * x[a]).sum();
+            for a in 1..D {
+                x[a] = if self.turns { x[a] - along * s[a] } else { 0.0 };
+            }
+        }
+        x
+    }
+
+    /// How many multipliers are free.
+    pub fn n_free(&self) -> usize {
+        usize::from(self.contact) + self.tangents().count()
+    }
+
+    /// In how many of the two sets, 𝒜ν or ℐν and 𝒜τ or ℐτ, it differs; slip the other way is another set, slip in a
+    /// direction that has turned is not.
+    pub fn differences(&self, other: &Self) -> usize {
+        let slips = match (self.slip, other.slip) {
+            (None, None) => true,
+            (Some(s), Some(o)) => (1..D).map(|a| s[a] * o[a]).sum::<f64>() > 0.0,
+            _ => false,
+        };
+        usize::from(self.contact != other.contact) + usize::from(!slips)
+    }
+
     /// Puts what is held on its bound; `bound` says what that of λτ is for a λν.
     pub fn hold(&self, mut lambda: [f64; D], bound: impl Fn(f64) -> f64) -> [f64; D] {
         if !self.contact {
@@ -97,29 +168,21 @@ impl Disc {
     /// The sets that z = λ − ρr predicts (Step 2). A λτ with g = 0 has no freedom and is always held.
     pub fn predict<const D: usize>(self, z: [f64; D]) -> NodeSets<D> {
         let slips = tangential(z) > self.g || self.g == 0.0;
-        NodeSets {
-            contact: z[0] >= 0.0,
-            slip: slips.then(|| direction(z, -1.0)),
-        }
+        self.sets(z[0] >= 0.0, slips.then(|| direction(z, -1.0)))
     }
 
     /// What of λ ∈ Λ lies on a bound and would be pushed out by a step against the gradient r.
     pub fn binding<const D: usize>(self, lambda: [f64; D], r: [f64; D]) -> NodeSets<D> {
         let s = direction(lambda, 1.0);
         let along: f64 = (1..D).map(|a| s[a] * r[a]).sum();
-        let pushed = tangential(lambda) >= self.g && (along <= 0.0 || self.g == 0.0);
-        NodeSets {
-            contact: !(lambda[0] <= 0.0 && r[0] >= 0.0),
-            slip: pushed.then_some(s),
-        }
+        let pushed = self.at_bound(lambda) && (along <= 0.0 || self.g == 0.0);
+        self.sets(!(lambda[0] <= 0.0 && r[0] >= 0.0), pushed.then_some(s))
     }
 
     /// What of λ ∈ Λ lies on a bound.
     pub fn at_bounds<const D: usize>(self, lambda: [f64; D]) -> NodeSets<D> {
-        NodeSets {
-            contact: !(lambda[0] <= 0.0),
-            slip: (tangential(lambda) >= self.g).then(|| direction(lambda, 1.0)),
-        }
+        let slips = self.at_bound(lambda);
+        self.sets(!(lambda[0] <= 0.0), slips.then(|| direction(lambda, 1.0)))
     }
 
     /// The sets at a solution λ ∈ Λ with gradient r: by the multipliers themselves; where g = 0 by the direction of
@@ -128,17 +191,44 @@ impl Disc {
         let slip = if self.g == 0.0 {
             (tangential(r) > 0.0).then(|| direction(r.map(|r| -r), 1.0))
         } else {
-            (tangential(lambda) >= self.g).then(|| direction(lambda, 1.0))
+            self.at_bound(lambda).then(|| direction(lambda, 1.0))
         };
+        self.sets(lambda[0] > 0.0, slip)
+    }
+
+    fn sets<const D: usize>(self, contact: bool, slip: Option<[f64; D]>) -> NodeSets<D> {
         NodeSets {
-            contact: lambda[0] > 0.0,
+            contact,
             slip,
+            turns: D > 2 && self.g > 0.0 && slip.is_some(),
         }
     }
 
     /// Whether λν, and λτ, lie strictly within their bounds.
     pub fn contains<const D: usize>(self, lambda: [f64; D]) -> [bool; 2] {
-        [lambda[0] > 0.0, tangential(lambda) < self.g]
+        [lambda[0] > 0.0, !self.at_bound(lambda)]
+    }
+
+    /// Whether λτ lies on its bound: in space, where its length is a root, but for rounding.
+    pub fn at_bound<const D: usize>(self, lambda: [f64; D]) -> bool {
+        let within = if D == 2 { 1.0 } else { 1.0 - ROUNDING };
+        !(tangential(lambda) < within * self.g)
+    }
+
+    /// The sets of Step 2 with the direction of slip that a λτ on its circle has already, unless it is to turn back:
+    /// Newton's step turns it along the tangent, and to put it elsewhere first would cost a product.
+    pub fn predict_from<const D: usize>(self, lambda: [f64; D], z: [f64; D]) -> NodeSets<D> {
+        let mut sets = self.predict(z);
+        if let Some(s) = &mut sets.slip
+            && sets.turns
+            && self.at_bound(lambda)
+        {
+            let here = direction(lambda, 1.0);
+            if (1..D).map(|a| here[a] * s[a]).sum::<f64>() > 0.0 {
+                *s = here;
+            }
+        }
+        sets
     }
 
     /// The parts of the way from λ ∈ Λ to `end` at which λν, and λτ, come to their bounds; infinite where they do not.

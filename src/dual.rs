@@ -107,20 +107,19 @@ pub trait DualOperator {
     }
 }
 
-/// An estimate of the largest eigenvalue of A, not below the true one beyond its margin, and the number
-/// of products with A that it took.
+/// Estimates of the largest eigenvalue of A, not below the true one beyond its margin, and of the mean of its diagonal.
 ///
 /// Lanczos with full reorthogonalisation; the Ritz value is taken when it has settled to 0.1 %, and
 /// raised by 2 % since it approaches σ_max from below. The products need no more accuracy than that.
 ///
 /// Where bodies can move as a whole, A is meant on the directions that leave them in balance; `project` takes
 /// a vector there.
-pub(crate) fn sigma_max(
+pub(crate) fn spectrum(
     dual: &mut impl DualOperator,
     len: usize,
     project: impl Fn(&mut [f64]),
     stop: &Stop,
-) -> Result<(f64, usize), DualError> {
+) -> Result<Spectrum, DualError> {
     const MAX_STEPS: usize = 30;
     const SETTLED: f64 = 1e-3;
     const MARGIN: f64 = 1.02;
@@ -128,16 +127,7 @@ pub(crate) fn sigma_max(
         absolute: 0.0,
         relative: 0.05,
     };
-    // A fixed pseudo-random start, so that results do not change from run to run.
-    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
-    let mut q: Vec<f64> = (0..len)
-        .map(|_| {
-            seed = seed
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-        })
-        .collect();
+    let mut q = scatter(len);
     project(&mut q);
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let (mut alpha, mut beta) = (Vec::new(), Vec::new());
@@ -169,7 +159,35 @@ pub(crate) fn sigma_max(
         }
         beta.push(next);
     }
-    Ok((MARGIN * ritz, basis.len()))
+    Ok(Spectrum {
+        largest: MARGIN * ritz,
+        mean: alpha.first().copied().unwrap_or(0.0),
+        products: basis.len(),
+    })
+}
+
+/// What is known of the eigenvalues of A.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spectrum {
+    /// σ_max, or a little more.
+    pub largest: f64,
+    /// The mean of diag(A), about.
+    pub mean: f64,
+    /// The products that it took.
+    pub products: usize,
+}
+
+/// Numbers without any pattern between −½ and ½, always the same ones, so that results do not change from run to run.
+pub(crate) fn scatter(len: usize) -> Vec<f64> {
+    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+    (0..len)
+        .map(|_| {
+            seed = seed
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        })
+        .collect()
 }
 
 #[cfg(test)]

@@ -49,7 +49,7 @@
 //! use std::ops::ControlFlow;
 //!
 //! // Compressed rows: where each starts, the columns, the values. Matrices of faer: `k.as_ref().into()`.
-//! let problem = ContactProblem::from_matrices(Matrices {
+//! let problem: ContactProblem = ContactProblem::from_matrices(Matrices {
 //!     stiffness: SparseRef::from_rows(2, 2, &[0, 2, 4], &[0, 1, 0, 1], &[2.0, -1.0, -1.0, 1.0]),
 //!     load: &[0.0, 1.0],
 //!     normal: SparseRef::from_rows(1, 2, &[0, 1], &[1], &[1.0]),

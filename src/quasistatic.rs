@@ -31,27 +31,27 @@ pub struct Load {
     pub acting: f64,
     /// d, length m: the initial gap less what prescribed displacements have closed of it.
     pub gap: Vec<f64>,
-    /// What prescribed displacements add to T u, length m.
+    /// What prescribed displacements add to T u, an entry per row of T.
     pub slide: Vec<f64>,
 }
 
 impl Load {
     /// That of the problem itself.
-    pub fn of(problem: &ContactProblem) -> Self {
+    pub fn of<const D: usize>(problem: &ContactProblem<D>) -> Self {
         Self {
             force: problem.load().to_vec(),
             acting: norm(problem.load()),
             gap: problem.gap().to_vec(),
-            slide: vec![0.0; problem.m()],
+            slide: vec![0.0; problem.slip_origin().len()],
         }
     }
 
     /// Whether it is one of this problem.
-    fn check_for(&self, problem: &ContactProblem) -> Result<(), SettingsError> {
+    fn check_for<const D: usize>(&self, problem: &ContactProblem<D>) -> Result<(), SettingsError> {
         let (n, m) = (problem.stiffness().n_rows(), problem.m());
         SettingsError::unless_numbers(&self.force, n, "load.force")?;
         SettingsError::unless_numbers(&self.gap, m, "load.gap")?;
-        SettingsError::unless_numbers(&self.slide, m, "load.slide")
+        SettingsError::unless_numbers(&self.slide, (D - 1) * m, "load.slide")
     }
 }
 
@@ -60,7 +60,7 @@ impl Load {
 pub struct State {
     /// u, as long as K has rows.
     pub u: Vec<f64>,
-    /// λ, length 2m.
+    /// λ, length D m.
     pub lambda: Vec<f64>,
     /// [`Load::slide`] there.
     pub slide: Vec<f64>,
@@ -68,20 +68,20 @@ pub struct State {
 
 impl State {
     /// Nothing has happened yet.
-    pub fn at_rest(problem: &ContactProblem) -> Self {
+    pub fn at_rest<const D: usize>(problem: &ContactProblem<D>) -> Self {
         Self {
             u: vec![0.0; problem.stiffness().n_rows()],
-            lambda: vec![0.0; 2 * problem.m()],
-            slide: vec![0.0; problem.m()],
+            lambda: vec![0.0; D * problem.m()],
+            slide: vec![0.0; problem.slip_origin().len()],
         }
     }
 
     /// Whether it is one of this problem.
-    fn check_for(&self, problem: &ContactProblem) -> Result<(), SettingsError> {
+    fn check_for<const D: usize>(&self, problem: &ContactProblem<D>) -> Result<(), SettingsError> {
         let (n, m) = (problem.stiffness().n_rows(), problem.m());
         SettingsError::unless_numbers(&self.u, n, "start.u")?;
-        SettingsError::unless_numbers(&self.lambda, 2 * m, "start.lambda")?;
-        SettingsError::unless_numbers(&self.slide, m, "start.slide")
+        SettingsError::unless_numbers(&self.lambda, D * m, "start.lambda")?;
+        SettingsError::unless_numbers(&self.slide, (D - 1) * m, "start.slide")
     }
 }
 
@@ -168,19 +168,19 @@ pub struct NotHeld {
 /// The end of a step.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
-pub struct StepSolution {
+pub struct StepSolution<const D: usize = 2> {
     /// How it ended.
     pub status: Status,
     /// u in all, as long as K has rows.
     pub u: Vec<f64>,
-    /// λ = (λν, λτ), length 2m.
+    /// λ = (λν, λτ), length D m.
     pub lambda: Vec<f64>,
     /// The slip bounds that the multipliers obey, length m.
     pub slip_bound: Vec<f64>,
-    /// Slip in this step (T u and [`Load::slide`], their change), length m.
+    /// Slip in this step (T u and [`Load::slide`], their change), an entry per row of T.
     pub slip: Vec<f64>,
     /// The sets at the end.
-    pub sets: Sets,
+    pub sets: Sets<D>,
     /// One solve, or several where Coulomb's law took rounds.
     pub rounds: Vec<Round>,
     /// The optimality conditions at the end.
@@ -210,7 +210,7 @@ impl<C: Into<Cause>> From<C> for StepError {
     }
 }
 
-impl StepSolution {
+impl<const D: usize> StepSolution<D> {
     /// Where the next step starts from.
     pub fn state(&self, load: &Load) -> State {
         State {
@@ -248,14 +248,14 @@ const BURST: usize = 3;
 /// # Errors
 /// If a setting makes no sense, if something else is of another size than the problem, or if the operator fails; the
 /// error keeps the rounds made, and of the last one λ and the steps.
-pub fn solve_step(
-    problem: &ContactProblem,
+pub fn solve_step<const D: usize>(
+    problem: &ContactProblem<D>,
     load: &Load,
     start: &State,
     dual: &mut (impl DualOperator + ?Sized),
     settings: &Settings,
     mut observer: impl FnMut(Event) -> ControlFlow<()>,
-) -> Result<StepSolution, StepError> {
+) -> Result<StepSolution<D>, StepError> {
     settings.check()?;
     load.check_for(problem)?;
     start.check_for(problem)?;
@@ -277,13 +277,13 @@ fn has_given_up(status: Status) -> bool {
 }
 
 /// A step on its way.
-struct Process<'a, D: ?Sized, O> {
-    whole: &'a ContactProblem,
+struct Process<'a, const D: usize, O: ?Sized, V> {
+    whole: &'a ContactProblem<D>,
     load: &'a Load,
-    dual: &'a mut D,
+    dual: &'a mut O,
     settings: &'a Settings<'a>,
     memory: &'a RefCell<Memory>,
-    observer: O,
+    observer: V,
     begin: Instant,
     /// Where T u is counted from: T ū, less what prescribed displacements slide meanwhile.
     origin: Vec<f64>,
@@ -298,17 +298,21 @@ struct Process<'a, D: ?Sized, O> {
     stopped: bool,
 }
 
-impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'a, D, O> {
+impl<'a, const D: usize, O, V> Process<'a, D, O, V>
+where
+    O: DualOperator + ?Sized,
+    V: FnMut(Event) -> ControlFlow<()>,
+{
     fn new(
-        whole: &'a ContactProblem,
+        whole: &'a ContactProblem<D>,
         load: &'a Load,
         start: &State,
-        dual: &'a mut D,
+        dual: &'a mut O,
         settings: &'a Settings<'a>,
         memory: &'a RefCell<Memory>,
-        observer: O,
+        observer: V,
     ) -> Self {
-        let mut origin = vec![0.0; whole.m()];
+        let mut origin = vec![0.0; whole.tangential().n_rows()];
         whole.tangential().mul(&start.u, &mut origin);
         for (i, origin) in origin.iter_mut().enumerate() {
             *origin -= load.slide[i] - start.slide[i];
@@ -333,7 +337,7 @@ impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'
 
     /// The step, with the bounds that were frozen for what it has ended with: coupled Newton steps, and rounds where
     /// those give up.
-    fn make(&mut self, start: &State) -> Result<(Solution, Option<Vec<f64>>), SolveError> {
+    fn make(&mut self, start: &State) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
         let tolerance = self.settings.ssnm.tolerance;
         let has_coulomb = self.whole.has_coulomb();
         let coupled = self.settings.coupled;
@@ -368,10 +372,10 @@ impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'
     /// Of what rounds have settled on and a coupled step that has given up: what the law itself says is better.
     fn better_of(
         &self,
-        mut settled: Solution,
+        mut settled: Solution<D>,
         bounds: Vec<f64>,
-        coupled: Solution,
-    ) -> (Solution, Option<Vec<f64>>) {
+        coupled: Solution<D>,
+    ) -> (Solution<D>, Option<Vec<f64>>) {
         let kkt = self.lawful().kkt(&settled.u, &settled.lambda);
         if coupled.info.kkt.max() < kkt.max() {
             return (coupled, None);
@@ -384,7 +388,7 @@ impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'
     }
 
     /// The problem of this step.
-    fn lawful(&self) -> ContactProblem {
+    fn lawful(&self) -> ContactProblem<D> {
         let Load { force, gap, .. } = self.load.clone();
         let given = self.whole.slip_bound().to_vec();
         (self.whole)
@@ -410,7 +414,7 @@ impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'
         frozen: Option<&[f64]>,
         initial: &[f64],
         tolerance: f64,
-    ) -> Result<Solution, SolveError> {
+    ) -> Result<Solution<D>, SolveError> {
         let mut problem = self.lawful();
         if let Some(bounds) = frozen {
             problem = problem.with_frozen_bounds(bounds.to_vec());
@@ -461,8 +465,8 @@ impl<'a, D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>> Process<'
     }
 
     /// The end of the step with a solution, and the bounds that were frozen for it.
-    fn end(self, solution: Solution, frozen: Option<Vec<f64>>) -> StepSolution {
-        let mut slip = vec![0.0; self.whole.m()];
+    fn end(self, solution: Solution<D>, frozen: Option<Vec<f64>>) -> StepSolution<D> {
+        let mut slip = vec![0.0; self.origin.len()];
         self.whole.tangential().mul(&solution.u, &mut slip);
         (slip.iter_mut().zip(&self.origin)).for_each(|(s, o)| *s -= o);
         StepSolution {
@@ -485,7 +489,7 @@ fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
 }
 
 /// The bodies that an imbalance pushes, and which way.
-fn pushed(problem: &ContactProblem, imbalance: &[f64]) -> Vec<NotHeld> {
+fn pushed<const D: usize>(problem: &ContactProblem<D>, imbalance: &[f64]) -> Vec<NotHeld> {
     if imbalance.is_empty() {
         return Vec::new();
     }

@@ -5,6 +5,10 @@
 //! its pairs n/m (k = 1, 3, …, 13); material and loads are those usual in this family of tests, and the
 //! slip bound is our choice.
 
+mod solid;
+
+pub use solid::{BEAM, CASE_C, Solid};
+
 use crate::contact::{ContactError, ContactNode, Friction, Obstacle, PairOptions};
 use crate::contact::{contact_rows, mortar_contact, obstacle_contact};
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};

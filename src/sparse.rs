@@ -6,6 +6,7 @@
 
 pub mod stored;
 
+use pulp::Arch;
 use rayon::prelude::*;
 
 /// A sparse matrix of `R × C` blocks in compressed block rows; square blocks if C is left out.
@@ -292,22 +293,25 @@ impl<const R: usize, const C: usize> BlockCsr<R, C> {
             .par_chunks_mut(ROWS_PER_TASK * R)
             .enumerate()
             .map(|(chunk, y)| {
-                let mut total = 0.0;
-                for (k, y) in y.chunks_mut(R).enumerate() {
-                    let row = chunk * ROWS_PER_TASK + k;
-                    let (cols, blocks) = self.row(row);
-                    let mut sum = [0.0; R];
-                    for (&j, block) in cols.iter().zip(blocks) {
-                        let x = &x[j as usize * C..][..C];
-                        for a in 0..R {
-                            for b in 0..C {
-                                sum[a] += block[a][b] * x[b];
+                // With all that the processor's vectors offer; sums have their order.
+                Arch::new().dispatch(|| {
+                    let mut total = 0.0;
+                    for (k, y) in y.chunks_mut(R).enumerate() {
+                        let row = chunk * ROWS_PER_TASK + k;
+                        let (cols, blocks) = self.row(row);
+                        let mut sum = [0.0; R];
+                        for (&j, block) in cols.iter().zip(blocks) {
+                            let x = &x[j as usize * C..][..C];
+                            for a in 0..R {
+                                for b in 0..C {
+                                    sum[a] += block[a][b] * x[b];
+                                }
                             }
                         }
+                        total += finish(y, x.get(row * R..row * R + R).unwrap_or(&[]), sum);
                     }
-                    total += finish(y, x.get(row * R..row * R + R).unwrap_or(&[]), sum);
-                }
-                total
+                    total
+                })
             })
             .collect();
         partials.iter().sum()

@@ -64,7 +64,7 @@ mod step;
 mod subspace;
 
 pub use point::project;
-pub use sets::{SetSizes, Sets};
+pub use sets::{SetSizes, Sets, SlipSizes};
 pub use settings::{Memory, Method, Settings, SettingsError};
 pub use solution::{Cause, Info, Solution, SolveError, Status, Step};
 
@@ -96,16 +96,16 @@ const REMEMBERED: usize = 40;
 /// # Errors
 /// If a setting makes no sense, if the operator is that of a problem of another size, or if it fails; the error keeps
 /// λ and the steps made. To be stopped or not to converge is no error but a [`Status`].
-pub fn solve(
-    problem: &ContactProblem,
+pub fn solve<const D: usize>(
+    problem: &ContactProblem<D>,
     dual: &mut (impl DualOperator + ?Sized),
     settings: &Settings,
     mut observer: impl FnMut(&Step) -> ControlFlow<()>,
-) -> Result<Solution, SolveError> {
+) -> Result<Solution<D>, SolveError> {
     let begin = Instant::now();
     settings.check()?;
     settings.check_for(problem)?;
-    let expected = (problem.stiffness().n_rows(), 2 * problem.m());
+    let expected = (problem.stiffness().n_rows(), D * problem.m());
     let found = dual.size();
     if found != expected {
         return Err(Cause::OtherProblem { expected, found }.into());
@@ -185,12 +185,12 @@ pub fn solve(
     })
 }
 
-impl<D: DualOperator + ?Sized> Newton<'_, D> {
+impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Algorithm ISSNM, and SSNM: outer steps until the final check is content with a point that meets the goal, or a
     /// reason to stop.
     fn run(
         &mut self,
-        way: &mut Way,
+        way: &mut Way<D>,
         settings: &Settings,
         observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
     ) -> Result<Status, DualError> {

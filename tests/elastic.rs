@@ -87,7 +87,7 @@ fn stick_and_slip_of_a_block() {
     };
     let stick = run(&text("{ tresca = 1e4 }"), 1e-9);
     let sizes = stick.sizes();
-    assert_eq!((sizes.slip_plus, sizes.slip_minus), (0, 0));
+    assert_eq!(sizes.slip.total(), 0);
     let slip = run(&text("{ tresca = 0.01 }"), 1e-9);
     // But for the corner, which the support keeps from sliding.
     assert_eq!((slip.sizes().stick, slip.sizes().frictionless), (0, 1));

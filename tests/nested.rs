@@ -184,7 +184,7 @@ fn a_kernel_beyond_rigid_motions_is_an_error() {
     ];
     let hinged = k.triplets().chain(rod).chain(rest);
     let wide = |m: &Csr| Csr::from_triplets(m.n_rows(), n + 4, m.triplets());
-    let singular = ContactProblem::new(ContactData {
+    let singular: ContactProblem = ContactProblem::new(ContactData {
         stiffness: BlockCsr::from_triplets(n + 4, n + 4, hinged),
         load: [base.load(), &[1.0; 4]].concat(),
         normal: wide(base.normal()),

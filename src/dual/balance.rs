@@ -6,11 +6,12 @@
 //! gradient is Gλ − e. Newton's method with a line search finds them in finitely many steps; where φ has no
 //! minimum no λ ∈ Λ balances the bodies, and the gradient that is left tells which body is pushed where.
 
-use crate::constraint::{Projected, at, put, row_of};
+use crate::constraint::{NodeSets, Projected, at, put, row_of};
 use crate::dense::{pseudo_inverse, symmetric_eigen};
 use crate::problem::FreeBodies;
 use crate::sparse::{Csr, norm_max};
 use faer::Mat;
+use std::array::from_fn;
 use std::rc::Rc;
 
 /// φ counts as curved by this much in every direction (G has columns of length one), around the η of the pass
@@ -70,7 +71,12 @@ pub(crate) struct Nearest {
 
 impl Balance {
     /// Of the free bodies of a problem under the load f, with Gᵀ times `factor` (that of its row).
-    pub fn new(free: &FreeBodies, b: &Csr, load: &[f64], factor: impl Fn(usize) -> f64) -> Self {
+    pub fn new<const D: usize>(
+        free: &FreeBodies<D>,
+        b: &Csr,
+        load: &[f64],
+        factor: impl Fn(usize) -> f64,
+    ) -> Self {
         let motions = free.contact_motions(b);
         let scaled = motions.triplets().map(|(i, j, v)| (i, j, factor(i) * v));
         let transposed = Csr::from_triplets(motions.n_rows(), free.n_motions(), scaled);
@@ -330,39 +336,47 @@ impl Balance {
         self.without_contact.fill(0.0);
     }
 
-    /// G on the multipliers that `is_free` says are; on node i the tangential one follows the normal one by
-    /// `slope[i]` where that is not 0 (empty: nowhere).
-    pub fn on_face(self: &Rc<Self>, is_free: impl Fn(usize) -> bool, slope: &[f64]) -> FaceBalance {
-        let free: Vec<bool> = (0..self.motions.n_rows()).map(is_free).collect();
+    /// G on what is free of each contact node; the tangential multipliers of node i follow the normal one by `follows[i]`
+    /// times the direction of slip where that is not 0 (empty: nowhere).
+    pub fn on_face<const D: usize>(
+        self: &Rc<Self>,
+        nodes: &[NodeSets<D>],
+        follows: &[f64],
+    ) -> FaceBalance<D> {
+        let none = Vec::new();
+        let own = |follows: &[f64]| -> Vec<Vec<[f64; D]>> {
+            let all = nodes.iter().enumerate();
+            all.map(|(i, node)| unknowns(node, follows.get(i).copied().unwrap_or(0.0)))
+                .collect()
+        };
+        let moving = own(follows);
+        let free = (!follows.is_empty()).then(|| own(&none));
         FaceBalance {
             balance: Rc::clone(self),
-            inverse: self.inverse_gram(&free, slope),
-            residuals: (!slope.is_empty()).then(|| self.inverse_gram(&free, &[])),
-            slope: slope.to_vec(),
-            free,
+            inverse: self.inverse_gram(&moving),
+            residuals: free.map(|free| (self.inverse_gram(&free), free)),
+            moving,
         }
     }
 
     /// (G F Fᵀ Gᵀ)⁺.
-    fn inverse_gram(&self, free: &[bool], slope: &[f64]) -> Mat<f64> {
-        let (k, m) = (self.count(), free.len() / 2);
+    fn inverse_gram<const D: usize>(&self, moving: &[Vec<[f64; D]>]) -> Mat<f64> {
+        let (k, m) = (self.count(), moving.len());
         let mut gram = Mat::<f64>::zeros(k, k);
-        for (i, _) in free.iter().enumerate().filter(|(_, free)| **free) {
-            let (cols, values) = self.motions.row(i);
-            let row = cols.iter().zip(values).map(|(&j, v)| (j as usize, v[0][0]));
-            let follows = slope.get(i).filter(|&&s| s != 0.0);
-            let row: Vec<(usize, f64)> = match follows {
-                None => row.collect(),
-                Some(s) => {
-                    let (cols, values) = self.motions.row(row_of::<2>(m, i, 1));
-                    let more = cols.iter().zip(values);
-                    row.chain(more.map(|(&j, v)| (j as usize, s * v[0][0])))
-                        .collect()
-                }
-            };
-            for &(p, v) in &row {
-                for &(q, w) in &row {
-                    gram[(p, q)] += v * w;
+        for normal in [true, false] {
+            for (i, directions) in moving.iter().enumerate() {
+                for v in directions.iter().filter(|v| (v[0] != 0.0) == normal) {
+                    let entries = (0..D).filter(|&a| v[a] != 0.0).flat_map(|a| {
+                        let (cols, values) = self.motions.row(row_of::<D>(m, i, a));
+                        let row = cols.iter().zip(values);
+                        row.map(move |(&j, g)| (j as usize, v[a] * g[0][0]))
+                    });
+                    let row: Vec<(usize, f64)> = entries.collect();
+                    for &(p, v) in &row {
+                        for &(q, w) in &row {
+                            gram[(p, q)] += v * w;
+                        }
+                    }
                 }
             }
         }
@@ -370,37 +384,37 @@ impl Balance {
     }
 }
 
+/// How the multipliers of a node move for each of its unknowns: the columns of F.
+fn unknowns<const D: usize>(node: &NodeSets<D>, follows: f64) -> Vec<[f64; D]> {
+    let s = node.slip.unwrap_or([0.0; D]);
+    let normal = node.contact.then(|| {
+        from_fn(|a| match a {
+            0 => 1.0,
+            _ => follows * s[a],
+        })
+    });
+    normal.into_iter().chain(node.tangents()).collect()
+}
+
 /// G on the free multipliers of a face of Λ.
 ///
 /// A multiplier moves as F y for free y: Z y but for slipping nodes under Coulomb's law, whose tangential
-/// multiplier follows the normal one.
-pub(crate) struct FaceBalance {
+/// multipliers follow the normal one.
+pub(crate) struct FaceBalance<const D: usize> {
     balance: Rc<Balance>,
-    free: Vec<bool>,
-    slope: Vec<f64>,
+    /// The columns of F, node by node.
+    moving: Vec<Vec<[f64; D]>>,
     /// (G F Fᵀ Gᵀ)⁺.
     inverse: Mat<f64>,
-    /// (G Z Zᵀ Gᵀ)⁺ where Z differs from F.
-    residuals: Option<Mat<f64>>,
+    /// (G Z Zᵀ Gᵀ)⁺, with the columns of Z, where Z differs from F.
+    residuals: Option<(Mat<f64>, Vec<Vec<[f64; D]>>)>,
 }
 
-impl FaceBalance {
+impl<const D: usize> FaceBalance<D> {
     /// Adds the shortest F y that changes Gλ by `change`.
     fn shift(&self, change: &[f64], lambda: &mut [f64]) {
-        let mut forces = self.balance.spread(&times(&self.inverse, change));
-        let m = forces.len() / 2;
-        // F Fᵀ.
-        for (i, &s) in self.slope.iter().enumerate().filter(|(_, s)| **s != 0.0) {
-            let [normal, tangential] = at(&forces, i);
-            let y = normal + s * tangential;
-            put(&mut forces, i, [y, s * y]);
-        }
-        for (i, (l, f)) in lambda.iter_mut().zip(forces).enumerate() {
-            let follows = i >= m && self.slope.get(i - m).is_some_and(|&s| s != 0.0);
-            if self.free[i] || follows {
-                *l += f;
-            }
-        }
+        let forces = self.balance.spread(&times(&self.inverse, change));
+        add_allowed(&self.moving, &forces, lambda);
     }
 
     /// Removes from p = F y what changes Gλ.
@@ -414,16 +428,15 @@ impl FaceBalance {
 
     /// Removes from r, zero on the held multipliers, what motions of the bodies can take away.
     pub fn project_residual(&self, r: &mut [f64]) {
-        let inverse = self.residuals.as_ref().unwrap_or(&self.inverse);
+        let (inverse, free) = match &self.residuals {
+            Some((inverse, free)) => (inverse, free),
+            None => (&self.inverse, &self.moving),
+        };
         for _ in 0..2 {
             let mut moved = vec![0.0; self.balance.count()];
             (self.balance.motions).mul_transpose_add(-1.0, r, &mut moved);
             let forces = self.balance.spread(&times(inverse, &moved));
-            for ((r, f), &free) in r.iter_mut().zip(forces).zip(&self.free) {
-                if free {
-                    *r += f;
-                }
-            }
+            add_allowed(free, &forces, r);
         }
     }
 
@@ -444,6 +457,19 @@ impl FaceBalance {
         let mut sums = vec![0.0; self.balance.count()];
         (self.balance.motions).mul_transpose_add(1.0, direction, &mut sums);
         sums
+    }
+}
+
+/// λ += F Fᵀ f.
+fn add_allowed<const D: usize>(moving: &[Vec<[f64; D]>], forces: &[f64], lambda: &mut [f64]) {
+    for (i, directions) in moving.iter().enumerate() {
+        let force: [f64; D] = at(forces, i);
+        let mut sum: [f64; D] = at(lambda, i);
+        for v in directions {
+            let y = (1..D).fold(v[0] * force[0], |sum, a| sum + v[a] * force[a]);
+            (0..D).for_each(|a| sum[a] += v[a] * y);
+        }
+        put(lambda, i, sum);
     }
 }
 

@@ -1,3 +1,5 @@
+mod space;
+
 use super::*;
 use crate::case::{Build, Case};
 use crate::contact::Obstacle;

@@ -29,8 +29,8 @@ const CLOSER: f64 = 0.1;
 const RESOLVED: f64 = 0.1;
 
 /// Rounds on their way.
-pub(super) struct Rounds<'a> {
-    cones: Cones<'a>,
+pub(super) struct Rounds<'a, const D: usize> {
+    cones: Cones<'a, D>,
     /// λ of the last one.
     pub lambda: Vec<f64>,
     /// The bounds of the last one that was made, or of the first.
@@ -43,10 +43,10 @@ pub(super) struct Rounds<'a> {
     made: usize,
 }
 
-impl<'a> Rounds<'a> {
+impl<'a, const D: usize> Rounds<'a, D> {
     /// Before the first one, which starts from λ where the relative error is about `reached`.
-    pub fn new<D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>>(
-        step: &Process<'a, D, O>,
+    pub fn new<O: DualOperator + ?Sized, V: FnMut(Event) -> ControlFlow<()>>(
+        step: &Process<'a, D, O, V>,
         lambda: &[f64],
         reached: f64,
     ) -> Self {
@@ -68,11 +68,11 @@ impl<'a> Rounds<'a> {
 
     /// Makes as many as `limit` until the slip bounds have settled. The solution is that of the last one, with the
     /// status of all; says whether there may be more of them.
-    pub fn make<D: DualOperator + ?Sized, O: FnMut(Event) -> ControlFlow<()>>(
+    pub fn make<O: DualOperator + ?Sized, V: FnMut(Event) -> ControlFlow<()>>(
         &mut self,
-        step: &mut Process<'a, D, O>,
+        step: &mut Process<'a, D, O, V>,
         limit: usize,
-    ) -> Result<(Solution, bool), SolveError> {
+    ) -> Result<(Solution<D>, bool), SolveError> {
         let last = (self.made.saturating_add(limit)).min(step.settings.max_rounds);
         let wanted = step.settings.friction_tolerance();
         loop {
@@ -135,16 +135,16 @@ impl<'a> Rounds<'a> {
 }
 
 /// The slip bounds under which forces can balance the bodies that only contact holds.
-struct Cones<'a> {
-    problem: &'a ContactProblem,
+struct Cones<'a, const D: usize> {
+    problem: &'a ContactProblem<D>,
     /// Where there are such bodies and Coulomb friction.
     balance: Option<Balance>,
     /// What no forces on the cones can balance; empty where all is well.
     imbalance: Vec<f64>,
 }
 
-impl<'a> Cones<'a> {
-    fn new(problem: &'a ContactProblem, load: &[f64]) -> Self {
+impl<'a, const D: usize> Cones<'a, D> {
+    fn new(problem: &'a ContactProblem<D>, load: &[f64]) -> Self {
         let free = problem.free_bodies();
         let mut cones = Self {
             problem,
@@ -157,7 +157,7 @@ impl<'a> Cones<'a> {
         let b = problem.contact_matrix();
         let mut balance = Balance::new(free, &b, load, |_| 1.0);
         let given = problem.slip_bound();
-        let least = balance.least(|i, z: [f64; 2]| lawful(given[i], cones.mu(i), z));
+        let least = balance.least(|i, z: [f64; D]| lawful(given[i], cones.mu(i), z));
         if !least.balanced {
             cones.imbalance = least.imbalance;
         }
@@ -171,7 +171,7 @@ impl<'a> Cones<'a> {
 
     fn nearest(&self, balance: &Balance, lambda: &[f64]) -> Nearest {
         let given = self.problem.slip_bound();
-        balance.nearest(lambda, |i, z: [f64; 2]| lawful(given[i], self.mu(i), z))
+        balance.nearest(lambda, |i, z: [f64; D]| lawful(given[i], self.mu(i), z))
     }
 
     /// What forces within the given bounds cannot balance; empty where they can.
@@ -179,7 +179,7 @@ impl<'a> Cones<'a> {
         let Some(balance) = &self.balance else {
             return Vec::new();
         };
-        let near = balance.nearest(lambda, |i, z: [f64; 2]| Disc { g: bounds[i] }.nearest(z));
+        let near = balance.nearest(lambda, |i, z: [f64; D]| Disc { g: bounds[i] }.nearest(z));
         if near.balanced {
             Vec::new()
         } else {

@@ -32,10 +32,10 @@ pub(super) enum Ended {
     NotYet,
 }
 
-impl<D: DualOperator + ?Sized> Newton<'_, D> {
+impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Step 1: whether err ≤ ε err⁰, and more than that: pressures as accurate as ε asks for, and conditions that hold
     /// against K.
-    pub fn step_1(&mut self, way: &mut Way, goal: &mut Goal) -> Result<Ended, DualError> {
+    pub fn step_1(&mut self, way: &mut Way<D>, goal: &mut Goal) -> Result<Ended, DualError> {
         self.products.allow(way.err);
         let own_motion = self.own_motion(&way.point.lambda);
         let rounding = self.rounding(&way.point);
@@ -67,7 +67,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
 
     /// What an error says that is too small to tell, or to ask for another step, while the forces are not known well
     /// enough.
-    pub fn below_the_goal(&mut self, way: &mut Way, goal: &Goal) -> Result<Ended, DualError> {
+    pub fn below_the_goal(&mut self, way: &mut Way<D>, goal: &Goal) -> Result<Ended, DualError> {
         if way.err <= self.rounding(&way.point) {
             self.make_exact(&mut way.point)?;
             way.err = self.error(&mut way.point);

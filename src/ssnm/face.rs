@@ -1,50 +1,96 @@
-//! What is free in an outer step, and how it moves.
+//! What is free in an outer step, how it moves, and how the circles of space curve.
 
 use super::law::Law;
+use super::point::Point;
 use super::sets::Sets;
 use crate::constraint::{at, put};
 use crate::dual::balance::{Balance, FaceBalance};
+use std::array::from_fn;
 use std::rc::Rc;
 
 /// The unknowns y of a step: λ moves by F y.
 ///
-/// F y has y on the free multipliers. On a node in contact that slips under Coulomb's law, λτ = sμλν: there the
-/// tangential multiplier follows the normal one.
-pub(super) struct Face {
-    pub sets: Sets,
-    /// sμ on those nodes, 0 on all others; empty where there is none.
-    slope: Vec<f64>,
+/// F y has y on the free multipliers. On a node in contact that slips under Coulomb's law, λτ = μλν s: there the
+/// tangential multipliers follow the normal one.
+///
+/// In space λτ of a slipping node moves along the tangent t of its circle. Complementarity on the circle is
+/// rτ + κλτ = 0 with κ ≥ 0; linearised along t, the inner problem (11) gets the curvature κ there:
+/// min ½ zᵀ(A + diag κ)z + zᵀr. It costs no product with A. What is called the model here is A + diag κ, and the
+/// gradient of the model at λ is r + κ(λ − λ⁰) along the tangents, λ⁰ where the step starts.
+pub(super) struct Face<const D: usize> {
+    pub sets: Sets<D>,
+    /// μ where the tangential multipliers follow the normal one, 0 on all other nodes; empty where there is none.
+    follows: Vec<f64>,
+    /// Where circles curve.
+    curvature: Option<Curvature>,
     /// G F, where bodies can move as a whole.
-    balance: Option<FaceBalance>,
+    balance: Option<FaceBalance<D>>,
 }
 
-impl Face {
-    pub fn new(sets: Sets, law: &Law, balance: Option<&Rc<Balance>>) -> Self {
-        let m = sets.len() / 2;
-        let mut slope = Vec::new();
+/// What is added to A on slipping nodes in space.
+struct Curvature {
+    /// κ of each node, 0 where nothing turns.
+    kappa: Vec<f64>,
+    /// λ⁰.
+    origin: Vec<f64>,
+    /// What an entry of diag(A) is like: c.
+    mean: f64,
+}
+
+impl<const D: usize> Face<D> {
+    /// Without its curvature: [`Face::set_curvature`].
+    pub fn new(sets: Sets<D>, law: &Law, balance: Option<&Rc<Balance>>) -> Self {
+        let mut follows = Vec::new();
         if law.is_coulomb() {
-            slope = (0..m)
-                .map(|i| match sets.is_separated(i) {
-                    true => 0.0,
-                    false => f64::from(sets.slip_sign(i)) * law.mu(i),
-                })
-                .collect();
-            if slope.iter().all(|&s| s == 0.0) {
-                slope.clear();
+            let nodes = sets.nodes().iter().enumerate();
+            let mu = nodes.map(|(i, node)| match node.slip {
+                Some(_) if node.contact => law.mu(i),
+                _ => 0.0,
+            });
+            follows = mu.collect();
+            if follows.iter().all(|&mu| mu == 0.0) {
+                follows.clear();
             }
         }
-        let balance = balance.map(|balance| balance.on_face(|i| sets.is_free(i), &slope));
+        let balance = balance.map(|balance| balance.on_face(sets.nodes(), &follows));
         Self {
             sets,
-            slope,
+            follows,
+            curvature: None,
             balance,
         }
     }
 
-    /// sμ where the tangential multiplier of row i (of 2m) follows the normal one.
-    pub fn follows(&self, i: usize) -> Option<f64> {
-        let slope = *self.slope.get(i.checked_sub(self.sets.len() / 2)?)?;
-        (slope != 0.0).then_some(slope)
+    /// Linearises the circles at a point on the face; those that `earlier` has linearised stay as they are. `mean` is
+    /// what an entry of diag(A) is like.
+    pub fn set_curvature(&mut self, earlier: Option<&Self>, point: &Point, mean: f64) {
+        let mut curvature = Curvature::new(&self.sets, point, mean);
+        if let Some(earlier) = earlier
+            && let Some(before) = &earlier.curvature
+        {
+            for (i, node) in earlier
+                .sets
+                .nodes()
+                .iter()
+                .enumerate()
+                .filter(|(_, n)| n.turns)
+            {
+                curvature.kappa[i] = before.kappa[i];
+                put(&mut curvature.origin, i, at::<D>(&before.origin, i));
+                debug_assert!(self.sets.nodes()[i].slip == node.slip);
+            }
+        }
+        self.curvature = Some(curvature);
+    }
+
+    /// Whether there are circles on it.
+    pub fn turns(&self) -> bool {
+        self.sets.turn()
+    }
+
+    /// μ where the tangential multipliers of node i (of m) follow the normal one.
+    fn follows(&self, i: usize) -> Option<f64> {
+        self.follows.get(i).copied().filter(|&mu| mu != 0.0)
     }
 
     /// From y, whatever it is elsewhere, to F y that leaves the bodies in balance.
@@ -57,9 +103,12 @@ impl Face {
 
     fn lift(&self, y: &mut [f64]) {
         self.sets.mask(y);
-        for (i, &s) in self.slope.iter().enumerate().filter(|(_, s)| **s != 0.0) {
-            let [normal, _] = at(y, i);
-            put(y, i, [normal, s * normal]);
+        for (i, node) in self.sets.nodes().iter().enumerate() {
+            let (Some(mu), Some(s)) = (self.follows(i), node.slip) else {
+                continue;
+            };
+            let free: [f64; D] = at(y, i);
+            put(y, i, from_fn::<_, D, _>(|a| free[a] + s[a] * mu * free[0]));
         }
     }
 
@@ -88,5 +137,140 @@ impl Face {
     /// Whether there are bodies to be kept in balance.
     pub fn has_balance(&self) -> bool {
         self.balance.is_some()
+    }
+
+    /// What has to vanish on a direction that stays within the face, as rows of numbers: a row for what is held, with an
+    /// entry for each of the directions.
+    pub fn conditions(&self, directions: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let nodes = self.sets.nodes();
+        let mut rows = Vec::new();
+        let mut add = |own: &dyn Fn([f64; D]) -> f64, i: usize| {
+            let row: Vec<f64> = directions.iter().map(|d| own(at(d, i))).collect();
+            if row.iter().any(|&v| v != 0.0) {
+                rows.push(row);
+            }
+        };
+        for (i, _) in nodes.iter().enumerate().filter(|(_, node)| !node.contact) {
+            add(&|d| d[0], i);
+        }
+        for (i, node) in nodes.iter().enumerate() {
+            let s = node.slip.unwrap_or([0.0; D]);
+            let mu = self.follows(i).unwrap_or(0.0);
+            for held in node.held_tangents() {
+                // λτ = μλν s along a direction that is held.
+                let slope = mu * (1..D).map(|a| held[a] * s[a]).sum::<f64>();
+                let own = |d: [f64; D]| match node.turns {
+                    true => (1..D).map(|a| held[a] * d[a]).sum::<f64>() - slope * d[0],
+                    false => {
+                        let a = held.iter().position(|&v| v != 0.0).unwrap_or(1);
+                        d[a] - slope * d[0]
+                    }
+                };
+                add(&own, i);
+            }
+        }
+        rows
+    }
+
+    /// Whether circles curve under it.
+    pub fn is_curved(&self) -> bool {
+        self.curvature.is_some()
+    }
+
+    /// From A p to (A + diag κ) p.
+    pub fn curve(&self, p: &[f64], image: &mut [f64]) {
+        if let Some(Curvature { kappa, .. }) = &self.curvature {
+            self.add_curved(kappa, |i| at(p, i), image);
+        }
+    }
+
+    /// From (A + diag κ) p to A p.
+    pub fn straighten(&self, p: &[f64], image: &mut [f64]) {
+        if let Some(Curvature { kappa, .. }) = &self.curvature {
+            let back = |i: usize| -> [f64; D] { at(p, i) };
+            self.add_curved(kappa, |i| back(i).map(|v| -v), image);
+        }
+    }
+
+    /// From r to the gradient of the model.
+    pub fn to_model(&self, point: &mut Point) {
+        self.change_gradient(point, 1.0);
+    }
+
+    /// From the gradient of the model back to r.
+    pub fn from_model(&self, point: &mut Point) {
+        self.change_gradient(point, -1.0);
+    }
+
+    fn change_gradient(&self, Point { lambda, r, .. }: &mut Point, sign: f64) {
+        let Some(Curvature { kappa, origin, .. }) = &self.curvature else {
+            return;
+        };
+        let moved = |i: usize| -> [f64; D] {
+            let (here, there): ([f64; D], [f64; D]) = (at(lambda, i), at(origin, i));
+            from_fn(|a| sign * (here[a] - there[a]))
+        };
+        self.add_curved(kappa, moved, r);
+    }
+
+    /// Adds κ times what of x lies along the tangents.
+    fn add_curved(&self, kappa: &[f64], x: impl Fn(usize) -> [f64; D], image: &mut [f64]) {
+        for (i, (&kappa, node)) in kappa.iter().zip(self.sets.nodes()).enumerate() {
+            if kappa == 0.0 {
+                continue;
+            }
+            let along = node.free_part(x(i));
+            let before: [f64; D] = at(image, i);
+            put(
+                image,
+                i,
+                from_fn::<_, D, _>(|a| match a {
+                    0 => before[0],
+                    _ => before[a] + kappa * along[a],
+                }),
+            );
+        }
+    }
+
+    /// From a residual p on the face to c (c + κ)⁻¹ p: κ has no bound, and diag(c + κ) makes the model well-conditioned
+    /// in spite of it.
+    pub fn precondition(&self, p: &mut [f64]) {
+        let Some(Curvature { kappa, mean, .. }) = &self.curvature else {
+            return;
+        };
+        for (i, &kappa) in kappa.iter().enumerate().filter(|(_, kappa)| **kappa != 0.0) {
+            let weight = mean / (mean + kappa);
+            let before: [f64; D] = at(p, i);
+            put(
+                p,
+                i,
+                from_fn::<_, D, _>(|a| match a {
+                    0 => before[0],
+                    _ => weight * before[a],
+                }),
+            );
+        }
+        self.direction(p);
+    }
+}
+
+impl Curvature {
+    /// κ = max(0, −λτᵀrτ/‖λτ‖²) where λτ turns.
+    fn new<const D: usize>(sets: &Sets<D>, point: &Point, mean: f64) -> Self {
+        let kappa = sets.nodes().iter().enumerate().map(|(i, node)| {
+            let (lambda, r): ([f64; D], [f64; D]) = (at(&point.lambda, i), at(&point.r, i));
+            let dot = |x: [f64; D], y: [f64; D]| (1..D).map(|a| x[a] * y[a]).sum::<f64>();
+            let square = dot(lambda, lambda);
+            if node.turns && square > 0.0 {
+                (-dot(lambda, r) / square).max(0.0)
+            } else {
+                0.0
+            }
+        });
+        Self {
+            kappa: kappa.collect(),
+            origin: point.lambda.clone(),
+            mean,
+        }
     }
 }

@@ -19,29 +19,31 @@ const FRUITLESS: f64 = 1e-3;
 
 /// The iteration on a face, kept from one outer step to the next.
 pub(super) struct Gcr {
-    pub face: Face,
-    /// F y, A F y, and Zᵀ A F y: the last ones orthonormal.
+    /// F y, A F y, and Zᵀ A F y: the last ones orthonormal; A with the curvature of circles.
     span: Vec<[Vec<f64>; 3]>,
 }
 
 impl Gcr {
     /// Starts with the known directions that the face allows.
-    pub fn on(face: Face, known: &Subspace) -> Self {
-        let fitting = known.combinations(&face);
-        let mut gcr = Self {
-            face,
-            span: Vec::new(),
-        };
-        for (direction, image) in fitting {
-            gcr.add(direction, image);
+    pub fn on<const D: usize>(face: &Face<D>, known: &Subspace) -> Self {
+        let fitting = known.combinations(face);
+        let mut gcr = Self { span: Vec::new() };
+        for (direction, mut image) in fitting {
+            face.curve(&direction, &mut image);
+            gcr.add(face, direction, image);
         }
         gcr
     }
 
     /// Adds a direction with its image; says whether it adds anything.
-    fn add(&mut self, mut direction: Vec<f64>, mut image: Vec<f64>) -> bool {
+    fn add<const D: usize>(
+        &mut self,
+        face: &Face<D>,
+        mut direction: Vec<f64>,
+        mut image: Vec<f64>,
+    ) -> bool {
         let mut seen = image.clone();
-        self.face.residual(&mut seen);
+        face.residual(&mut seen);
         let before = norm(&seen);
         for _ in 0..2 {
             for [other, its_image, its_seen] in &self.span {
@@ -80,17 +82,18 @@ impl Gcr {
     }
 }
 
-impl<D: DualOperator + ?Sized> Newton<'_, D> {
+impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Lowers the residual on the face to `target`, or until `enough` says so; returns the number of iterations.
     pub fn gcr(
         &mut self,
         point: &mut Point,
+        face: &Face<D>,
         gcr: &mut Gcr,
         target: f64,
-        enough: impl Fn(&Self, &Point, f64) -> bool,
+        enough: &impl Fn(&Self, &Point, f64) -> bool,
     ) -> Result<usize, DualError> {
         let mut image = vec![0.0; point.lambda.len()];
-        let limit = 2 * gcr.face.sets.n_free() + 50;
+        let limit = 2 * face.sets.n_free() + 50;
         let (mut inner, mut first) = (0, None);
         // Of the last iteration, per length of its direction; before the first, what a well-conditioned A would give.
         let mut step = 2.0 / self.products.sigma;
@@ -100,11 +103,11 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 gcr.minimise(point);
             }
             let mut rest = point.r.clone();
-            gcr.face.residual(&mut rest);
+            face.residual(&mut rest);
             let residual = norm(&rest);
             first.get_or_insert(residual);
             let earlier = first.filter(|_| inner > 0);
-            if self.ends(point, || rest.clone(), residual, earlier, target, &enough) {
+            if self.ends(point, || rest.clone(), residual, earlier, target, enough) {
                 break;
             }
             // Where the residual does not fall along itself, its image is a direction that has not been tried.
@@ -112,14 +115,16 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 Some(image) => image,
                 None => rest.iter().map(|r| -r).collect(),
             };
-            gcr.face.direction(&mut p);
+            face.direction(&mut p);
+            face.precondition(&mut p);
             let size = norm(&p);
             if !(size > 0.0) {
                 break;
             }
             self.products.apply(&p, &mut image, step, size)?;
+            face.curve(&p, &mut image);
             inner += 1;
-            if !gcr.add(p, image.clone()) {
+            if !gcr.add(face, p, image.clone()) {
                 break;
             }
             let last = gcr.span.len() - 1;

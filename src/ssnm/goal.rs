@@ -1,8 +1,8 @@
 //! What a point has to meet before the final check is worth its price.
 
 use crate::constraint::{Disc, at};
-use crate::problem::{ContactProblem, ROUNDING, slip_violation};
-use crate::sparse::{dot, norm};
+use crate::problem::{ContactProblem, ROUNDING, slip_violation, tangents_of};
+use crate::sparse::{dot, norm, norm_max};
 use std::array::from_fn;
 
 /// What the rest of the gradient could still move a pressure by at the end, in ε times the largest pressure, if each
@@ -46,7 +46,13 @@ impl Goal {
     }
 
     /// Whether a point with gradient r and error err meets it. Written so that NaN never passes.
-    pub fn met(&self, problem: &ContactProblem, lambda: &[f64], r: &[f64], err: f64) -> bool {
+    pub fn met<const D: usize>(
+        &self,
+        problem: &ContactProblem<D>,
+        lambda: &[f64],
+        r: &[f64],
+        err: f64,
+    ) -> bool {
         if !(err <= self.err) || !self.forces_met(problem, lambda, r) {
             return false;
         }
@@ -59,7 +65,10 @@ impl Goal {
         let penetration = rn.iter().fold(0.0, |acc: f64, r| acc.max(-r));
         let (g, c) = (problem.bounds(lambda), &problem.compliance()[m..]);
         let slip = (0..m).fold(0.0, |acc: f64, i| {
-            acc.max(slip_violation(&lt[i..=i], &[-rt[i]], g[i], c[i]))
+            let at = tangents_of::<D>(i);
+            let slip: [f64; D] = from_fn(|a| if a == 0 { 0.0 } else { -rt[at.start + a - 1] });
+            let c = norm_max(&c[at.clone()]);
+            acc.max(slip_violation(&lt[at], &slip[1..], g[i], c))
         });
         let length = norm(lambda);
         penetration.max(slip) <= self.slack
@@ -67,20 +76,30 @@ impl Goal {
     }
 
     /// Whether the forces are as accurate as ε asks for.
-    pub fn forces_met(&self, problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> bool {
+    pub fn forces_met<const D: usize>(
+        &self,
+        problem: &ContactProblem<D>,
+        lambda: &[f64],
+        r: &[f64],
+    ) -> bool {
         forces_met(self.tolerance, problem, lambda, r)
     }
 
     /// The part of err that would do for the forces; 1 where they are accurate enough.
-    pub fn part_for_forces(&self, problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
+    pub fn part_for_forces<const D: usize>(
+        &self,
+        problem: &ContactProblem<D>,
+        lambda: &[f64],
+        r: &[f64],
+    ) -> f64 {
         (FORCES * part(problem) * self.tolerance / force_error(problem, lambda, r)).min(1.0)
     }
 }
 
 /// Whether the forces at a point with gradient r are as accurate as ε asks for.
-pub(super) fn forces_met(
+pub(super) fn forces_met<const D: usize>(
     tolerance: f64,
-    problem: &ContactProblem,
+    problem: &ContactProblem<D>,
     lambda: &[f64],
     r: &[f64],
 ) -> bool {
@@ -88,9 +107,9 @@ pub(super) fn forces_met(
 }
 
 /// Whether an inner problem with the residual r on its free multipliers leaves forces accurate enough for ε.
-pub(super) fn inner_forces_met(
+pub(super) fn inner_forces_met<const D: usize>(
     tolerance: f64,
-    problem: &ContactProblem,
+    problem: &ContactProblem<D>,
     lambda: &[f64],
     r: &[f64],
 ) -> bool {
@@ -103,7 +122,7 @@ pub(super) fn inner_forces_met(
 /// A gap rᵢ in what ought to be closed is closed by a force of rᵢ/cᵢ if it is that of a single node: cᵢ is
 /// Σⱼ Bᵢⱼ²/Kⱼⱼ ≤ Aᵢᵢ, where nodes share what they meet (many of them on one large element) with their shares. No gap is
 /// known better than to the rounding of what it is the difference of, and a force that closes less is none.
-fn force_error(problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
+fn force_error<const D: usize>(problem: &ContactProblem<D>, lambda: &[f64], r: &[f64]) -> f64 {
     let (areas, compliance) = (problem.areas(), problem.own_compliance());
     let (bounds, offsets) = (problem.bounds(lambda), problem.offsets());
     let terms = offsets
@@ -115,9 +134,9 @@ fn force_error(problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
     let mut off = 0.0_f64;
     for (i, (&g, &area)) in bounds.iter().zip(areas).enumerate() {
         let [node, slope, c, closes] =
-            [lambda, r, compliance, problem.compliance()].map(|x| at::<2>(x, i));
+            [lambda, r, compliance, problem.compliance()].map(|x| at::<D>(x, i));
         let disc = Disc { g };
-        let asked: [f64; 2] = from_fn(|a| {
+        let asked: [f64; D] = from_fn(|a| {
             if c[a] > 0.0 {
                 node[a] - slope[a] / c[a]
             } else {
@@ -125,7 +144,7 @@ fn force_error(problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
             }
         });
         let (met, within) = (disc.project(asked), disc.contains(node));
-        for a in 0..2 {
+        for a in 0..D {
             if closes[a] * node[a].abs() > TOUCHING * rounding {
                 let largest = if a == 0 { &mut pressure } else { &mut traction };
                 *largest = largest.max(node[a].abs() / area);
@@ -159,6 +178,6 @@ fn force_error(problem: &ContactProblem, lambda: &[f64], r: &[f64]) -> f64 {
     }
 }
 
-fn part(problem: &ContactProblem) -> f64 {
+fn part<const D: usize>(problem: &ContactProblem<D>) -> f64 {
     if problem.has_coulomb() { COULOMB } else { 1.0 }
 }

@@ -2,7 +2,7 @@
 
 use super::point::project;
 use super::scaling::Scaled;
-use crate::constraint::{Projected, lawful, row_of};
+use crate::constraint::{Projected, lawful};
 use crate::dual::DualOperator;
 use crate::dual::balance::Balance;
 use crate::problem::{ContactProblem, coulomb_bound, coulomb_bounds};
@@ -17,13 +17,15 @@ pub(super) struct Law {
 }
 
 impl Law {
-    pub fn new<D: DualOperator + ?Sized>(problem: &ContactProblem, dual: &Scaled<D>) -> Self {
-        let m = problem.m();
+    pub fn new<O: DualOperator + ?Sized, const D: usize>(
+        problem: &ContactProblem<D>,
+        dual: &Scaled<O>,
+    ) -> Self {
         let coefficient = problem.friction_coefficient().iter().enumerate();
         Self {
-            given: dual.slip_bound(problem.slip_bound()),
+            given: dual.slip_bound::<D>(problem.slip_bound()),
             mu: coefficient
-                .map(|(i, mu)| mu * dual.factor(i) / dual.factor(row_of::<2>(m, i, 1)))
+                .map(|(i, mu)| mu * dual.factor(i) / dual.tangential_factor::<D>(i))
                 .collect(),
         }
     }
@@ -49,9 +51,9 @@ impl Law {
     }
 
     /// What obeys the law and is near: λν cut at 0, then λτ at its bound. Without Coulomb friction that is P_Λ.
-    fn cut(&self, lambda: &mut [f64]) {
+    fn cut<const D: usize>(&self, lambda: &mut [f64]) {
         let g = self.bounds(lambda);
-        project(lambda, &g);
+        project::<D>(lambda, &g);
     }
 
     /// The nearest point of a node's interval or cone.
@@ -60,20 +62,20 @@ impl Law {
     }
 
     /// Takes λ where it obeys the law and balances the bodies; where it does so, it stays.
-    pub fn project(&self, lambda: &mut Vec<f64>, balance: Option<&Balance>) {
+    pub fn project<const D: usize>(&self, lambda: &mut Vec<f64>, balance: Option<&Balance>) {
         match balance {
-            None => self.cut(lambda),
+            None => self.cut::<D>(lambda),
             Some(balance) if self.is_coulomb() => {
-                self.cut(lambda);
+                self.cut::<D>(lambda);
                 if !balance.holds(lambda) {
                     *lambda = balance
-                        .nearest(lambda, |i, z: [f64; 2]| self.nearest(i, z))
+                        .nearest(lambda, |i, z: [f64; D]| self.nearest(i, z))
                         .lambda;
                 }
             }
             Some(balance) => {
                 *lambda = balance
-                    .nearest(lambda, |i, z: [f64; 2]| self.nearest(i, z))
+                    .nearest(lambda, |i, z: [f64; D]| self.nearest(i, z))
                     .lambda;
             }
         }

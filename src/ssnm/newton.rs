@@ -15,8 +15,8 @@ use std::borrow::Cow;
 use std::rc::Rc;
 
 /// What stays from step to step; multipliers are scaled.
-pub(super) struct Newton<'a, D: ?Sized> {
-    pub problem: &'a ContactProblem,
+pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
+    pub problem: &'a ContactProblem<D>,
     pub law: Law,
     /// Where bodies can move as a whole.
     pub balance: Option<Rc<Balance>>,
@@ -26,7 +26,7 @@ pub(super) struct Newton<'a, D: ?Sized> {
     pub rho: f64,
     /// The length of safeguarding projected gradient steps, < 2/σ_max.
     pub alpha: f64,
-    pub products: Products<'a, D>,
+    pub products: Products<'a, O>,
     pub method: Method,
     /// u and the optimality conditions of the last final check.
     pub checked: Option<(Vec<f64>, Kkt)>,
@@ -42,7 +42,7 @@ pub(super) struct Newton<'a, D: ?Sized> {
 }
 
 /// What changes from step to step.
-pub(super) struct Way {
+pub(super) struct Way<const D: usize> {
     /// P_Λ(λᵏ) and its gradient.
     pub point: Point,
     /// errᵏ.
@@ -52,16 +52,16 @@ pub(super) struct Way {
     /// tolᵏ.
     pub tol: f64,
     /// The inner iteration of the last step, where it can be continued.
-    pub kept: Option<Inner>,
+    pub kept: Option<Inner<D>>,
     /// The sets of the last step.
-    pub sets: Option<Sets>,
+    pub sets: Option<Sets<D>>,
     /// The steps made.
     pub history: Vec<Step>,
     /// Steps and products where err ≤ ε err⁰ held first.
     pub first_met: Option<(usize, usize)>,
 }
 
-impl Way {
+impl<const D: usize> Way<D> {
     /// Goes back to an earlier point, where no inner iteration can be continued.
     pub fn go_back_to(&mut self, point: &Point) {
         self.point.clone_from(point);
@@ -69,7 +69,7 @@ impl Way {
     }
 }
 
-impl<D: DualOperator + ?Sized> Newton<'_, D> {
+impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ, with the α that goes with it.
     pub fn error(&self, point: &mut Point) -> f64 {
         self.error_with(point, self.rho)
@@ -112,7 +112,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
     /// balance; returns where that step ends.
     pub fn settle(&self, point: &mut Point, rho: f64) -> Vec<f64> {
         let g = self.bounds(&point.lambda).into_owned();
-        settle(point, rho, &g, self.balance.as_deref())
+        settle::<D>(point, rho, &g, self.balance.as_deref())
     }
 
     /// The slip bounds at λ: under Coulomb's law those of the nearest point that obeys it.
@@ -127,7 +127,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
 
     /// The projection on Λ, or on Λₑ where bodies can move as a whole.
     pub fn project(&self, lambda: &mut Vec<f64>) {
-        self.law.project(lambda, self.balance.as_deref());
+        self.law.project::<D>(lambda, self.balance.as_deref());
     }
 
     /// Moves to λ = `target`, and r with it: one product, or none if it is there already but for rounding.
@@ -161,7 +161,7 @@ impl<D: DualOperator + ?Sized> Newton<'_, D> {
                 r: r.to_vec(),
                 ..probe.clone()
             };
-            let end = settle(&mut there, rho, &g, balance.as_deref());
+            let end = settle::<D>(&mut there, rho, &g, balance.as_deref());
             distance(&there.lambda, &end) / rho
         })?;
         if !made {

@@ -1,5 +1,6 @@
 //! A point of the way, and the projected gradient step from it.
 
+use super::sets::Sets;
 use crate::constraint::{Disc, at, put};
 use crate::dual::balance::Balance;
 use crate::sparse::{norm, norm_max};
@@ -26,6 +27,16 @@ impl Point {
             sum += (to.lambda[i] - self.lambda[i]) * (self.r[i] + to.r[i]);
         }
         0.5 * sum
+    }
+
+    /// What of [`Point::q_change`] is rounding of the multipliers: on a circle, where r does not vanish, it hides changes
+    /// below about the square root of what f64 tells.
+    pub fn q_rounding(&self, to: &Self) -> f64 {
+        let mut sum = 0.0;
+        for i in 0..self.r.len() {
+            sum += self.lambda[i].abs().max(to.lambda[i].abs()) * (self.r[i] + to.r[i]).abs();
+        }
+        4.0 * f64::EPSILON * sum
     }
 
     /// The point at the part t of the way to another one.
@@ -60,31 +71,41 @@ impl Point {
     }
 
     /// From this point of Λ towards `end` as far as Λ goes; what stops there lies exactly on its bound.
-    pub fn until_bound(&self, end: &Self, g: &[f64]) -> Self {
+    /// Circles that are `sets` has linearised stop nothing.
+    pub fn until_bound<const D: usize>(&self, end: &Self, g: &[f64], sets: &Sets<D>) -> Self {
         let reach = |i: usize, g: f64| -> [f64; 2] {
-            Disc { g }.reach::<2>(at(&self.lambda, i), at(&end.lambda, i))
+            let mut reach = Disc { g }.reach::<D>(at(&self.lambda, i), at(&end.lambda, i));
+            if sets.turns(i) {
+                reach[1] = f64::INFINITY;
+            }
+            reach
         };
         let reaches: Vec<[f64; 2]> = g.iter().enumerate().map(|(i, &g)| reach(i, g)).collect();
         let t = (reaches.iter().flatten()).fold(1.0, |t: f64, &reach| t.min(reach));
         let mut cut = self.towards(end, t);
         for (i, (&g, reach)) in g.iter().zip(&reaches).enumerate() {
-            let snapped = Disc { g }.snap::<2>(at(&cut.lambda, i), reach.map(|reach| reach <= t));
+            let there: [f64; D] = at(&cut.lambda, i);
+            let mut snapped = Disc { g }.snap(there, reach.map(|reach| reach <= t));
+            if sets.turns(i) {
+                snapped[1..].copy_from_slice(&there[1..]);
+            }
             put(&mut cut.lambda, i, snapped);
         }
         cut
     }
 }
 
-/// P_Λ of the paper: the projections (4) on λν ≥ 0 and (5) on |λτ| ≤ g. λ has length 2m, g length m.
-pub fn project(lambda: &mut [f64], g: &[f64]) {
+/// P_Λ of the paper: the projections (4) on λν ≥ 0 and (5) on |λτ| ≤ g (in space on a disc). λ has length D m, g
+/// length m.
+pub fn project<const D: usize>(lambda: &mut [f64], g: &[f64]) {
     for (i, &g) in g.iter().enumerate() {
-        let projected = Disc { g }.project::<2>(at(lambda, i));
+        let projected = Disc { g }.project::<D>(at(lambda, i));
         put(lambda, i, projected);
     }
 }
 
 /// Chooses α such that a projected gradient step of length ρ keeps the bodies in balance; returns its end.
-pub(super) fn settle(
+pub(super) fn settle<const D: usize>(
     point: &mut Point,
     rho: f64,
     g: &[f64],
@@ -97,11 +118,11 @@ pub(super) fn settle(
     };
     let Some(balance) = balance else {
         let mut end = step(point);
-        project(&mut end, g);
+        project::<D>(&mut end, g);
         return end;
     };
     for pass in 1.. {
-        let near = balance.nearest(&step(point), |i, z: [f64; 2]| Disc { g: g[i] }.nearest(z));
+        let near = balance.nearest(&step(point), |i, z: [f64; D]| Disc { g: g[i] }.nearest(z));
         let forces = balance.spread(&near.eta);
         for (r, force) in point.r.iter_mut().zip(&forces) {
             *r -= force / rho;

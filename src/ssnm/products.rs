@@ -24,8 +24,8 @@
 use super::scaling::Scaled;
 use super::subspace::Subspace;
 use crate::control::{Accuracy, Followed, Stop};
-use crate::dual::{DualError, DualOperator, sigma_max};
-use crate::sparse::norm;
+use crate::dual::{DualError, DualOperator, scatter, spectrum};
+use crate::sparse::{dot, norm};
 
 /// The part of the present error by which one product, or r made afresh, may be off.
 const RELAXED: f64 = 0.1;
@@ -49,13 +49,15 @@ const SLOW: f64 = 0.1;
 const NEGLIGIBLE: f64 = 0.05;
 
 /// The dual operator with all that is known of it.
-pub(super) struct Products<'a, D: ?Sized> {
-    pub dual: Scaled<'a, D>,
+pub(super) struct Products<'a, O: ?Sized> {
+    pub dual: Scaled<'a, O>,
     pub stop: Stop<'a>,
     /// Products so far.
     pub n_a: usize,
     /// The estimate of σ_max.
     pub sigma: f64,
+    /// What an entry of diag(A) is like, if that is known.
+    mean: Option<f64>,
     /// All directions whose product is known.
     pub known: Subspace,
     /// By how much a product may falsify r.
@@ -86,14 +88,15 @@ struct Following {
     drift: f64,
 }
 
-impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
+impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
     /// Knows nothing yet: [`Products::set_up`] comes next.
-    pub fn new(dual: Scaled<'a, D>, exact: bool, stop: Stop<'a>) -> Self {
+    pub fn new(dual: Scaled<'a, O>, exact: bool, stop: Stop<'a>) -> Self {
         Self {
             dual,
             stop,
             n_a: 0,
             sigma: 0.0,
+            mean: None,
             known: Subspace::default(),
             allowed: 0.0,
             part: RELAXED,
@@ -137,12 +140,34 @@ impl<'a, D: DualOperator + ?Sized> Products<'a, D> {
                 r.iter_mut().zip(&image).for_each(|(r, a)| *r += a);
             }
         }
-        let (sigma, products) = match sigma {
-            Some(sigma) => (sigma, 0),
-            None => sigma_max(&mut self.dual, r.len(), project, &self.stop)?,
+        let mut products = 0;
+        self.sigma = match sigma {
+            Some(sigma) => sigma,
+            None => {
+                let spectrum = spectrum(&mut self.dual, r.len(), project, &self.stop)?;
+                (self.mean, products) = (Some(spectrum.mean), spectrum.products);
+                spectrum.largest
+            }
         };
-        self.sigma = sigma;
         Ok((r, products))
+    }
+
+    /// What an entry of diag(A) is like: vᵀAv/vᵀv for a v without any pattern, which costs a product where σ_max was
+    /// known before.
+    pub fn mean(&mut self, len: usize) -> Result<f64, DualError> {
+        if let Some(mean) = self.mean {
+            return Ok(mean);
+        }
+        let (v, mut image) = (scatter(len), vec![0.0; len]);
+        let accuracy = Accuracy::Energy {
+            absolute: 0.0,
+            relative: LOOSEST,
+        };
+        self.dual.apply(&v, &mut image, accuracy, &self.stop)?;
+        self.n_a += 1;
+        let mean = dot(&v, &image) / dot(&v, &v);
+        self.mean = Some(mean);
+        Ok(mean)
     }
 
     /// Sets the error to reach.

@@ -1,8 +1,10 @@
 //! Scaling of the multipliers where the stiffness under the contact varies widely.
 
+use crate::constraint::row_of;
 use crate::control::{Accuracy, Followed, Stop};
 use crate::dual::{DualError, DualOperator};
 use crate::problem::ContactProblem;
+use crate::sparse::norm_max;
 
 /// The dual operator in scaled multipliers λ̂ with λ = S λ̂: Â = S A S, b̂ = S b, ĝ = S⁻¹ g.
 ///
@@ -11,17 +13,21 @@ use crate::problem::ContactProblem;
 /// on the other. S evens out the estimate Σⱼ Bᵢⱼ²/Kⱼⱼ of Aᵢᵢ, in powers of two, so that scaling back
 /// and forth is exact, and only beyond a factor of four from the median: a homogeneous problem is left
 /// exactly as it is.
-pub(super) struct Scaled<'a, D: ?Sized> {
-    dual: &'a mut D,
+pub(super) struct Scaled<'a, O: ?Sized> {
+    dual: &'a mut O,
     /// S, or None for the identity.
     scale: Option<Vec<f64>>,
     buffer: Vec<f64>,
 }
 
-impl<'a, D: DualOperator + ?Sized> Scaled<'a, D> {
-    pub fn new(problem: &ContactProblem, dual: &'a mut D) -> Self {
+impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
+    pub fn new<const D: usize>(problem: &ContactProblem<D>, dual: &'a mut O) -> Self {
         let m = problem.m();
-        let estimates = problem.compliance();
+        let mut estimates = problem.compliance().to_vec();
+        // One factor for all tangents of a node, or its disc became an ellipse.
+        for tangents in estimates[m..].chunks_mut(D - 1) {
+            tangents.fill(norm_max(tangents));
+        }
         // Rows of T may be empty.
         let mut sorted: Vec<f64> = estimates.iter().copied().filter(|&e| e > 0.0).collect();
         sorted.sort_by(f64::total_cmp);
@@ -43,7 +49,7 @@ impl<'a, D: DualOperator + ?Sized> Scaled<'a, D> {
         Self {
             dual,
             scale: needed.then_some(scale),
-            buffer: vec![0.0; 2 * m],
+            buffer: vec![0.0; D * m],
         }
     }
 
@@ -66,16 +72,20 @@ impl<'a, D: DualOperator + ?Sized> Scaled<'a, D> {
         }
     }
 
-    /// ĝ, for the tangential multipliers.
-    pub fn slip_bound(&self, g: &[f64]) -> Vec<f64> {
-        let mut all = vec![0.0; 2 * g.len()];
-        all[g.len()..].copy_from_slice(g);
-        self.divide(&mut all);
-        all.split_off(g.len())
+    /// Sᵢᵢ of the tangential multipliers of a contact node.
+    pub fn tangential_factor<const D: usize>(&self, node: usize) -> f64 {
+        self.factor(row_of::<D>(self.buffer.len() / D, node, 1))
+    }
+
+    /// ĝ.
+    pub fn slip_bound<const D: usize>(&self, g: &[f64]) -> Vec<f64> {
+        (g.iter().enumerate())
+            .map(|(i, g)| g / self.tangential_factor::<D>(i))
+            .collect()
     }
 }
 
-impl<D: DualOperator + ?Sized> DualOperator for Scaled<'_, D> {
+impl<O: DualOperator + ?Sized> DualOperator for Scaled<'_, O> {
     fn size(&self) -> (usize, usize) {
         self.dual.size()
     }

@@ -1,11 +1,12 @@
 //! The active and inactive sets of Step 2.
 
 use super::law::Law;
-use crate::constraint::{Disc, NodeSets, at, put};
+use crate::constraint::{Disc, NodeSets, Projected, at, put};
+use std::array::from_fn;
 
-/// The sets 𝒜ν, ℐν, 𝒜τ, ℐτ⁺ and ℐτ⁻, as those that each contact node is in.
+/// The sets 𝒜ν, ℐν, 𝒜τ and ℐτ (in the plane ℐτ⁺ and ℐτ⁻), as those that each contact node is in.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sets(Vec<NodeSets<2>>);
+pub struct Sets<const D: usize = 2>(Vec<NodeSets<D>>);
 
 /// How many contact nodes are in each set; a separated node sticks or slips as well, if it has friction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -14,17 +15,72 @@ pub struct SetSizes {
     pub separated: usize,
     /// 𝒜τ: λτ below the bound.
     pub stick: usize,
-    /// ℐτ⁺: λτ = g.
-    pub slip_plus: usize,
-    /// ℐτ⁻: λτ = −g.
-    pub slip_minus: usize,
+    /// ℐτ: λτ at the bound.
+    #[serde(flatten)]
+    pub slip: SlipSizes,
     /// No law of friction acts: neither stick nor slip.
     pub frictionless: usize,
 }
 
-impl Sets {
+/// How many contact nodes slip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(untagged)]
+pub enum SlipSizes {
+    /// In the plane.
+    Plane {
+        /// ℐτ⁺: λτ = g.
+        slip_plus: usize,
+        /// ℐτ⁻: λτ = −g.
+        slip_minus: usize,
+    },
+    /// In space.
+    Space {
+        /// ‖λτ‖ = g.
+        slip: usize,
+    },
+}
+
+impl Default for SlipSizes {
+    fn default() -> Self {
+        Self::Plane {
+            slip_plus: 0,
+            slip_minus: 0,
+        }
+    }
+}
+
+impl SlipSizes {
+    /// None slips, in D dimensions.
+    pub fn none<const D: usize>() -> Self {
+        match D {
+            2 => Self::default(),
+            _ => Self::Space { slip: 0 },
+        }
+    }
+
+    /// In whichever direction.
+    pub fn total(&self) -> usize {
+        match *self {
+            Self::Plane {
+                slip_plus,
+                slip_minus,
+            } => slip_plus + slip_minus,
+            Self::Space { slip } => slip,
+        }
+    }
+
+    fn add(&mut self, forwards: bool) {
+        *match self {
+            Self::Plane { slip_plus, .. } if forwards => slip_plus,
+            Self::Plane { slip_minus, .. } => slip_minus,
+            Self::Space { slip } => slip,
+        } += 1;
+    }
+}
+
+impl<const D: usize> Sets<D> {
     /// Node by node, under the bounds g.
-    fn of(g: &[f64], node: impl Fn(Disc, usize) -> NodeSets<2>) -> Self {
+    fn of(g: &[f64], node: impl Fn(Disc, usize) -> NodeSets<D>) -> Self {
         let discs = g.iter().map(|&g| Disc { g });
         Self(discs.enumerate().map(|(i, disc)| node(disc, i)).collect())
     }
@@ -32,7 +88,7 @@ impl Sets {
     /// The sets at λ with gradient r (Step 2).
     pub(super) fn predict(lambda: &[f64], r: &[f64], rho: f64, g: &[f64]) -> Self {
         let z: Vec<f64> = lambda.iter().zip(r).map(|(l, r)| l - rho * r).collect();
-        Self::of(g, |disc, i| disc.predict(at(&z, i)))
+        Self::of(g, |disc, i| disc.predict_from(at(lambda, i), at(&z, i)))
     }
 
     /// The multipliers of λ ∈ Λ that lie on a bound and that a step against the gradient would push out.
@@ -51,7 +107,9 @@ impl Sets {
         for (i, (node, &g)) in self.0.iter_mut().zip(g).enumerate() {
             let there = Disc { g }.at_bounds(at(lambda, i));
             node.contact &= there.contact;
-            node.slip = node.slip.or(there.slip);
+            if node.slip.is_none() {
+                (node.slip, node.turns) = (there.slip, there.turns);
+            }
         }
         self.n_free() < before
     }
@@ -64,40 +122,49 @@ impl Sets {
         }
     }
 
-    /// Whether multiplier i (of 2m) is an unknown of the inner problem.
-    pub(super) fn is_free(&self, i: usize) -> bool {
-        let m = self.0.len();
-        match i.checked_sub(m) {
-            None => self.0[i].contact,
-            Some(i) => self.0[i].slip.is_none(),
+    /// Node by node.
+    pub(super) fn nodes(&self) -> &[NodeSets<D>] {
+        &self.0
+    }
+
+    /// Whether λτ of any contact node moves along its circle.
+    pub(super) fn turn(&self) -> bool {
+        self.0.iter().any(|node| node.turns)
+    }
+
+    /// Whether λτ of contact node i moves along its circle.
+    pub(super) fn turns(&self, i: usize) -> bool {
+        self.0[i].turns
+    }
+
+    /// The nearest multipliers of node i within the bound g, a λτ on the tangent of its circle left where it is.
+    pub(super) fn nearest_straight(&self, i: usize, g: f64, z: [f64; D]) -> Projected<D> {
+        let (mut end, mut derivative) = Disc { g }.nearest(z);
+        if self.turns(i) {
+            for a in 1..D {
+                end[a] = z[a];
+                derivative[a] = from_fn(|b| f64::from(u8::from(a == b)));
+            }
         }
+        (end, derivative)
     }
 
     /// Number of free multipliers.
     pub(super) fn n_free(&self) -> usize {
-        (0..self.len()).filter(|&i| self.is_free(i)).count()
+        self.0.iter().map(NodeSets::n_free).sum()
     }
 
     /// Zeroes what is not free.
     pub(super) fn mask(&self, x: &mut [f64]) {
-        for (i, x) in x.iter_mut().enumerate() {
-            if !self.is_free(i) {
-                *x = 0.0;
-            }
+        for (i, node) in self.0.iter().enumerate() {
+            put(x, i, node.free_part(at(x, i)));
         }
     }
 
-    /// 2m.
-    pub(super) fn len(&self) -> usize {
-        2 * self.0.len()
-    }
-
-    /// How many multipliers are held differently.
+    /// In how many sets contact nodes differ.
     pub fn differences(&self, other: &Self) -> usize {
         let pairs = self.0.iter().zip(&other.0);
-        pairs
-            .map(|(a, b)| usize::from(a.contact != b.contact) + usize::from(a.slip != b.slip))
-            .sum()
+        pairs.map(|(a, b)| a.differences(b)).sum()
     }
 
     /// Whether contact node i (of m) is separated.
@@ -105,23 +172,33 @@ impl Sets {
         !self.0[i].contact
     }
 
-    /// −1, 0 or +1: the sign of λτ where contact node i (of m) slips, 0 where it sticks.
-    pub fn slip_sign(&self, i: usize) -> i8 {
-        self.0[i].slip.map_or(0, |[_, s]| s as i8)
+    /// Whether λτ of contact node i (of m) is at its bound.
+    pub fn slips(&self, i: usize) -> bool {
+        self.0[i].slip.is_some()
     }
 
     /// The sizes; `has_friction` says of which contact nodes (of m) a law of friction acts on.
     pub fn sizes(&self, has_friction: impl Fn(usize) -> bool) -> SetSizes {
-        let mut sizes = SetSizes::default();
+        let mut sizes = SetSizes {
+            slip: SlipSizes::none::<D>(),
+            ..SetSizes::default()
+        };
         for (i, node) in self.0.iter().enumerate() {
             sizes.separated += usize::from(!node.contact);
-            *match self.slip_sign(i) {
-                _ if !has_friction(i) => &mut sizes.frictionless,
-                0 => &mut sizes.stick,
-                1 => &mut sizes.slip_plus,
-                _ => &mut sizes.slip_minus,
-            } += 1;
+            match node.slip {
+                _ if !has_friction(i) => sizes.frictionless += 1,
+                None => sizes.stick += 1,
+                Some(s) => sizes.slip.add(s[1] > 0.0),
+            }
         }
         sizes
+    }
+}
+
+/// The plane.
+impl Sets {
+    /// −1, 0 or +1: the sign of λτ where contact node i (of m) slips, 0 where it sticks.
+    pub fn slip_sign(&self, i: usize) -> i8 {
+        self.0[i].slip.map_or(0, |[_, s]| s as i8)
     }
 }

@@ -36,7 +36,7 @@ pub struct Settings<'a> {
     pub max_iterations: usize,
     /// Wall time at most.
     pub time_limit: Option<Duration>,
-    /// λ⁰, length 2m, e.g. the multipliers of an earlier solve; zero if None.
+    /// λ⁰, length D m (2m in the plane), e.g. the multipliers of an earlier solve; zero if None.
     pub initial: Option<&'a [f64]>,
     /// σ_max as an earlier solve with the same A has found it ([`super::Info::sigma_max`]); estimated if None.
     pub sigma_max: Option<f64>,
@@ -134,8 +134,11 @@ impl Settings<'_> {
     }
 
     /// Whether what there is to start from belongs to a problem of this size.
-    pub(super) fn check_for(&self, problem: &ContactProblem) -> Result<(), SettingsError> {
-        let len = 2 * problem.m();
+    pub(super) fn check_for<const D: usize>(
+        &self,
+        problem: &ContactProblem<D>,
+    ) -> Result<(), SettingsError> {
+        let len = D * problem.m();
         if let Some(initial) = self.initial {
             SettingsError::unless_numbers(initial, len, "initial")?;
         }

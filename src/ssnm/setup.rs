@@ -6,6 +6,7 @@ use super::point::Point;
 use super::products::Products;
 use super::scaling::Scaled;
 use super::{EXACT, Method, Settings};
+use crate::constraint::NodeSets;
 use crate::control::Stop;
 use crate::dual::balance::Balance;
 use crate::dual::{DualError, DualOperator};
@@ -28,15 +29,15 @@ pub(super) struct Start {
 
 impl Start {
     /// Balances the bodies, before any product is made.
-    pub fn new<D: DualOperator + ?Sized>(
-        problem: &ContactProblem,
-        dual: &Scaled<D>,
+    pub fn new<O: DualOperator + ?Sized, const D: usize>(
+        problem: &ContactProblem<D>,
+        dual: &Scaled<O>,
         settings: &Settings,
     ) -> Self {
         let mut start = Self {
             law: Law::new(problem, dual),
             balance: None,
-            lambda: vec![0.0; 2 * problem.m()],
+            lambda: vec![0.0; D * problem.m()],
             first_error: None,
             imbalance: Vec::new(),
         };
@@ -45,7 +46,7 @@ impl Start {
             return start;
         }
         let law = &start.law;
-        let nearest = |i: usize, z: [f64; 2]| law.nearest(i, z);
+        let nearest = |i: usize, z: [f64; D]| law.nearest(i, z);
         let b = problem.contact_matrix();
         let mut balance = Balance::new(free, &b, problem.load(), |i| dual.factor(i));
         let least = balance.least(nearest);
@@ -66,7 +67,10 @@ impl Start {
 
     /// The problem without what no contact can balance of its load, so that the rest can be solved; None where all of it
     /// can.
-    pub fn reduced(&self, problem: &ContactProblem) -> Option<ContactProblem> {
+    pub fn reduced<const D: usize>(
+        &self,
+        problem: &ContactProblem<D>,
+    ) -> Option<ContactProblem<D>> {
         if self.imbalance.is_empty() {
             return None;
         }
@@ -79,9 +83,9 @@ impl Start {
 }
 
 /// What a solve works on.
-pub(super) struct SetUp<'a, D: ?Sized> {
-    pub newton: Newton<'a, D>,
-    pub way: Way,
+pub(super) struct SetUp<'a, O: ?Sized, const D: usize> {
+    pub newton: Newton<'a, O, D>,
+    pub way: Way<D>,
     /// err⁰, as computed or known.
     pub first_error: f64,
     /// Products that σ_max took.
@@ -92,11 +96,11 @@ pub(super) struct SetUp<'a, D: ?Sized> {
     pub outcome: Result<(), DualError>,
 }
 
-impl<'a, D: DualOperator + ?Sized> SetUp<'a, D> {
+impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
     /// Hands load and gap to the operator, makes r and σ_max, and moves to λ⁰.
     pub fn new(
-        problem: &'a ContactProblem,
-        mut dual: Scaled<'a, D>,
+        problem: &'a ContactProblem<D>,
+        mut dual: Scaled<'a, O>,
         start: Start,
         settings: &Settings<'a>,
         begin: Instant,
@@ -114,7 +118,8 @@ impl<'a, D: DualOperator + ?Sized> SetUp<'a, D> {
             first_error: known,
             ..
         } = start;
-        let everything = (balance.as_ref()).map(|balance| balance.on_face(|_| true, &[]));
+        let everything = (balance.as_ref())
+            .map(|balance| balance.on_face(&vec![NodeSets::<D>::FREE; problem.m()], &[]));
         let project = |p: &mut [f64]| {
             if let Some(face) = &everything {
                 face.project(p);
@@ -192,7 +197,7 @@ impl<'a, D: DualOperator + ?Sized> SetUp<'a, D> {
     }
 }
 
-impl<D: DualOperator + ?Sized> Newton<'_, D> {
+impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// err⁰, and what products have to resolve. It is taken at λ = 0 even for a warm start: a good start must not make
     /// the same tolerance harder.
     fn measure(&mut self, point: &Point, first_error: f64, tolerance: f64) -> f64 {

@@ -139,15 +139,15 @@ pub struct Info {
 /// The result of a solve; after a stop without convergence, the best point found.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
-pub struct Solution {
+pub struct Solution<const D: usize = 2> {
     /// How it ended.
     pub status: Status,
     /// u, as long as K has rows.
     pub u: Vec<f64>,
-    /// λ = (λν, λτ) ∈ Λ, length 2m.
+    /// λ = (λν, λτ) ∈ Λ, length D m: λν, then λτ node by node.
     pub lambda: Vec<f64>,
     /// The sets at the end.
-    pub sets: Sets,
+    pub sets: Sets<D>,
     /// Rᵀ(f − Bᵀλ) for the motions of [`crate::problem::ContactProblem::free_bodies`], where that cannot be made zero:
     /// which way bodies are pushed that nothing holds. Empty otherwise.
     pub imbalance: Vec<f64>,

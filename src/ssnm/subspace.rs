@@ -99,25 +99,31 @@ impl Subspace {
     ///
     /// With C the rows of these conditions applied to W, they are W Z for the null space Z of C; Z has orthonormal
     /// columns, so W Z is A-orthonormal again.
-    pub fn fitting(&self, face: &Face) -> Self {
+    pub fn fitting<const D: usize>(&self, face: &Face<D>) -> Self {
         let mut fitting = Self::default();
-        for (direction, image) in self.combinations(face) {
-            fitting.push(direction, image);
+        for (direction, mut image) in self.combinations(face) {
+            if face.is_curved() {
+                face.curve(&direction, &mut image);
+                fitting.add(direction, image);
+            } else {
+                fitting.push(direction, image);
+            }
         }
         fitting
     }
 
+    /// Its directions with their images under A, which are no longer conjugate.
+    pub fn straightened<const D: usize>(mut self, face: &Face<D>) -> Self {
+        for (direction, image) in self.directions.iter().zip(&mut self.images) {
+            face.straighten(direction, image);
+        }
+        self
+    }
+
     /// The same with their images, as they come.
-    pub fn combinations(&self, face: &Face) -> Vec<(Vec<f64>, Vec<f64>)> {
+    pub fn combinations<const D: usize>(&self, face: &Face<D>) -> Vec<(Vec<f64>, Vec<f64>)> {
         let count = self.directions.len();
-        let len = self.directions.first().map_or(0, Vec::len);
-        let own = |i: usize, d: &[f64]| match face.follows(i) {
-            Some(slope) => d[i] - slope * d[i - len / 2],
-            None => d[i],
-        };
-        let held: Vec<usize> = (0..len)
-            .filter(|&i| !face.sets.is_free(i) && self.directions.iter().any(|d| own(i, d) != 0.0))
-            .collect();
+        let held = face.conditions(&self.directions);
         let moved: Vec<Vec<f64>> = self.directions.iter().map(|d| face.moves(d)).collect();
         let motions = moved.first().map_or(0, Vec::len);
         let n_rows = held.len() + motions;
@@ -125,7 +131,7 @@ impl Subspace {
             return std::iter::zip(self.directions.clone(), self.images.clone()).collect();
         }
         let rows = Mat::from_fn(n_rows, count, |i, j| match held.get(i) {
-            Some(&i) => own(i, &self.directions[j]),
+            Some(row) => row[j],
             None => moved[j][i - held.len()],
         });
         let Some((values, right)) = right_singular(&rows) else {

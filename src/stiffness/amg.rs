@@ -32,7 +32,8 @@ use aggregation::{Aggregates, NONE, aggregate, strength};
 use prolongation::{Modes, decoupled, rigid_body_modes, smoothed, tentative};
 use std::fmt;
 
-/// Settings of the hierarchy; the defaults were measured, see the tests.
+/// Settings of the hierarchy; those of [`Settings::of_dimension`] were measured, see the tests. The default is that of
+/// the plane.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
     /// θ: nodes i and j are strongly coupled if their block counts for more than θ times the largest
@@ -40,13 +41,18 @@ pub struct Settings {
     pub theta: f64,
     /// θ on the levels below the finest.
     pub coarse_theta: f64,
+    /// Whether the nodes with the most strong neighbours found their aggregates first. Their aggregates are larger, and
+    /// there are fewer; otherwise nodes take turns by their number.
+    pub busiest_first: bool,
     /// Degree of the Chebyshev smoother, at least 1.
     pub degree: usize,
     /// α > 1: the smoother works on the eigenvalues of D⁻¹A in [λ_max / α, λ_max].
     pub alpha: f64,
     /// Levels with at most this many unknowns are solved with their inverse.
     pub dense_limit: usize,
-    /// The same where no coarser level can be made.
+    /// Unless the inverse has more entries than this part of those of K.
+    pub dense_part: f64,
+    /// Unknowns that may be solved with their inverse where no coarser level can be made.
     pub stalled_dense_limit: usize,
 }
 
@@ -55,10 +61,28 @@ impl Default for Settings {
         Self {
             theta: 0.38,
             coarse_theta: 0.35,
+            busiest_first: false,
             degree: 2,
             alpha: 10.0,
             dense_limit: 800,
+            dense_part: f64::INFINITY,
             stalled_dense_limit: 2000,
+        }
+    }
+}
+
+impl Settings {
+    /// What suits bodies of a dimension. In space a row has three times the blocks and a coarse block four times the
+    /// entries: all but the weakest neighbours belong to an aggregate there, which holds the complexity down.
+    pub fn of_dimension(dimension: usize) -> Self {
+        match dimension {
+            3 => Self {
+                theta: 0.2,
+                busiest_first: true,
+                dense_part: 0.1,
+                ..Self::default()
+            },
+            _ => Self::default(),
         }
     }
 }
@@ -229,6 +253,13 @@ impl<S: Real> Hierarchy<S> {
         let scale = scale_of(k)?;
         let modes = rigid_body_modes::<D, M>(k.n_block_rows(), coordinates);
         let mut levels = Vec::new();
+        // Unknowns of which an inverse has as many entries as it may.
+        let entries = (D * D * k.n_blocks()) as f64;
+        let settings = &Settings {
+            dense_limit: (settings.dense_limit)
+                .min((settings.dense_part * entries).sqrt() as usize),
+            ..*settings
+        };
         let mut step = coarsen::<D, M, S>(k, modes, scale, settings.theta, settings)?;
         loop {
             match step {
@@ -421,7 +452,9 @@ fn coarsen<const B: usize, const M: usize, S: Real>(
     }
     let aggregates = {
         let strength = strength(a, theta);
-        aggregate(a, &strength, |i| decoupled[i] == [true; B])
+        aggregate(a, &strength, settings.busiest_first, |i| {
+            decoupled[i] == [true; B]
+        })
     };
     let stalled = (aggregates.count * M) as f64 * LEAST_REDUCTION > n as f64;
     if (stalled || aggregates.count == 0) && n <= settings.stalled_dense_limit {

@@ -4,7 +4,7 @@
 //! makes corrections inside a refinement in f64: the residual b − Kx is made on the host in f64 against
 //! the true K, so that the answer is as accurate as that of the other path, whatever f32 has lost.
 
-use super::amg::{AmgError, Hierarchy, Multigrid};
+use super::amg::{AmgError, Hierarchy, Multigrid, Settings};
 use crate::backend::{Backend, BackendError, Progress, Run};
 use crate::control::{Accuracy, Followed, SolveCounts, Stop, Stopped};
 use crate::sparse::stored::{SquareBlocks, power_of_two_below};
@@ -221,7 +221,7 @@ impl<B: Backend> Pcg<B> {
         let placed = placed(&mut backend, k)?;
         let mut fallback = None;
         if preconditioner == Preconditioner::Multigrid {
-            let made = Hierarchy::new(k, coordinates, &Default::default())
+            let made = Hierarchy::new(k, coordinates, &Settings::of_dimension(D))
                 .map_err(PcgError::from)
                 .and_then(|hierarchy| on_backend(&mut backend, hierarchy));
             match made {

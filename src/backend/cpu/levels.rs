@@ -1,7 +1,11 @@
 //! The kernels of the multigrid levels on the CPU, in f32 or f64.
+//!
+//! They run with all vector instructions that the processor has (`Arch::dispatch`). Sums are made in an order that is
+//! written down here, so that no processor changes them.
 
 use crate::backend::{BackendError, Product};
 use crate::sparse::stored::{BlockMatrix, Dense, Real, times};
+use pulp::Arch;
 use rayon::prelude::*;
 
 /// Block rows of one parallel task.
@@ -111,17 +115,19 @@ pub(super) fn smooth<S: Real>(
             .zip(d.par_chunks_mut(ROWS_PER_TASK))
             .enumerate()
             .for_each(|(task, (x_next, d))| {
-                let rows = task * ROWS_PER_TASK..;
-                let out = x_next.as_chunks_mut::<B>().0.iter_mut().zip(d);
-                for (i, (x_next, d)) in rows.zip(out) {
-                    let ax = a.row_times(i, x);
-                    let r = std::array::from_fn(|c| b[i][c] - ax[c]);
-                    let z = times(&inverse_diagonal[i], &r);
-                    for c in 0..B {
-                        d[c] = c1 * d[c] + c2 * z[c];
-                        x_next[c] = x[i][c] + d[c];
+                Arch::new().dispatch(|| {
+                    let rows = task * ROWS_PER_TASK..;
+                    let out = x_next.as_chunks_mut::<B>().0.iter_mut().zip(d);
+                    for (i, (x_next, d)) in rows.zip(out) {
+                        let ax = a.row_times(i, x);
+                        let r = std::array::from_fn(|c| b[i][c] - ax[c]);
+                        let z = times(&inverse_diagonal[i], &r);
+                        for c in 0..B {
+                            d[c] = c1 * d[c] + c2 * z[c];
+                            x_next[c] = x[i][c] + d[c];
+                        }
                     }
-                }
+                });
             });
     }
     with_shape!(
@@ -157,13 +163,15 @@ fn rows<const R: usize, const C: usize, S: Real>(
     y.par_chunks_mut(ROWS_PER_TASK * R)
         .enumerate()
         .for_each(|(task, y)| {
-            let first = task * ROWS_PER_TASK;
-            for (k, y) in y.as_chunks_mut::<R>().0.iter_mut().enumerate() {
-                let sum = matrix.row_times(first + k, x);
-                for c in 0..R {
-                    write((first + k) * R + c, &mut y[c], sum[c]);
+            Arch::new().dispatch(|| {
+                let first = task * ROWS_PER_TASK;
+                for (k, y) in y.as_chunks_mut::<R>().0.iter_mut().enumerate() {
+                    let sum = matrix.row_times(first + k, x);
+                    for c in 0..R {
+                        write((first + k) * R + c, &mut y[c], sum[c]);
+                    }
                 }
-            }
+            });
         });
 }
 

@@ -5,7 +5,7 @@ use signorini::control::Costs;
 use signorini::dual::DualOperator as _;
 use signorini::engine::Engine;
 use signorini::quasistatic::Round;
-use signorini::ssnm::Step;
+use signorini::ssnm::{SlipSizes, Step};
 use std::io::{IsTerminal as _, Write as _};
 
 /// Who hears how much.
@@ -18,19 +18,31 @@ pub struct Log {
 /// Back to the beginning of a line of a terminal, which is emptied.
 const ERASED: &str = "\r\x1b[2K";
 
-const HEADER: &str = "step  inner  products       err   contact   stick  slip+  slip−  changes";
+/// The heads of the columns; in the plane there is slip forwards and backwards.
+fn header(slip: SlipSizes) -> String {
+    let slip = match slip {
+        SlipSizes::Plane { .. } => " slip+  slip−",
+        SlipSizes::Space { .. } => "  slip",
+    };
+    format!("step  inner  products       err   contact   stick {slip}  changes")
+}
 
 fn row(step: &Step, m: usize) -> String {
     format!(
-        "{:4}  {:5}  {:8}  {:8.2e}  {:8}  {:6} {:6} {:6}  {:7}{}",
+        "{:4}  {:5}  {:8}  {:8.2e}  {:8}  {:6} {}  {:7}{}",
         step.iter,
         step.inner,
         step.n_a,
         step.err,
         m - step.sets.separated,
         step.sets.stick,
-        step.sets.slip_plus,
-        step.sets.slip_minus,
+        match step.sets.slip {
+            SlipSizes::Plane {
+                slip_plus,
+                slip_minus,
+            } => format!("{slip_plus:6} {slip_minus:6}"),
+            SlipSizes::Space { slip } => format!("{slip:6}"),
+        },
         step.changes,
         if step.safeguarded { "  safeguard" } else { "" }
     )
@@ -39,7 +51,7 @@ fn row(step: &Step, m: usize) -> String {
 /// The number of contact nodes of a step.
 fn nodes(step: &Step) -> usize {
     let sets = &step.sets;
-    sets.stick + sets.slip_plus + sets.slip_minus + sets.frictionless
+    sets.stick + sets.slip.total() + sets.frictionless
 }
 
 impl Log {
@@ -151,7 +163,7 @@ impl Log {
         if history.is_empty() {
             return;
         }
-        eprintln!("{HEADER}");
+        eprintln!("{}", header(history[0].sets.slip));
         for step in history {
             let met = if step.err <= tolerance {
                 "  err met"

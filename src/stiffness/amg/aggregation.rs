@@ -2,6 +2,7 @@
 
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
+use std::cmp::Reverse;
 
 /// Marks a node without aggregate.
 pub(super) const NONE: u32 = u32::MAX;
@@ -95,10 +96,12 @@ fn for_rows<const B: usize, T: Send>(
 
 /// Groups the nodes in three passes (Vaněk, Mandel, Brezina 1996): a node whose strong neighbours are
 /// all free founds an aggregate with them; a node left over joins the aggregate it is tied to most
-/// strongly; what is still left is grouped with its free neighbours. Nodes of `alone` get no aggregate.
+/// strongly; what is still left is grouped with its free neighbours. Nodes of `alone` get no aggregate. In the first
+/// pass nodes take turns by their number or, `busiest_first`, by that of their strong neighbours.
 pub(super) fn aggregate<const B: usize>(
     a: &BlockCsr<B>,
     strength: &[f32],
+    busiest_first: bool,
     alone: impl Fn(usize) -> bool,
 ) -> Aggregates {
     let n = a.n_block_rows();
@@ -113,7 +116,11 @@ pub(super) fn aggregate<const B: usize>(
     };
     let mut of_node = vec![NONE; n];
     let mut count = 0;
-    for i in 0..n {
+    let mut turns: Vec<u32> = (0..n as u32).collect();
+    if busiest_first {
+        turns.sort_by_cached_key(|&i| Reverse(neighbours(i as usize).count()));
+    }
+    for i in turns.into_iter().map(|i| i as usize) {
         if of_node[i] == NONE
             && !alone(i)
             && neighbours(i).next().is_some()

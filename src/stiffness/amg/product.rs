@@ -1,9 +1,10 @@
 //! Products and transposes of block matrices for the set-up.
 
 use crate::sparse::BlockCsr;
+use pulp::Arch;
 use rayon::prelude::*;
 
-/// Coarse rows of a run: enough that few rows of A P belong to two runs.
+/// Rows of A P that a run of coarse rows needs: enough that few rows of A P belong to two runs.
 const ROWS_PER_RUN: usize = 4096;
 
 /// c += a b for blocks.
@@ -13,12 +14,15 @@ pub(super) fn add_product<const R: usize, const K: usize, const C: usize>(
     b: &[[f64; C]; K],
     c: &mut [[f64; C]; R],
 ) {
-    for i in 0..R {
-        for k in 0..K {
-            for j in 0..C {
-                c[i][j] += a[i][k] * b[k][j];
+    // A row of the sum stays in registers.
+    for (c, a) in c.iter_mut().zip(a) {
+        let mut sum = *c;
+        for (a, b) in a.iter().zip(b) {
+            for (sum, b) in sum.iter_mut().zip(b) {
+                *sum += a * b;
             }
         }
+        *c = sum;
     }
 }
 
@@ -45,6 +49,7 @@ impl<const R: usize, const C: usize> Rows<R, C> {
         self.values.clear();
     }
 
+    #[inline(always)]
     fn row(&self, i: usize) -> (&[u32], &[[[f64; C]; R]]) {
         let range = self.ends[i]..self.ends[i + 1];
         (&self.cols[range.clone()], &self.values[range])
@@ -53,6 +58,7 @@ impl<const R: usize, const C: usize> Rows<R, C> {
     /// Appends the row Σ block · (row of blocks) over the terms (Gustavson 1978): its columns are
     /// gathered and sorted first, then the blocks are added in place. `place` has an entry for every
     /// block column; what it holds does not matter.
+    #[inline(always)]
     fn push<'a, const K: usize>(
         &mut self,
         place: &mut [u32],
@@ -84,8 +90,9 @@ impl<const R: usize, const C: usize> Rows<R, C> {
 
 /// R A P, with R = Pᵀ.
 ///
-/// Runs of coarse rows are finished one after the other, with the rows of A P that they need in a buffer
-/// that stays in the cache: A P as a whole would be larger than A.
+/// [Runs](runs) of coarse rows are finished one after the other, with the rows of A P that they need in a buffer that
+/// stays small: A P as a whole would be larger than A. A coarse row is summed in the order of the rows of A P, whatever
+/// run it belongs to.
 pub(super) fn galerkin<const B: usize, const M: usize>(
     r: &BlockCsr<M, B>,
     a: &BlockCsr<B>,
@@ -93,52 +100,94 @@ pub(super) fn galerkin<const B: usize, const M: usize>(
 ) -> BlockCsr<M> {
     const MISSING: u32 = u32::MAX;
     let n = r.n_block_rows();
-    let rows_per_task = n
-        .div_ceil(4 * rayon::current_num_threads())
-        .max(ROWS_PER_RUN / 4);
-    let parts: Vec<Rows<M, M>> = (0..n.div_ceil(rows_per_task))
-        .into_par_iter()
-        .map(|task| {
-            let last = ((task + 1) * rows_per_task).min(n);
-            let mut coarse = Rows::new();
-            let mut place = vec![0; n];
-            let mut ap = Rows::<B, M>::new();
-            // Where the rows of A P stand in the buffer.
-            let mut buffered = vec![MISSING; a.n_block_rows()];
-            for first in (task * rows_per_task..last).step_by(ROWS_PER_RUN) {
-                let run = first..(first + ROWS_PER_RUN).min(last);
+    let runs = runs(r, p);
+    // Places of columns, and where the rows of A P stand in the buffer.
+    let scratch = || (vec![0; n], vec![MISSING; a.n_block_rows()], Rows::new());
+    let parts: Vec<Rows<M, M>> = (runs.par_iter())
+        .map_init(scratch, |(place, buffered, ap), run| {
+            let needed = || run.iter().flat_map(|&i| r.row(i as usize).0);
+            // With all that the processor's vectors offer: the sums stay the same.
+            let coarse = Arch::new().dispatch(|| {
                 ap.clear();
-                for &i in run.clone().flat_map(|coarse| r.row(coarse).0) {
+                for &i in needed() {
                     if buffered[i as usize] == MISSING {
                         buffered[i as usize] = ap.ends.len() as u32 - 1;
                         let (cols, blocks) = a.row(i as usize);
                         let terms = blocks.iter().zip(cols.iter().map(|&j| p.row(j as usize)));
-                        ap.push(&mut place, terms);
+                        ap.push(place, terms);
                     }
                 }
-                for i in run.clone() {
-                    let (cols, blocks) = r.row(i);
+                let mut coarse = Rows::new();
+                for &i in run {
+                    let (cols, blocks) = r.row(i as usize);
                     let rows = cols.iter().map(|&i| ap.row(buffered[i as usize] as usize));
-                    coarse.push(&mut place, blocks.iter().zip(rows));
+                    coarse.push(place, blocks.iter().zip(rows));
                 }
-                for &i in run.flat_map(|coarse| r.row(coarse).0) {
-                    buffered[i as usize] = MISSING;
-                }
-            }
+                coarse
+            });
+            needed().for_each(|&i| buffered[i as usize] = MISSING);
             coarse
         })
         .collect();
-    let n_blocks = parts.iter().map(|part| part.cols.len()).sum();
-    let mut row_ptr = Vec::with_capacity(n + 1);
-    row_ptr.push(0);
-    let mut cols = Vec::with_capacity(n_blocks);
-    let mut values = Vec::with_capacity(n_blocks);
-    for part in parts {
-        row_ptr.extend(part.ends[1..].iter().map(|end| cols.len() + end));
-        cols.extend_from_slice(&part.cols);
-        values.extend_from_slice(&part.values);
+    let mut row_ptr = vec![0; n + 1];
+    for (run, part) in runs.iter().zip(&parts) {
+        for (k, &i) in run.iter().enumerate() {
+            row_ptr[i as usize + 1] = part.row(k).0.len();
+        }
+    }
+    for i in 0..n {
+        row_ptr[i + 1] += row_ptr[i];
+    }
+    let mut cols = vec![0; row_ptr[n]];
+    let mut values = vec![[[0.0; M]; M]; row_ptr[n]];
+    // A part is freed as soon as it is copied.
+    for (run, part) in runs.iter().zip(parts) {
+        for (k, &i) in run.iter().enumerate() {
+            let range = row_ptr[i as usize]..row_ptr[i as usize + 1];
+            let (part_cols, part_values) = part.row(k);
+            cols[range.clone()].copy_from_slice(part_cols);
+            values[range].copy_from_slice(part_values);
+        }
     }
     BlockCsr::from_parts(n, n, row_ptr, cols, values)
+}
+
+/// Groups of neighbouring coarse rows that share most of the rows of A P that they need, each with [`ROWS_PER_RUN`] of
+/// those or hardly more: a run grows from a coarse row by its neighbours, breadth first.
+fn runs<const B: usize, const M: usize>(r: &BlockCsr<M, B>, p: &BlockCsr<B, M>) -> Vec<Vec<u32>> {
+    let n = r.n_block_rows();
+    let mut runs: Vec<Vec<u32>> = Vec::new();
+    let mut taken = vec![false; n];
+    // The run that has seen a row of P.
+    let mut seen_in = vec![0u32; p.n_block_rows()];
+    for seed in 0..n {
+        if taken[seed] {
+            continue;
+        }
+        let number = runs.len() as u32 + 1;
+        let (mut run, mut rows, mut next) = (vec![seed as u32], 0, 0);
+        taken[seed] = true;
+        while rows < ROWS_PER_RUN && next < run.len() {
+            for &i in r.row(run[next] as usize).0 {
+                if std::mem::replace(&mut seen_in[i as usize], number) == number {
+                    continue;
+                }
+                rows += 1;
+                for &j in p.row(i as usize).0 {
+                    if !std::mem::replace(&mut taken[j as usize], true) {
+                        run.push(j);
+                    }
+                }
+            }
+            next += 1;
+        }
+        // Those at its rim are left to other runs.
+        for j in run.drain(next..) {
+            taken[j as usize] = false;
+        }
+        runs.push(run);
+    }
+    runs
 }
 
 /// Aᵀ.

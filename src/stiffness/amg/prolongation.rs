@@ -4,6 +4,7 @@ use super::aggregation::{Aggregates, NONE};
 use super::product::add_product;
 use crate::rigid::Frame;
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
+use pulp::Arch;
 use rayon::prelude::*;
 
 /// A column that keeps less than this part of its norm when the columns before it are projected out
@@ -172,48 +173,50 @@ pub(super) fn smoothed<const B: usize, const M: usize>(
         .into_par_iter()
         .map(|task| {
             let rows = task * ROWS_PER_TASK..((task + 1) * ROWS_PER_TASK).min(n);
-            let mut lengths = Vec::with_capacity(rows.len());
-            let (mut cols, mut values) = (Vec::new(), Vec::new());
-            let mut row: Vec<(u32, Modes<B, M>)> = Vec::new();
-            for i in rows {
-                row.clear();
-                let (a_cols, blocks) = a.row(i);
-                for (&j, block) in a_cols.iter().zip(blocks) {
-                    let aggregate = aggregates.of_node[j as usize];
-                    if aggregate == NONE {
-                        continue;
+            Arch::new().dispatch(|| {
+                let mut lengths = Vec::with_capacity(rows.len());
+                let (mut cols, mut values) = (Vec::new(), Vec::new());
+                let mut row: Vec<(u32, Modes<B, M>)> = Vec::new();
+                for i in rows {
+                    row.clear();
+                    let (a_cols, blocks) = a.row(i);
+                    for (&j, block) in a_cols.iter().zip(blocks) {
+                        let aggregate = aggregates.of_node[j as usize];
+                        if aggregate == NONE {
+                            continue;
+                        }
+                        // A row meets few aggregates: looking through them beats any table.
+                        let place = row
+                            .iter()
+                            .position(|&(c, _)| c == aggregate)
+                            .unwrap_or_else(|| {
+                                row.push((aggregate, [[0.0; M]; B]));
+                                row.len() - 1
+                            });
+                        add_product(block, &q[j as usize], &mut row[place].1);
                     }
-                    // A row meets few aggregates: looking through them beats any table.
-                    let place = row
-                        .iter()
-                        .position(|&(c, _)| c == aggregate)
-                        .unwrap_or_else(|| {
-                            row.push((aggregate, [[0.0; M]; B]));
-                            row.len() - 1
-                        });
-                    add_product(block, &q[j as usize], &mut row[place].1);
-                }
-                row.sort_unstable_by_key(|&(c, _)| c);
-                for (aggregate, sum) in &row {
-                    let mut value = [[0.0; M]; B];
-                    add_product(&inverse_diagonal[i], sum, &mut value);
-                    let own = *aggregate == aggregates.of_node[i];
-                    for c in 0..B {
-                        for k in 0..M {
-                            value[c][k] *= -omega;
-                            if own {
-                                value[c][k] += q[i][c][k];
+                    row.sort_unstable_by_key(|&(c, _)| c);
+                    for (aggregate, sum) in &row {
+                        let mut value = [[0.0; M]; B];
+                        add_product(&inverse_diagonal[i], sum, &mut value);
+                        let own = *aggregate == aggregates.of_node[i];
+                        for c in 0..B {
+                            for k in 0..M {
+                                value[c][k] *= -omega;
+                                if own {
+                                    value[c][k] += q[i][c][k];
+                                }
                             }
                         }
+                        if own || value.as_flattened().iter().any(|&v| v != 0.0) {
+                            cols.push(*aggregate);
+                            values.push(value);
+                        }
                     }
-                    if own || value.as_flattened().iter().any(|&v| v != 0.0) {
-                        cols.push(*aggregate);
-                        values.push(value);
-                    }
+                    lengths.push(cols.len() as u32);
                 }
-                lengths.push(cols.len() as u32);
-            }
-            (lengths, cols, values)
+                (lengths, cols, values)
+            })
         })
         .collect();
     let mut row_ptr = vec![0];

@@ -3,6 +3,7 @@
 use crate::dense::tridiagonal_largest;
 use crate::sparse::stored::{BlockMatrix, Real, times};
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
+use pulp::Arch;
 use rayon::prelude::*;
 
 /// Steps of the estimate of the spectral radius.
@@ -97,13 +98,15 @@ pub(super) fn spectral_radius<const B: usize, S: Real>(
             .for_each(|(p, z)| *p = std::array::from_fn(|c| z[c] + b * p[c]));
         let rows = q.par_chunks_mut(ROWS_PER_TASK).enumerate();
         let pq = ordered_sum(rows.map(|(task, q)| {
-            let mut sum = 0.0;
-            for (k, q) in q.iter_mut().enumerate() {
-                let i = task * ROWS_PER_TASK + k;
-                *q = a.row_times(i, &p);
-                sum += inner(q, &p[i]);
-            }
-            sum
+            Arch::new().dispatch(|| {
+                let mut sum = 0.0;
+                for (k, q) in q.iter_mut().enumerate() {
+                    let i = task * ROWS_PER_TASK + k;
+                    *q = a.row_times(i, &p);
+                    sum += inner(q, &p[i]);
+                }
+                sum
+            })
         }));
         let alpha = rz / pq;
         if !(alpha > 0.0 && alpha.is_finite()) {

@@ -392,7 +392,8 @@ fn a_lattice_in_space_is_solved() {
     for cells in [[8, 8, 8], [16, 16, 16]] {
         let (k, points) = lattice(cells);
         let f = noise(k.n_rows(), 5);
-        let hierarchy = Hierarchy::<f32>::new(&k, Some(&points), &Default::default())
+        let settings = Settings::of_dimension(3);
+        let hierarchy = Hierarchy::<f32>::new(&k, Some(&points), &settings)
             .unwrap_or_else(|error| panic!("{error}"));
         let blocks: Vec<[usize; 2]> = (hierarchy.levels.iter())
             .map(|level| level.smoother.matrix.block())
@@ -404,8 +405,8 @@ fn a_lattice_in_space_is_solved() {
         assert!(solved.residual < 2e-8, "{solved:?}");
         check_symmetric_definite(&k, &hierarchy, 1e-4);
         iterations.push(solved.iterations);
-        let without = Hierarchy::<f32>::new(&k, None, &Default::default())
-            .unwrap_or_else(|error| panic!("{error}"));
+        let without =
+            Hierarchy::<f32>::new(&k, None, &settings).unwrap_or_else(|error| panic!("{error}"));
         assert!(!without.has_rotations());
         assert!(pcg(&k, &f, &without).residual < 2e-8);
         let jacobi = Hierarchy::block_jacobi(&k).unwrap_or_else(|error| panic!("{error}"));
@@ -418,7 +419,7 @@ fn a_lattice_in_space_is_solved() {
     // Rigid motions are represented exactly.
     let (k, points) = lattice([5, 4, 6]);
     let modes = rigid_body_modes::<3, 6>(points.len(), Some(&points));
-    let aggregates = aggregate(&k, &strength(&k, 0.38), |_| false);
+    let aggregates = aggregate(&k, &strength(&k, 0.38), false, |_| false);
     let tentative = tentative(&modes, &aggregates);
     for (i, mode) in modes.iter().enumerate() {
         let coarse = &tentative.coarse[aggregates.of_node[i] as usize];
@@ -437,7 +438,7 @@ fn rigid_body_modes_are_interpolated_exactly() {
     let (k, _, points) = clamped(&mesh, &[MATERIAL]);
     let n = k.n_block_rows();
     let modes = rigid_body_modes::<2, 3>(n, Some(&points));
-    let aggregates = aggregate(&k, &strength(&k, 0.38), |_| false);
+    let aggregates = aggregate(&k, &strength(&k, 0.38), false, |_| false);
     let tentative = tentative(&modes, &aggregates);
     for i in 0..n {
         let coarse = &tentative.coarse[aggregates.of_node[i] as usize];
