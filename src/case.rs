@@ -2,23 +2,27 @@
 //!
 //! A case is either *elastic* (`[mesh]`, `[[material]]`, `[[support]]`, `[[traction]]`, `[[contact]]` …): its tables
 //! are the parts of a [`crate::model::Model`]. Or it is *algebraic* (`[algebraic]`: matrices in Matrix Market files).
-//! `docs/case-file.md` is the reference.
+//! Which dimension it is about follows from the mesh, or from the shape of the matrices. `docs/case-file.md` is the
+//! reference.
 
 mod build;
+mod definition;
 mod mesh;
 mod quantity;
 mod solver;
 mod tables;
 mod text;
 
-pub use build::{Build, BuildError};
+pub use build::{AnyBuild, Build, BuildError};
+pub use quantity::Figure;
 pub use solver::SolverTable;
 pub use tables::{
-    AlgebraicTable, AnalysisTable, BodyForceTable, ContactTable, FrictionTable, MaterialTable,
-    MeshTable, ObstacleTable, PartTable, RectangleTable, StepsTable, SupportTable, Tables,
-    TractionTable,
+    AlgebraicTable, AnalysisTable, BodyForceTable, BoxTable, ContactTable, FrictionTable,
+    MaterialTable, MeshTable, ObstacleTable, PartTable, RectangleTable, StepsTable, SupportTable,
+    Tables, TractionTable,
 };
 
+use crate::mesh::AnyMesh;
 use crate::model::{Definition, Units};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -71,8 +75,6 @@ pub struct Case {
     pub path: PathBuf,
     /// Its tables.
     pub tables: Tables,
-    /// What they say of a model; nothing in an algebraic case.
-    definition: Definition,
     time_limit: Option<Duration>,
     text: String,
 }
@@ -110,17 +112,14 @@ impl Case {
         let mut case = Self {
             path: path.to_owned(),
             tables,
-            definition: Definition::default(),
             time_limit: None,
             text,
         };
         case.check_kind()?;
-        case.check_mesh()?;
+        let dimension = case.check_mesh()?;
         case.check_algebraic()?;
-        case.definition =
-            (case.tables.definition()).or_else(|(span, message)| case.invalid(span, message))?;
         if case.tables.mesh.is_some() {
-            case.check_model()?;
+            case.check_model(dimension)?;
         }
         case.time_limit = case.check_solver()?;
         Ok(case)
@@ -188,35 +187,60 @@ impl Case {
         }
     }
 
-    /// An algebraic case states one law of friction.
+    /// An algebraic case states one law of friction, and what its units are called if anything.
     fn check_algebraic(&self) -> Result<(), CaseError> {
-        match &self.tables.algebraic {
-            Some(table)
-                if table.get_ref().slip_bound.is_some()
-                    == table.get_ref().friction_coefficient.is_some() =>
-            {
-                self.invalid(
-                    table.span(),
-                    "[algebraic] needs either slip_bound (Tresca) or friction_coefficient (Coulomb)",
-                )
-            }
-            _ => Ok(()),
+        let Some(table) = &self.tables.algebraic else {
+            return Ok(());
+        };
+        let given = table.get_ref();
+        if given.slip_bound.is_some() == given.friction_coefficient.is_some() {
+            return self.invalid(
+                table.span(),
+                "[algebraic] needs either slip_bound (Tresca) or friction_coefficient (Coulomb)",
+            );
+        }
+        let units = self.tables.units.as_ref();
+        match units.and_then(|units| Some((units.span(), units.get_ref().fault()?))) {
+            Some((span, fault)) => self.invalid(span, fault),
+            None => Ok(()),
         }
     }
 
-    /// The model can be meant, as far as that shows without its mesh.
-    fn check_model(&self) -> Result<(), CaseError> {
-        (self.definition.check())
-            .or_else(|error| self.invalid(self.tables.span(&error.entity), error.fault.to_string()))
+    /// The model can be meant, as far as that shows without its mesh, whose dimension may be known.
+    fn check_model(&self, dimension: Option<usize>) -> Result<(), CaseError> {
+        match dimension {
+            Some(2) => self.definition::<2>().map(drop),
+            Some(_) => self.definition::<3>().map(drop),
+            None => {
+                let (Err(plane), Err(space)) = (self.definition::<2>(), self.definition::<3>())
+                else {
+                    return Ok(());
+                };
+                // It is an error in any case, and a file says which.
+                let is_solid = matches!(self.mesh(), Ok(AnyMesh::Space(_)));
+                Err(if is_solid { space } else { plane })
+            }
+        }
+    }
+
+    /// What it says of a model on a mesh of D dimensions, checked as far as that goes without the mesh.
+    fn definition<const D: usize>(&self) -> Result<Definition<D>, CaseError> {
+        let stated = self.tables.definition();
+        let definition: Definition<D> =
+            stated.or_else(|(span, message)| self.invalid(span, message))?;
+        match definition.check() {
+            Ok(()) => Ok(definition),
+            Err(error) => self.invalid(self.tables.span(&error.entity), error.fault.to_string()),
+        }
     }
 
     /// What its units are called.
     pub fn units(&self) -> Units {
-        self.definition.units()
+        self.tables.units().unwrap_or_default()
     }
 
     /// Number of load steps.
     pub fn n_steps(&self) -> usize {
-        self.definition.n_steps()
+        self.tables.factors().map_or(1, <[f64]>::len)
     }
 }

@@ -44,6 +44,15 @@ where
     pub faults: BTreeMap<String, Fault<D>>,
 }
 
+/// A mesh of either dimension: which one may show only when a file is read.
+#[derive(Clone, Debug)]
+pub enum AnyMesh {
+    /// One of the plane.
+    Plane(Mesh),
+    /// One of space.
+    Space(Mesh<3>),
+}
+
 /// The worst that the facets of a boundary have, and the first facet that has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault<const D: usize = 2> {
@@ -380,7 +389,7 @@ where
     Kind: Topology<D>,
 {
     let (mut x, len) = corners(element, nodes);
-    if element.kind().corners(&x[..len]).sum::<f64>() < 0.0 {
+    if element.kind().determinants(&x[..len]).sum::<f64>() < 0.0 {
         element.turn();
         (x, _) = corners(element, nodes);
     }
@@ -390,7 +399,7 @@ where
         .map(|&x_a| (minus(x_a, x[0]).iter()).map(|v| v.powi(2)).sum())
         .fold(0.0, f64::max);
     let measure = if D == 2 { size } else { size * size.sqrt() };
-    if (element.kind().corners(x)).all(|corner| corner > 1e-12 * measure) {
+    if (element.kind().determinants(x)).all(|det| det > 1e-12 * measure) {
         return Ok(());
     }
     Err(MeshError::Degenerate {

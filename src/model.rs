@@ -1,6 +1,6 @@
 //! Models of elastic bodies in contact: what they are made of, what holds and loads them, and what they may touch.
 //!
-//! A [`Model`] says on a mesh what a case file says in its tables, and case files are built by it. [`Model::build`]
+//! A [`Model`] says on a mesh, in the plane or in space, what a case file says in its tables, and case files are built by it. [`Model::build`]
 //! checks it, assembles K, f, N, T, d and g, and finds the bodies that nothing but contact holds; [`Elastic::step`]
 //! gives the load of each step.
 
@@ -23,37 +23,42 @@ pub use quantity::Quantity;
 pub use units::Units;
 
 pub(crate) use build::{body_name, free_bodies, loose_body};
-pub(crate) use error::{nearest, without_curves};
+pub(crate) use error::{nearest, without_boundaries};
 
 use crate::elasticity::{Material, Plane};
-use crate::mesh::Mesh;
+use crate::mesh::{Kind as ElementKind, Mesh, Topology};
 
 /// A model on its way: a mesh, and what is said about it. Numbers are in any consistent units.
 #[derive(Clone, Debug)]
-pub struct Model {
-    pub(crate) mesh: Mesh,
-    pub(crate) definition: Definition,
+pub struct Model<const D: usize = 2>
+where
+    ElementKind: Topology<D>,
+{
+    pub(crate) mesh: Mesh<D>,
+    pub(crate) definition: Definition<D>,
 }
 
 /// What is said of a model beside its mesh.
 #[derive(Clone, Debug)]
-pub(crate) struct Definition {
+pub(crate) struct Definition<const D: usize = 2> {
     /// With the region that each is in; None: all of them.
     pub(crate) materials: Vec<(Option<String>, Material)>,
+    /// In space plane strain, which has the same moduli.
     pub(crate) plane: Plane,
+    /// 1 in space.
     pub(crate) thickness: f64,
-    pub(crate) gravity: Option<[f64; 2]>,
-    pub(crate) supports: Vec<Support>,
-    pub(crate) tractions: Vec<Traction>,
-    pub(crate) body_forces: Vec<BodyForce>,
-    pub(crate) pairs: Vec<Pair>,
+    pub(crate) gravity: Option<[f64; D]>,
+    pub(crate) supports: Vec<Support<D>>,
+    pub(crate) tractions: Vec<Traction<D>>,
+    pub(crate) body_forces: Vec<BodyForce<D>>,
+    pub(crate) pairs: Vec<Pair<D>>,
     /// The factors of the load steps; None: one step with the factor 1.
     pub(crate) steps: Option<Vec<f64>>,
     /// None: not stated.
     pub(crate) units: Option<Units>,
 }
 
-impl Default for Definition {
+impl<const D: usize> Default for Definition<D> {
     fn default() -> Self {
         Self {
             materials: Vec::new(),
@@ -70,9 +75,27 @@ impl Default for Definition {
     }
 }
 
+/// The plane.
 impl Model {
-    /// A model of the bodies of a mesh: in plane strain, 1 thick, one load step.
-    pub fn on(mesh: Mesh) -> Self {
+    /// Says what happens perpendicular to the plane.
+    pub fn plane(mut self, plane: Plane) -> Self {
+        self.definition.plane = plane;
+        self
+    }
+
+    /// The thickness in m that forces are for; 1 without.
+    pub fn thickness(mut self, thickness: f64) -> Self {
+        self.definition.thickness = thickness;
+        self
+    }
+}
+
+impl<const D: usize> Model<D>
+where
+    ElementKind: Topology<D>,
+{
+    /// A model of the bodies of a mesh, with one load step; in the plane in plane strain and 1 thick.
+    pub fn on(mesh: Mesh<D>) -> Self {
         Self {
             mesh,
             definition: Definition::default(),
@@ -92,44 +115,32 @@ impl Model {
         self
     }
 
-    /// Says what happens perpendicular to the plane.
-    pub fn plane(mut self, plane: Plane) -> Self {
-        self.definition.plane = plane;
-        self
-    }
-
-    /// The thickness in m that forces are for; 1 without.
-    pub fn thickness(mut self, thickness: f64) -> Self {
-        self.definition.thickness = thickness;
-        self
-    }
-
     /// An acceleration in m/s², which acts where a material has a density.
-    pub fn gravity(mut self, acceleration: [f64; 2]) -> Self {
+    pub fn gravity(mut self, acceleration: [f64; D]) -> Self {
         self.definition.gravity = Some(acceleration);
         self
     }
 
     /// Adds prescribed displacements.
-    pub fn support(mut self, support: Support) -> Self {
+    pub fn support(mut self, support: Support<D>) -> Self {
         self.definition.supports.push(support);
         self
     }
 
     /// Adds forces on a boundary.
-    pub fn traction(mut self, traction: Traction) -> Self {
+    pub fn traction(mut self, traction: Traction<D>) -> Self {
         self.definition.tractions.push(traction);
         self
     }
 
     /// Adds forces in the volume.
-    pub fn body_force(mut self, force: BodyForce) -> Self {
+    pub fn body_force(mut self, force: BodyForce<D>) -> Self {
         self.definition.body_forces.push(force);
         self
     }
 
     /// Adds a contact.
-    pub fn contact(mut self, pair: Pair) -> Self {
+    pub fn contact(mut self, pair: Pair<D>) -> Self {
         self.definition.pairs.push(pair);
         self
     }
@@ -148,7 +159,7 @@ impl Model {
     }
 }
 
-impl Definition {
+impl<const D: usize> Definition<D> {
     /// Number of load steps.
     pub(crate) fn n_steps(&self) -> usize {
         self.steps.as_ref().map_or(1, Vec::len)

@@ -91,7 +91,7 @@ pub struct ContactProblem<const D: usize = 2> {
     free: Arc<FreeBodies<D>>,
     /// The connected part of K that each node belongs to.
     parts: Arc<Vec<u32>>,
-    /// Σⱼ Bᵢⱼ²/Kⱼⱼ, length D m.
+    /// Σⱼ Bᵢⱼ²/Kⱼⱼ, length D m; in space the mean of the tangents of a node for both.
     compliance: Arc<Vec<f64>>,
     /// The same with the share that each row has of the unknowns of several.
     own_compliance: Arc<Vec<f64>>,
@@ -442,7 +442,7 @@ fn is_coupled<const D: usize>(k: &BlockCsr<D>, unknown: usize) -> bool {
 }
 
 /// Σⱼ Bᵢⱼ²/Kⱼⱼ for each row i of B, and Σⱼ sᵢⱼ Bᵢⱼ²/Kⱼⱼ with the share sᵢⱼ = Bᵢⱼ²/Σₖ Bₖⱼ² of row i among those of N,
-/// or of T, that have an entry in column j.
+/// or of T, that have an entry in column j; in space both tangents of a node get their mean.
 fn compliances<const D: usize>(data: &ContactData<D>) -> (Vec<f64>, Vec<f64>) {
     let diagonal = data.stiffness.diagonal();
     let (mut whole, mut own) = (Vec::new(), Vec::new());
@@ -465,5 +465,20 @@ fn compliances<const D: usize>(data: &ContactData<D>) -> (Vec<f64>, Vec<f64>) {
             own.push(shared);
         }
     }
+    for all in [&mut whole, &mut own] {
+        for tangents in all[data.gap.len()..].chunks_mut(D - 1) {
+            share(tangents);
+        }
+    }
     (whole, own)
+}
+
+/// Gives the tangents of a node the same compliance, their mean: it does not depend on which pair of tangents they are,
+/// and a disc stays one. An empty row keeps its 0.
+fn share(tangents: &mut [f64]) {
+    let rows = tangents.iter().filter(|&&c| c > 0.0).count();
+    if rows > 1 {
+        let mean = tangents.iter().sum::<f64>() / rows as f64;
+        tangents.fill(mean);
+    }
 }

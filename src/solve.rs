@@ -1,6 +1,8 @@
 //! A contact problem, or a model with all its load steps, solved in one call.
 
+use crate::contact::Space;
 use crate::engine::{self, Engine, EngineError};
+use crate::mesh::Kind;
 use crate::model::{Built, ModelError};
 use crate::problem::ContactProblem;
 use crate::quasistatic::{self, Load, State, StepError, StepSolution};
@@ -21,7 +23,7 @@ pub struct Options<'a> {
 /// A problem could not be solved.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum Error<const D: usize = 2> {
     /// A setting makes no sense.
     #[error(transparent)]
     Settings(#[from] SettingsError),
@@ -38,23 +40,23 @@ pub enum Error {
         #[source]
         error: Box<StepError>,
         /// The steps before it.
-        finished: Vec<StepSolution>,
+        finished: Vec<StepSolution<D>>,
     },
 }
 
 /// Solves load steps, one after another from rest, until one does not converge.
-fn steps(
-    problem: &ContactProblem,
+fn steps<const D: usize>(
+    problem: &ContactProblem<D>,
     loads: impl ExactSizeIterator<Item = Result<Load, ModelError>>,
     options: &Options,
-) -> Result<Vec<StepSolution>, Error> {
+) -> Result<Vec<StepSolution<D>>, Error<D>> {
     options.settings.check()?;
     let mut engine = Engine::new(problem, options.engine.clone(), |_| {})?;
     let (begin, memory) = (Instant::now(), RefCell::default());
     let mut settings = options.settings;
     settings.ssnm.memory = settings.ssnm.memory.or(Some(&memory));
     let mut state = State::at_rest(problem);
-    let mut finished: Vec<StepSolution> = Vec::with_capacity(loads.len());
+    let mut finished: Vec<StepSolution<D>> = Vec::with_capacity(loads.len());
     for load in loads {
         let load = load?;
         let limit = options.settings.ssnm.time_limit;
@@ -83,18 +85,21 @@ fn steps(
     Ok(finished)
 }
 
-impl Built {
+impl<const D: usize> Built<D>
+where
+    Kind: Space<D>,
+{
     /// Solves all load steps from rest; ends after the first one that does not converge.
     ///
     /// # Errors
     /// As [`ContactProblem::solve`]; the steps before the one at fault are kept.
-    pub fn solve(&self, options: &Options) -> Result<Vec<StepSolution>, Error> {
+    pub fn solve(&self, options: &Options) -> Result<Vec<StepSolution<D>>, Error<D>> {
         let loads = (0..self.n_steps()).map(|number| self.step(number).map(|step| step.load));
         steps(&self.problem, loads, options)
     }
 }
 
-impl ContactProblem {
+impl<const D: usize> ContactProblem<D> {
     /// Solves the problem as it is given, from rest: Coulomb friction and bodies that only contact holds included.
     ///
     /// [`crate::quasistatic::solve_step`] is for load steps, and for whoever wants to watch or to keep the engine.
@@ -112,7 +117,7 @@ impl ContactProblem {
     /// use signorini::sparse::{BlockCsr, Csr};
     /// use signorini::ssnm::Status;
     ///
-    /// let problem = ContactProblem::new(ContactData {
+    /// let problem: ContactProblem = ContactProblem::new(ContactData {
     ///     stiffness: BlockCsr::from_triplets(2, 2, [(0, 0, 2.0), (0, 1, -1.0), (1, 0, -1.0), (1, 1, 1.0)]),
     ///     load: vec![0.0, 1.0],
     ///     normal: Csr::from_triplets(1, 2, [(0, 1, 1.0)]),
@@ -132,7 +137,7 @@ impl ContactProblem {
     /// assert_eq!(error.to_string(), "tolerance must lie between 0 and 1");
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn solve(&self, options: &Options) -> Result<StepSolution, Error> {
+    pub fn solve(&self, options: &Options) -> Result<StepSolution<D>, Error<D>> {
         let mut made = steps(self, std::iter::once(Ok(Load::of(self))), options)?;
         Ok(made.pop().expect("there is one step"))
     }

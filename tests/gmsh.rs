@@ -5,7 +5,7 @@ mod common;
 use signorini::case::{Build, Case};
 use signorini::mesh::gmsh::read;
 use signorini::mesh::structured::{CellShape, join, rectangle};
-use signorini::mesh::{BoundaryError, Element, FaultKind, Mesh, MeshError};
+use signorini::mesh::{AnyMesh, BoundaryError, Element, FaultKind, Mesh, MeshError};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -276,11 +276,15 @@ fn read_named(name: &str, bytes: &[u8]) -> Result<Mesh, String> {
     let directory = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
     let path = directory.path().join(name);
     std::fs::write(&path, bytes).unwrap_or_else(|error| panic!("{error}"));
-    read(&path, 1.0).map_err(|error| {
-        let text = error.to_string();
-        assert!(text.contains(name), "{text}");
-        text
-    })
+    match read(&path, 1.0) {
+        Ok(AnyMesh::Plane(mesh)) => Ok(mesh),
+        Ok(AnyMesh::Space(_)) => panic!("{name} is of the plane"),
+        Err(error) => {
+            let text = error.to_string();
+            assert!(text.contains(name), "{text}");
+            Err(text)
+        }
+    }
 }
 
 #[track_caller]
@@ -675,6 +679,11 @@ fn other_versions_and_other_files_say_what_to_do() {
     for (name, content, what) in [
         ("a.geo", geo, "mesh it first: gmsh -2 a.geo -o a.msh"),
         ("a.msh", geo, "mesh it first: gmsh -2 a.geo -o a.msh"),
+        (
+            "c.geo",
+            "Point(1) = {0, 0, 0};\nPhysical Volume(1) = {1};\n",
+            "mesh it first: gmsh -3 c.geo -o c.msh",
+        ),
         ("b.geo", "Merge \"b.step\";", "mesh it first: gmsh -2 b.geo"),
         (
             "a.inp",

@@ -945,7 +945,7 @@ fn a_singular_matrix_is_an_error_of_the_problem() {
     // Two nodes joined by springs and held by nothing, pulled.
     let spring = [(0, 0, 1.0), (2, 2, 1.0), (0, 2, -1.0), (2, 0, -1.0)];
     let other = spring.map(|(i, j, v)| (i + 1, j + 1, v));
-    let problem = ContactProblem::new(signorini::problem::ContactData {
+    let problem: ContactProblem = ContactProblem::new(signorini::problem::ContactData {
         stiffness: BlockCsr::from_triplets(4, 4, spring.into_iter().chain(other)),
         load: vec![1.0, 0.0, 0.0, 0.0],
         normal: Csr::from_triplets(1, 4, [(0, 3, 1.0)]),

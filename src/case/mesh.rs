@@ -1,77 +1,149 @@
 //! The mesh of a case.
 
 use super::build::BuildError;
-use super::{Case, CaseError, RectangleTable};
-use crate::mesh::{Mesh, gmsh, structured};
+use super::definition::{quantity, vector};
+use super::{BoxTable, Case, CaseError, Figure, MeshTable, PartTable, RectangleTable};
+use crate::mesh::{AnyMesh, Kind, Mesh, Topology, gmsh, structured};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use toml::Spanned;
 
 /// Where a mesh comes from.
 enum Source<'a> {
     /// A file, and the factor for its coordinates.
     File(&'a Path, f64),
     Rectangle(&'a RectangleTable),
+    Box(&'a BoxTable),
 }
 
-/// The one place that a table names; `what` is that table.
-fn source<'a>(
-    what: &str,
+impl Source<'_> {
+    /// Of its mesh, where that shows without a file.
+    fn dimension(&self) -> Option<usize> {
+        match self {
+            Self::File(..) => None,
+            Self::Rectangle(_) => Some(2),
+            Self::Box(_) => Some(3),
+        }
+    }
+}
+
+/// What a table says of where its mesh comes from.
+struct Stated<'a> {
     file: &'a Option<PathBuf>,
     scale: Option<f64>,
     rectangle: &'a Option<RectangleTable>,
-) -> Result<Source<'a>, String> {
-    let problem = match (file, rectangle) {
-        (Some(_), None) if scale.is_some_and(|s| !(s > 0.0 && s.is_finite())) => {
-            "scale must be a positive number".to_owned()
-        }
-        (Some(file), None) => return Ok(Source::File(file, scale.unwrap_or(1.0))),
-        (None, Some(_)) if scale.is_some() => {
-            "scale belongs to a mesh file: give the rectangle its size in metres".to_owned()
-        }
-        (None, Some(r)) => {
-            let nodes = r.cells.iter().map(|&c| c as f64 + 1.0).product::<f64>();
-            if !r.size.iter().all(|&s| s > 0.0 && s.is_finite())
-                || r.cells.contains(&0)
-                || !r.origin.iter().all(|o| o.is_finite())
-            {
-                "the rectangle needs positive sizes and numbers of cells".to_owned()
-            } else if nodes > 4e8 {
-                "the rectangle has more than 4e8 nodes".to_owned()
-            } else {
-                return Ok(Source::Rectangle(r));
+    block: &'a Option<BoxTable>,
+}
+
+impl MeshTable {
+    fn source(&self) -> Result<Source<'_>, String> {
+        let stated = Stated {
+            file: &self.file,
+            scale: self.scale,
+            rectangle: &self.rectangle,
+            block: &self.block,
+        };
+        stated.source("[mesh]")
+    }
+}
+
+impl PartTable {
+    fn source(&self) -> Result<Source<'_>, String> {
+        let stated = Stated {
+            file: &self.file,
+            scale: self.scale,
+            rectangle: &self.rectangle,
+            block: &self.block,
+        };
+        stated.source("a [[mesh.part]]")
+    }
+}
+
+impl<'a> Stated<'a> {
+    /// The one place that a table names; `what` is that table.
+    fn source(self, what: &str) -> Result<Source<'a>, String> {
+        let (name, source) = match (self.file, self.rectangle, self.block) {
+            (Some(_), None, None) if self.scale.is_some_and(|s| !(s > 0.0 && s.is_finite())) => {
+                return Err("scale must be a positive number".to_owned());
             }
+            (Some(file), None, None) => {
+                return Ok(Source::File(file, self.scale.unwrap_or(1.0)));
+            }
+            (None, Some(rectangle), None) => ("rectangle", Source::Rectangle(rectangle)),
+            (None, None, Some(block)) => ("box", Source::Box(block)),
+            _ => {
+                return Err(format!(
+                    "{what} needs either file or rectangle or, for a solid, box"
+                ));
+            }
+        };
+        if self.scale.is_some() {
+            return Err(format!(
+                "scale belongs to a mesh file: give the {name} its size in metres"
+            ));
         }
-        _ => format!("{what} needs either file or rectangle"),
-    };
-    Err(problem)
+        match &source {
+            Source::Rectangle(r) => check_cells(name, r.origin, r.size, r.cells)?,
+            Source::Box(b) => check_cells(name, b.origin, b.size, b.cells)?,
+            Source::File(..) => {}
+        }
+        Ok(source)
+    }
+}
+
+/// Whether cells can be made of a rectangle or a box.
+fn check_cells<const D: usize>(
+    name: &str,
+    origin: [f64; D],
+    size: [f64; D],
+    cells: [usize; D],
+) -> Result<(), String> {
+    let nodes = cells.iter().map(|&c| c as f64 + 1.0).product::<f64>();
+    if !size.iter().all(|&s| s > 0.0 && s.is_finite())
+        || cells.contains(&0)
+        || !origin.iter().all(|o| o.is_finite())
+    {
+        Err(format!(
+            "the {name} needs positive sizes and numbers of cells"
+        ))
+    } else if nodes > 4e8 {
+        Err(format!("the {name} has more than 4e8 nodes"))
+    } else {
+        Ok(())
+    }
 }
 
 impl Case {
-    /// `[mesh]` and its tables, as far as that can be checked without the files.
-    pub(super) fn check_mesh(&self) -> Result<(), CaseError> {
+    /// `[mesh]` and its tables, as far as that can be checked without the files; its dimension, if it shows.
+    pub(super) fn check_mesh(&self) -> Result<Option<usize>, CaseError> {
         let Some(table) = &self.tables.mesh else {
-            return Ok(());
+            return Ok(None);
         };
         let (span, mesh) = (table.span(), table.get_ref());
         if mesh.part.is_empty() {
-            return match source("[mesh]", &mesh.file, mesh.scale, &mesh.rectangle) {
-                Ok(_) => Ok(()),
+            return match mesh.source() {
+                Ok(source) => Ok(source.dimension()),
                 Err(problem) => self.invalid(span, problem),
             };
         }
-        if mesh.file.is_some() || mesh.rectangle.is_some() || mesh.scale.is_some() {
+        if mesh.file.is_some()
+            || mesh.rectangle.is_some()
+            || mesh.block.is_some()
+            || mesh.scale.is_some()
+        {
             return self.invalid(
                 span,
-                "[mesh] has parts: put file, scale and rectangle into a [[mesh.part]]",
+                "[mesh] has parts: put file, scale, rectangle and box into a [[mesh.part]]",
             );
         }
         let mut names: Vec<&str> = Vec::new();
+        let mut dimension = None;
         for part in &mesh.part {
             let (span, part) = (part.span(), part.get_ref());
-            let found = source("a [[mesh.part]]", &part.file, part.scale, &part.rectangle);
-            if let Err(problem) = found {
-                return self.invalid(span, problem);
-            }
+            let here = match part.source() {
+                Ok(source) => source.dimension(),
+                Err(problem) => return self.invalid(span, problem),
+            };
             if part.name.is_empty() || names.contains(&part.name.as_str()) {
                 return self.invalid(
                     span,
@@ -81,78 +153,143 @@ impl Case {
                     ),
                 );
             }
-            if !part.shift.iter().all(|v| v.is_finite()) {
-                return self.invalid(span, "shift needs two finite numbers");
+            if let Some(shift) = &part.shift
+                && !shift.get_ref().iter().all(|v| v.is_finite())
+            {
+                return self.invalid(shift.span(), "shift needs finite numbers");
             }
+            if dimension.is_some() && here.is_some() && dimension != here {
+                return self.invalid(span, MIXED);
+            }
+            dimension = dimension.or(here);
             names.push(&part.name);
         }
-        Ok(())
+        Ok(dimension)
     }
 
     /// The mesh of an elastic case, its parts side by side.
-    pub(super) fn mesh(&self) -> Result<Mesh, BuildError> {
+    pub(super) fn mesh(&self) -> Result<AnyMesh, BuildError> {
         let Some(table) = &self.tables.mesh else {
             return Ok(self.invalid(0..0, "the case has no [mesh]")?);
         };
         let (span, table) = (table.span(), table.get_ref());
         if table.part.is_empty() {
-            return self.part(
-                span,
-                source("[mesh]", &table.file, table.scale, &table.rectangle),
-            );
+            return self.part(span, table.source());
         }
-        let mut whole: Option<Mesh> = None;
+        let mut whole: Option<AnyMesh> = None;
         for part in &table.part {
             let (span, part) = (part.span(), part.get_ref());
-            let found = source("a [[mesh.part]]", &part.file, part.scale, &part.rectangle);
-            let mut mesh = self.part(span.clone(), found)?;
-            mesh.shift(part.shift);
-            let named = |name: &str| format!("{}-{name}", part.name);
-            let region = |name: &str| match part.rectangle {
-                Some(_) => part.name.clone(),
-                None => named(name),
-            };
-            mesh.rename(region, named);
-            let Some(before) = whole else {
-                whole = Some(mesh);
-                continue;
-            };
-            let group = (mesh.groups.keys()).find(|&name| before.groups.contains_key(name));
-            let boundary =
-                || (mesh.boundaries.keys()).find(|&name| before.boundaries.contains_key(name));
-            if let Some(name) = group.or_else(boundary) {
-                return Ok(self.invalid(
-                    span,
-                    format!(
-                        "two parts have a region or boundary called \"{name}\": name the parts otherwise"
-                    ),
-                )?);
-            }
-            whole = Some(structured::join(before, mesh));
+            let mesh = self.part(span.clone(), part.source())?;
+            whole = Some(match (whole, mesh) {
+                (None, AnyMesh::Plane(mesh)) => AnyMesh::Plane(self.placed(part, mesh)?),
+                (None, AnyMesh::Space(mesh)) => AnyMesh::Space(self.placed(part, mesh)?),
+                (Some(AnyMesh::Plane(before)), AnyMesh::Plane(mesh)) => {
+                    AnyMesh::Plane(self.joined(span, before, self.placed(part, mesh)?)?)
+                }
+                (Some(AnyMesh::Space(before)), AnyMesh::Space(mesh)) => {
+                    AnyMesh::Space(self.joined(span, before, self.placed(part, mesh)?)?)
+                }
+                _ => return Ok(self.invalid(span, MIXED)?),
+            });
         }
         Ok(whole.expect("there are parts"))
     }
 
-    fn part(&self, span: Range<usize>, source: Result<Source, String>) -> Result<Mesh, BuildError> {
-        let r = match source {
-            Ok(Source::File(file, scale)) => return Ok(gmsh::read(&self.beside(file), scale)?),
-            Ok(Source::Rectangle(rectangle)) => rectangle,
-            Err(problem) => return Ok(self.invalid(span, problem)?),
-        };
-        let mut mesh = structured::rectangle(r.origin, r.size, r.cells, r.shape, "body", "");
-        if let Some([x, y]) = &r.map {
-            for place in &mut mesh.nodes {
-                *place = [x.at(*place), y.at(*place)];
-            }
-            let turned = (mesh.elements.iter())
-                .filter(|element| mesh.signed_measure(element) < 0.0)
-                .count();
-            if turned != 0 && turned != mesh.elements.len() {
-                return Ok(self.invalid(span, "map folds the rectangle over itself")?);
-            }
-            mesh = Mesh::new(mesh.nodes, mesh.elements, mesh.regions, mesh.boundaries)
-                .or_else(|error| self.invalid(span, format!("map: {error}")))?;
+    /// A part of the mesh where it belongs, under its name.
+    fn placed<const D: usize>(
+        &self,
+        part: &PartTable,
+        mut mesh: Mesh<D>,
+    ) -> Result<Mesh<D>, CaseError>
+    where
+        Kind: Topology<D>,
+    {
+        if let Some(shift) = &part.shift {
+            let by = vector(shift).or_else(|(span, message)| self.invalid(span, message))?;
+            mesh.shift(by);
         }
+        let named = |name: &str| format!("{}-{name}", part.name);
+        let region = |name: &str| match part.file {
+            None => part.name.clone(),
+            Some(_) => named(name),
+        };
+        mesh.rename(region, named);
         Ok(mesh)
     }
+
+    /// A part of the mesh beside those before it.
+    fn joined<const D: usize>(
+        &self,
+        span: Range<usize>,
+        before: Mesh<D>,
+        mesh: Mesh<D>,
+    ) -> Result<Mesh<D>, CaseError>
+    where
+        Kind: Topology<D>,
+    {
+        let group = (mesh.groups.keys()).find(|&name| before.groups.contains_key(name));
+        let boundary =
+            || (mesh.boundaries.keys()).find(|&name| before.boundaries.contains_key(name));
+        match group.or_else(boundary) {
+            None => Ok(structured::join(before, mesh)),
+            Some(name) => self.invalid(
+                span,
+                format!(
+                    "two parts have a region or boundary called \"{name}\": name the parts otherwise"
+                ),
+            ),
+        }
+    }
+
+    fn part(
+        &self,
+        span: Range<usize>,
+        source: Result<Source, String>,
+    ) -> Result<AnyMesh, BuildError> {
+        Ok(match source {
+            Ok(Source::File(file, scale)) => gmsh::read(&self.beside(file), scale)?,
+            Ok(Source::Rectangle(r)) => {
+                let mesh = structured::rectangle(r.origin, r.size, r.cells, r.shape, "body", "");
+                AnyMesh::Plane(self.mapped(span, "rectangle", mesh, &r.map)?)
+            }
+            Ok(Source::Box(b)) => {
+                let mesh = structured::block(b.origin, b.size, b.cells, b.shape, "body", "");
+                AnyMesh::Space(self.mapped(span, "box", mesh, &b.map)?)
+            }
+            Err(problem) => self.invalid(span, problem)?,
+        })
+    }
+
+    /// A structured mesh, bent as its table says.
+    fn mapped<const D: usize>(
+        &self,
+        span: Range<usize>,
+        name: &str,
+        mut mesh: Mesh<D>,
+        map: &Option<[Spanned<Figure>; D]>,
+    ) -> Result<Mesh<D>, CaseError>
+    where
+        Kind: Topology<D>,
+    {
+        let Some(map) = map else {
+            return Ok(mesh);
+        };
+        let map = map.iter().map(quantity).collect::<Result<Vec<_>, _>>();
+        let map = map.or_else(|(span, message)| self.invalid(span, message))?;
+        for place in &mut mesh.nodes {
+            *place = std::array::from_fn(|c| map[c].at(*place));
+        }
+        let turned = (mesh.elements.iter())
+            .filter(|element| mesh.signed_measure(element) < 0.0)
+            .count();
+        if turned != 0 && turned != mesh.elements.len() {
+            return self.invalid(span, format!("map folds the {name} over itself"));
+        }
+        Mesh::new(mesh.nodes, mesh.elements, mesh.regions, mesh.boundaries)
+            .or_else(|error| self.invalid(span, format!("map: {error}")))
+    }
 }
+
+/// Parts that do not go together.
+const MIXED: &str = "the parts of a mesh are all of the plane (rectangles, files with surfaces) or all of space (boxes, \
+                     files with volumes): this one differs from those before it";

@@ -6,27 +6,59 @@ use crate::model::Quantity;
 use expression::Expression;
 use serde::Deserialize;
 use serde::de::Error as _;
+use std::fmt;
 
-/// A constant, or an expression of x and y such as `"-2e7 * (1 - x / 1.5)"`.
+/// A constant, or an expression of the coordinates such as `"-2e7 * (1 - x / 1.5)"`: which coordinates there are the
+/// mesh has to say, and until then an expression is a text.
+#[derive(Clone, Debug)]
+pub enum Figure {
+    /// A finite number.
+    Number(f64),
+    /// What stands in quotes.
+    Expression(String),
+}
+
+/// The two spellings.
 #[derive(Deserialize)]
 #[serde(
     untagged,
-    expecting = "expected a number or an expression of x and y in quotes"
+    expecting = "expected a number or an expression of the coordinates in quotes"
 )]
-enum Text {
+enum Spelling {
     Number(f64),
     Expression(String),
 }
 
-impl<'de> Deserialize<'de> for Quantity {
+impl<'de> Deserialize<'de> for Figure {
     fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        match Text::deserialize(from)? {
-            Text::Number(value) if value.is_finite() => Ok(value.into()),
-            Text::Number(value) => Err(D::Error::custom(format!("{value} is not a finite number"))),
-            Text::Expression(text) => {
-                let expression = Expression::parse(&text).map_err(D::Error::custom)?;
-                Ok(Self::described(&text, move |x| expression.at(x)))
+        match Spelling::deserialize(from)? {
+            Spelling::Number(value) if value.is_finite() => Ok(Self::Number(value)),
+            Spelling::Number(value) => {
+                Err(D::Error::custom(format!("{value} is not a finite number")))
             }
+            Spelling::Expression(text) => Ok(Self::Expression(text)),
+        }
+    }
+}
+
+impl Figure {
+    /// What it means in D dimensions; if nothing, why not.
+    pub(super) fn quantity<const D: usize>(&self) -> Result<Quantity<D>, String> {
+        match self {
+            &Self::Number(value) => Ok(value.into()),
+            Self::Expression(text) => {
+                let expression = Expression::<D>::parse(text)?;
+                Ok(Quantity::described(text, move |x| expression.at(x)))
+            }
+        }
+    }
+}
+
+impl fmt::Display for Figure {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Number(value) => write!(f, "{value}"),
+            Self::Expression(text) => f.write_str(text),
         }
     }
 }

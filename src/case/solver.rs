@@ -74,21 +74,17 @@ impl Case {
     /// Checks the solver table; its time limit, if that can be counted.
     pub(super) fn check_solver(&self) -> Result<Option<Duration>, CaseError> {
         let s = &self.tables.solver;
-        let parts = [
-            ("tolerance", Some(&s.tolerance)),
-            ("r_tol", Some(&s.r_tol)),
-            ("c_fact", Some(&s.c_fact)),
-            ("friction_tolerance", s.friction_tolerance.as_ref()),
-        ];
-        for (name, value) in parts {
-            if let Some(value) = value
-                && !(*value.get_ref() > 0.0 && *value.get_ref() < 1.0)
-            {
-                return self.invalid(value.span(), format!("{name} must lie between 0 and 1"));
-            }
-        }
-        if !(*s.beta.get_ref() > 0.0 && s.beta.get_ref().is_finite()) {
-            return self.invalid(s.beta.span(), "beta must be positive");
+        if let Err(error) = self.settings().check() {
+            let value = match error.field {
+                "tolerance" => Some(&s.tolerance),
+                "beta" => Some(&s.beta),
+                "r_tol" => Some(&s.r_tol),
+                "c_fact" => Some(&s.c_fact),
+                "friction_tolerance" => s.friction_tolerance.as_ref(),
+                _ => None,
+            };
+            let span = value.map_or(0..0, Spanned::span);
+            return self.invalid(span, error.to_string());
         }
         let Some(limit) = &s.time_limit else {
             return Ok(None);

@@ -1,14 +1,13 @@
-//! The tables of a case file, and what they say as parts of a model.
+//! The tables of a case file.
+//!
+//! They are the same in the plane and in space: which of the two is meant is known when the mesh is, and
+//! `case/definition.rs` holds it against what they say.
 
-use super::SolverTable;
-use crate::contact::Obstacle;
-use crate::elasticity::{Material, Plane};
-use crate::mesh::structured::CellShape;
-use crate::model::{
-    BodyForce, Definition, Entity, Kind, Names, Pair, Quantity, Support, Traction, Units,
-};
+use super::{Figure, SolverTable};
+use crate::elasticity::Plane;
+use crate::mesh::structured::{CellShape, SolidShape};
+use crate::model::{Names, Units};
 use serde::Deserialize;
-use std::ops::Range;
 use std::path::PathBuf;
 use toml::Spanned;
 
@@ -50,7 +49,7 @@ pub struct Tables {
     pub solver: SolverTable,
 }
 
-/// `[mesh]`: a Gmsh file, a rectangle, or parts.
+/// `[mesh]`: a Gmsh file, a rectangle or a box, or parts.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshTable {
@@ -60,13 +59,16 @@ pub struct MeshTable {
     pub scale: Option<f64>,
     /// A structured rectangle: region `body`, boundaries `left`, `right`, `bottom`, `top`.
     pub rectangle: Option<RectangleTable>,
+    /// A structured box in space: besides boundaries `front` and `back`.
+    #[serde(rename = "box")]
+    pub block: Option<BoxTable>,
     /// Several meshes side by side.
     #[serde(default)]
     pub part: Vec<Spanned<PartTable>>,
 }
 
-/// `[[mesh.part]]`: a Gmsh file or a rectangle among others. Its boundaries are called `name-boundary`; the
-/// region of a rectangle `name`, those of a file `name-region`.
+/// `[[mesh.part]]`: a Gmsh file, a rectangle or a box among others. Its boundaries are called `name-boundary`; the
+/// region of a rectangle or a box `name`, those of a file `name-region`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PartTable {
@@ -78,9 +80,11 @@ pub struct PartTable {
     pub scale: Option<f64>,
     /// A structured rectangle.
     pub rectangle: Option<RectangleTable>,
-    /// Where its origin is moved to, after scaling.
-    #[serde(default, deserialize_with = "two")]
-    pub shift: [f64; 2],
+    /// A structured box.
+    #[serde(rename = "box")]
+    pub block: Option<BoxTable>,
+    /// Where its origin is moved to, after scaling: a number for each coordinate.
+    pub shift: Option<Spanned<Vec<f64>>>,
 }
 
 /// `[mesh.rectangle]`.
@@ -88,49 +92,53 @@ pub struct PartTable {
 #[serde(deny_unknown_fields)]
 pub struct RectangleTable {
     /// The lower left corner.
-    #[serde(default, deserialize_with = "two")]
+    #[serde(default, deserialize_with = "exactly")]
     pub origin: [f64; 2],
     /// Width and height.
-    #[serde(deserialize_with = "two")]
+    #[serde(deserialize_with = "exactly")]
     pub size: [f64; 2],
     /// Cells across and up.
-    #[serde(deserialize_with = "two")]
+    #[serde(deserialize_with = "exactly")]
     pub cells: [usize; 2],
     /// `quad` or `triangle`.
     #[serde(default)]
     pub shape: CellShape,
     /// Where the point (x, y) of the rectangle goes: bends it, or grades its mesh.
-    #[serde(default, deserialize_with = "two_or_none")]
-    pub map: Option<[Quantity; 2]>,
+    #[serde(default, deserialize_with = "exactly_or_none")]
+    pub map: Option<[Spanned<Figure>; 2]>,
+}
+
+/// `[mesh.box]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoxTable {
+    /// The corner with the least coordinates.
+    #[serde(default, deserialize_with = "exactly")]
+    pub origin: [f64; 3],
+    /// Along x, y and z.
+    #[serde(deserialize_with = "exactly")]
+    pub size: [f64; 3],
+    /// Cells along x, y and z.
+    #[serde(deserialize_with = "exactly")]
+    pub cells: [usize; 3],
+    /// `hexahedron`, `tetrahedron` or `wedge`.
+    #[serde(default)]
+    pub shape: SolidShape,
+    /// Where the point (x, y, z) of the box goes: bends it, or grades its mesh.
+    #[serde(default, deserialize_with = "exactly_or_none")]
+    pub map: Option<[Spanned<Figure>; 3]>,
 }
 
 /// `[analysis]`.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct AnalysisTable {
-    /// `plane_strain` or `plane_stress`.
-    #[serde(default)]
-    pub plane: Plane,
-    /// Thickness in m.
-    #[serde(default = "one")]
-    pub thickness: Spanned<f64>,
-    /// Acceleration in m/s², for materials with a density.
-    #[serde(default, deserialize_with = "two_or_none")]
-    pub gravity: Option<[f64; 2]>,
-}
-
-fn one() -> Spanned<f64> {
-    Spanned::new(0..0, 1.0)
-}
-
-impl Default for AnalysisTable {
-    fn default() -> Self {
-        Self {
-            plane: Plane::default(),
-            thickness: one(),
-            gravity: None,
-        }
-    }
+    /// `plane_strain` or `plane_stress`; in the plane only.
+    pub plane: Option<Spanned<Plane>>,
+    /// Thickness in m; in the plane only.
+    pub thickness: Option<Spanned<f64>>,
+    /// Acceleration in m/s², for materials with a density: a number for each coordinate.
+    pub gravity: Option<Spanned<Vec<f64>>>,
 }
 
 /// `[[material]]`.
@@ -155,12 +163,13 @@ pub struct SupportTable {
     /// A boundary or several, or
     pub boundary: Option<Names>,
     /// the node nearest to a point.
-    #[serde(default, deserialize_with = "two_or_none")]
-    pub point: Option<[f64; 2]>,
+    pub point: Option<Spanned<Vec<f64>>>,
     /// u_x in m; free if left out.
-    pub x: Option<Quantity>,
+    pub x: Option<Spanned<Figure>>,
     /// u_y in m; free if left out.
-    pub y: Option<Quantity>,
+    pub y: Option<Spanned<Figure>>,
+    /// u_z in m; free if left out, and in space only.
+    pub z: Option<Spanned<Figure>>,
     /// No displacement across a boundary parallel to an axis.
     #[serde(default)]
     pub symmetry: bool,
@@ -175,11 +184,13 @@ pub struct TractionTable {
     /// A boundary or several.
     pub boundary: Names,
     /// In Pa.
-    pub x: Option<Quantity>,
+    pub x: Option<Spanned<Figure>>,
     /// In Pa.
-    pub y: Option<Quantity>,
+    pub y: Option<Spanned<Figure>>,
+    /// In Pa; in space only.
+    pub z: Option<Spanned<Figure>>,
     /// In Pa, against the outward normal.
-    pub pressure: Option<Quantity>,
+    pub pressure: Option<Spanned<Figure>>,
     /// Load factors of its own, one per step.
     pub factors: Option<Vec<f64>>,
 }
@@ -191,9 +202,11 @@ pub struct BodyForceTable {
     /// A region; all if left out.
     pub region: Option<String>,
     /// In N/m³.
-    pub x: Option<Quantity>,
+    pub x: Option<Spanned<Figure>>,
     /// In N/m³.
-    pub y: Option<Quantity>,
+    pub y: Option<Spanned<Figure>>,
+    /// In N/m³; in space only.
+    pub z: Option<Spanned<Figure>>,
     /// Load factors of its own, one per step.
     pub factors: Option<Vec<f64>>,
 }
@@ -215,54 +228,84 @@ pub struct ContactTable {
     /// The boundary of another body that it meets (or several), or
     pub against: Option<Names>,
     /// a rigid obstacle.
-    pub obstacle: Option<ObstacleTable>,
+    pub obstacle: Option<Spanned<ObstacleTable>>,
     /// The law; none if left out.
     #[serde(default)]
     pub friction: FrictionTable,
     /// The initial gap in m, instead of the distance of the meshes.
-    pub gap: Option<Quantity>,
+    pub gap: Option<Spanned<Figure>>,
     /// Gaps and overlaps up to this distance in m count as touching.
     pub adjust: Option<f64>,
     /// What is farther apart is no candidate with `against`, and not rubbed by Tresca's bound on an obstacle; in m.
     pub search_distance: Option<f64>,
 }
 
-/// What the boundary may touch.
+/// What the boundary may touch: two shapes in the plane, three in space.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum ObstacleTable {
     /// `{ half_plane = { point = […], normal = […] } }`; the normal points out of the obstacle.
     HalfPlane {
         /// Of the line that bounds it, in m.
-        #[serde(deserialize_with = "two")]
+        #[serde(deserialize_with = "exactly")]
         point: [f64; 2],
         /// Of any length.
-        #[serde(deserialize_with = "two")]
+        #[serde(deserialize_with = "exactly")]
         normal: [f64; 2],
     },
     /// `{ circle = { center = […], radius = … } }`.
     Circle {
         /// Its middle, in m.
-        #[serde(deserialize_with = "two")]
+        #[serde(deserialize_with = "exactly")]
         center: [f64; 2],
+        /// In m.
+        radius: f64,
+    },
+    /// `{ half_space = { point = […], normal = […] } }`; the normal points out of the obstacle.
+    HalfSpace {
+        /// Of the plane that bounds it, in m.
+        #[serde(deserialize_with = "exactly")]
+        point: [f64; 3],
+        /// Of any length.
+        #[serde(deserialize_with = "exactly")]
+        normal: [f64; 3],
+    },
+    /// `{ sphere = { center = […], radius = … } }`.
+    Sphere {
+        /// Its middle, in m.
+        #[serde(deserialize_with = "exactly")]
+        center: [f64; 3],
+        /// In m.
+        radius: f64,
+    },
+    /// `{ cylinder = { point = […], axis = […], radius = … } }`, without ends.
+    Cylinder {
+        /// Of its axis, in m.
+        #[serde(deserialize_with = "exactly")]
+        point: [f64; 3],
+        /// Along it, of any length.
+        #[serde(deserialize_with = "exactly")]
+        axis: [f64; 3],
         /// In m.
         radius: f64,
     },
 }
 
-/// Exactly two entries: arrays of serde take the first two of more.
-fn two<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<[T; 2], D::Error> {
+/// Exactly N entries: arrays of serde take the first N of more.
+fn exactly<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
+    from: D,
+) -> Result<[T; N], D::Error> {
     let entries = Vec::<T>::deserialize(from)?;
-    <[T; 2]>::try_from(entries).map_err(|entries| {
-        serde::de::Error::custom(format!("expected 2 entries, found {}", entries.len()))
+    <[T; N]>::try_from(entries).map_err(|entries| {
+        serde::de::Error::custom(format!("expected {N} entries, found {}", entries.len()))
     })
 }
 
-/// As [`two`], for an entry that may be left out.
-fn two_or_none<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(
+/// As [`exactly`], for an entry that may be left out.
+fn exactly_or_none<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
     from: D,
-) -> Result<Option<[T; 2]>, D::Error> {
-    two(from).map(Some)
+) -> Result<Option<[T; N]>, D::Error> {
+    exactly(from).map(Some)
 }
 
 /// The friction law.
@@ -273,9 +316,9 @@ pub enum FrictionTable {
     #[default]
     None,
     /// `{ tresca = … }`: the bound in Pa.
-    Tresca(Quantity),
+    Tresca(Spanned<Figure>),
     /// `{ coulomb = … }`: the coefficient of friction.
-    Coulomb(Quantity),
+    Coulomb(Spanned<Figure>),
 }
 
 /// `[algebraic]`: Matrix Market files, relative to the case file.
@@ -288,7 +331,7 @@ pub struct AlgebraicTable {
     pub load: PathBuf,
     /// N, m × n.
     pub normal: PathBuf,
-    /// T, m × n.
+    /// T, m × n; in space 2m × n.
     pub tangential: PathBuf,
     /// d, m.
     pub gap: PathBuf,
@@ -296,174 +339,6 @@ pub struct AlgebraicTable {
     pub slip_bound: Option<PathBuf>,
     /// μ, m: Coulomb friction.
     pub friction_coefficient: Option<PathBuf>,
-    /// n/2 × 2.
+    /// n/2 × 2; in space n/3 × 3.
     pub coordinates: Option<PathBuf>,
-}
-
-/// The two spellings of names.
-#[derive(Deserialize)]
-#[serde(
-    untagged,
-    expecting = "expected the name of a boundary in quotes, or a list of names"
-)]
-enum Spelling {
-    One(String),
-    Several(Vec<String>),
-}
-
-impl<'de> Deserialize<'de> for Names {
-    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        Ok(match Spelling::deserialize(from)? {
-            Spelling::One(name) => name.into(),
-            Spelling::Several(names) => names.into(),
-        })
-    }
-}
-
-/// A part of a model with what a table may say of it, if it does.
-fn with<T, V: Clone>(part: T, value: &Option<V>, say: impl Fn(T, V) -> T) -> T {
-    match value {
-        Some(value) => say(part, value.clone()),
-        None => part,
-    }
-}
-
-impl SupportTable {
-    fn support(&self) -> Result<Support, &'static str> {
-        let mut support = match (&self.boundary, self.point) {
-            (Some(names), None) => Support::on(names.clone()),
-            (None, Some(point)) => Support::at_point(point),
-            _ => return Err("a support needs either a boundary or a point"),
-        };
-        support = with(support, &self.x, Support::x);
-        support = with(support, &self.y, Support::y);
-        if self.symmetry {
-            support = support.symmetry();
-        }
-        Ok(with(support, &self.factors, Support::factors))
-    }
-}
-
-impl TractionTable {
-    fn traction(&self) -> Traction {
-        let mut traction = Traction::on(self.boundary.clone());
-        traction = with(traction, &self.x, Traction::x);
-        traction = with(traction, &self.y, Traction::y);
-        traction = with(traction, &self.pressure, Traction::pressure);
-        with(traction, &self.factors, Traction::factors)
-    }
-}
-
-impl BodyForceTable {
-    fn body_force(&self) -> BodyForce {
-        let mut force = match &self.region {
-            Some(name) => BodyForce::within(name),
-            None => BodyForce::everywhere(),
-        };
-        force = with(force, &self.x, BodyForce::x);
-        force = with(force, &self.y, BodyForce::y);
-        with(force, &self.factors, BodyForce::factors)
-    }
-}
-
-impl ContactTable {
-    fn pair(&self) -> Result<Pair, &'static str> {
-        let boundary = self.boundary.clone();
-        let mut pair = match (&self.against, &self.obstacle) {
-            (Some(against), None) => Pair::new(boundary, against.clone()),
-            (None, Some(obstacle)) => Pair::obstacle(
-                boundary,
-                match *obstacle {
-                    ObstacleTable::HalfPlane { point, normal } => {
-                        Obstacle::HalfPlane { point, normal }
-                    }
-                    ObstacleTable::Circle { center, radius } => Obstacle::Circle { center, radius },
-                },
-            ),
-            (None, None) => {
-                return Err("a contact needs either against (another boundary) or an obstacle");
-            }
-            (Some(_), Some(_)) => {
-                return Err("a contact is either against a boundary or with an obstacle: keep one");
-            }
-        };
-        pair = match &self.friction {
-            FrictionTable::None => pair,
-            FrictionTable::Tresca(bound) => pair.tresca(bound.clone()),
-            FrictionTable::Coulomb(coefficient) => pair.coulomb(coefficient.clone()),
-        };
-        pair = with(pair, &self.gap, Pair::gap);
-        pair = with(pair, &self.adjust, Pair::adjust);
-        Ok(with(pair, &self.search_distance, Pair::search_distance))
-    }
-}
-
-impl Tables {
-    /// What they say of a model beside its mesh; if a table says nothing that can be meant, its place and why.
-    pub(super) fn definition(&self) -> Result<Definition, (Range<usize>, &'static str)> {
-        let materials = self.material.iter().map(|table| {
-            let &MaterialTable {
-                ref region,
-                young,
-                poisson,
-                density,
-            } = table.get_ref();
-            let material = Material {
-                young,
-                poisson,
-                density,
-            };
-            (region.clone(), material)
-        });
-        let supports = self.support.iter().map(|table| {
-            let support = table.get_ref().support();
-            support.map_err(|fault| (table.span(), fault))
-        });
-        let pairs = self.contact.iter().map(|table| {
-            let pair = table.get_ref().pair();
-            pair.map_err(|fault| (table.span(), fault))
-        });
-        Ok(Definition {
-            materials: materials.collect(),
-            plane: self.analysis.plane,
-            thickness: *self.analysis.thickness.get_ref(),
-            gravity: self.analysis.gravity,
-            supports: supports.collect::<Result<_, _>>()?,
-            tractions: (self.traction.iter())
-                .map(|table| table.get_ref().traction())
-                .collect(),
-            body_forces: (self.body_force.iter())
-                .map(|table| table.get_ref().body_force())
-                .collect(),
-            pairs: pairs.collect::<Result<_, _>>()?,
-            steps: (self.steps.as_ref()).map(|steps| steps.get_ref().factors.clone()),
-            units: self.units.as_ref().map(|units| units.get_ref().clone()),
-        })
-    }
-
-    /// Where what a model is made of stands in the file.
-    pub(super) fn span(&self, entity: &Entity) -> Range<usize> {
-        fn of<T>(tables: &[Spanned<T>], number: usize) -> Option<Range<usize>> {
-            tables.get(number).map(Spanned::span)
-        }
-        let mesh = self.mesh.as_ref().map(Spanned::span);
-        let number = entity.number.unwrap_or(0);
-        let span = match entity.kind {
-            Kind::Model => mesh,
-            // A region without a material could stand behind the last.
-            Kind::Material => match entity.number {
-                Some(number) => of(&self.material, number),
-                None => self.material.last().map(Spanned::span).or(mesh),
-            },
-            Kind::Gravity => of(&self.material, 0),
-            Kind::Support => of(&self.support, number),
-            Kind::Traction => of(&self.traction, number),
-            Kind::BodyForce => of(&self.body_force, number),
-            Kind::Contact => of(&self.contact, number),
-            Kind::Thickness => Some(self.analysis.thickness.span()),
-            Kind::Steps => self.steps.as_ref().map(Spanned::span),
-            Kind::Units => self.units.as_ref().map(Spanned::span),
-        };
-        span.unwrap_or(0..0)
-    }
 }

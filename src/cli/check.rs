@@ -1,10 +1,11 @@
 //! `signorini check`.
 
 use super::advice::told;
-use signorini::case::{Build, Case};
+use signorini::case::{AnyBuild, Build, Case};
+use signorini::contact::Space;
 use signorini::elasticity::Plane;
 use signorini::engine::factor_bytes;
-use signorini::mesh::{FaultKind, Kind, Mesh};
+use signorini::mesh::{FaultKind, Kind, Mesh, Topology};
 use signorini::model::Elastic;
 use signorini::model::PairData;
 use signorini::problem::ContactProblem;
@@ -12,18 +13,30 @@ use std::path::Path;
 
 pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
     let case = Case::read(path, settings).map_err(|e| told(&e))?;
-    let build = case.build().map_err(|e| told(&e))?;
+    let lines = match case.build_any().map_err(|e| told(&e))? {
+        AnyBuild::Plane(build) => describe(&case, &build)?,
+        AnyBuild::Space(build) => describe(&case, &build)?,
+    };
+    super::print(&(lines.join("\n") + "\n"))?;
+    Ok(0)
+}
+
+/// What was understood of a case.
+fn describe<const D: usize>(case: &Case, build: &Build<D>) -> Result<Vec<String>, String>
+where
+    Kind: Space<D>,
+{
     let mut lines = Vec::new();
     if !case.tables.title.is_empty() {
         lines.push(case.tables.title.clone());
     }
     match &build.elastic {
         Some(elastic) => {
-            bodies(&mut lines, &case, elastic);
-            boundaries(&mut lines, &case, &elastic.mesh);
-            loads(&mut lines, &case, &build, elastic)?;
+            bodies(&mut lines, case, elastic);
+            boundaries(&mut lines, case, &elastic.mesh);
+            loads(&mut lines, case, build, elastic)?;
             for pair in &elastic.pairs {
-                contact(&mut lines, &case, pair);
+                contact(&mut lines, case, pair);
             }
             if elastic.pairs.is_empty() {
                 lines.push("contact       none: this is a linear problem".to_owned());
@@ -40,33 +53,61 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
         )),
     }
     lines.push(size(&build.problem));
-    super::print(&(lines.join("\n") + "\n"))?;
-    Ok(0)
+    Ok(lines)
+}
+
+/// How many elements of each kind a mesh has; in space of those that it has any of.
+fn elements<const D: usize>(mesh: &Mesh<D>) -> String
+where
+    Kind: Topology<D>,
+{
+    let count = |kind: Kind| mesh.elements.iter().filter(|e| e.kind() == kind).count();
+    let kinds: &[(Kind, &str)] = match D {
+        2 => &[
+            (Kind::Triangle, "triangles"),
+            (Kind::Quad, "quadrilaterals"),
+        ],
+        _ => &[
+            (Kind::Tetrahedron, "tetrahedra"),
+            (Kind::Hexahedron, "hexahedra"),
+            (Kind::Wedge, "wedges"),
+        ],
+    };
+    let counted: Vec<String> = (kinds.iter())
+        .map(|&(kind, name)| (count(kind), name))
+        .filter(|&(count, _)| D == 2 || count > 0)
+        .map(|(count, name)| format!("{count} {name}"))
+        .collect();
+    counted.join(", ")
 }
 
 /// The mesh, its regions with their materials, its groups.
-fn bodies(lines: &mut Vec<String>, case: &Case, elastic: &Elastic) {
+fn bodies<const D: usize>(lines: &mut Vec<String>, case: &Case, elastic: &Elastic<D>)
+where
+    Kind: Topology<D>,
+{
     let (units, mesh) = (case.units(), &elastic.mesh);
     let (length, stress) = (&units.length, units.stress());
     let (low, high) = mesh.bounding_box();
-    let triangles = (mesh.elements.iter())
-        .filter(|e| e.kind() == Kind::Triangle)
-        .count();
+    let sides: Vec<String> = (low.iter().zip(high))
+        .map(|(low, high)| format!("[{low:.4e}, {high:.4e}]"))
+        .collect();
     let (bodies, _) = mesh.bodies();
     lines.push(format!(
-        "mesh          {} nodes, {triangles} triangles, {} quadrilaterals, {bodies} {}; [{:.4e}, {:.4e}] × [{:.4e}, {:.4e}] {length}",
+        "mesh          {} nodes, {}, {bodies} {}; {} {length}",
         mesh.nodes.len(),
-        mesh.elements.len() - triangles,
+        elements(mesh),
         if bodies == 1 { "body" } else { "bodies" },
-        low[0],
-        high[0],
-        low[1],
-        high[1],
+        sides.join(" × "),
     ));
+    let (measure, power) = match D {
+        2 => ("area", "²"),
+        _ => ("volume", "³"),
+    };
     let regions = mesh.regions.iter().zip(mesh.measures());
-    for ((name, area), material) in regions.zip(&elastic.materials) {
+    for ((name, size), material) in regions.zip(&elastic.materials) {
         lines.push(format!(
-            "region        \"{name}\": area {area:.4e} {length}², E = {:.4e} {stress}, ν = {}, density {}",
+            "region        \"{name}\": {measure} {size:.4e} {length}{power}, E = {:.4e} {stress}, ν = {}, density {}",
             material.young, material.poisson, material.density
         ));
     }
@@ -81,10 +122,17 @@ fn bodies(lines: &mut Vec<String>, case: &Case, elastic: &Elastic) {
 }
 
 /// The named boundaries, and what they are not good for.
-fn boundaries(lines: &mut Vec<String>, case: &Case, mesh: &Mesh) {
+fn boundaries<const D: usize>(lines: &mut Vec<String>, case: &Case, mesh: &Mesh<D>)
+where
+    Kind: Topology<D>,
+{
     let length = case.units().length;
-    for (name, edges) in &mesh.boundaries {
-        let extent = (edges.iter()).fold(0.0, |sum, e| sum + mesh.facet_normal(e).0);
+    let (facets_of, power) = match D {
+        2 => ("edges", ""),
+        _ => ("faces", "²"),
+    };
+    for (name, facets) in &mesh.boundaries {
+        let extent = (facets.iter()).fold(0.0, |sum, f| sum + mesh.facet_normal(f).0);
         let fault = match mesh.faults.get(name) {
             Some(fault) if fault.kind == FaultKind::Stray => {
                 format!("; not to be used: {fault}")
@@ -93,45 +141,52 @@ fn boundaries(lines: &mut Vec<String>, case: &Case, mesh: &Mesh) {
             None => String::new(),
         };
         lines.push(format!(
-            "boundary      \"{name}\": {} edges, {extent:.4e} {length}{fault}",
-            edges.len()
+            "boundary      \"{name}\": {} {facets_of}, {extent:.4e} {length}{power}{fault}",
+            facets.len()
         ));
     }
 }
 
 /// The analysis, the loads of each step, the supports, the bodies without enough of them.
-fn loads(
+fn loads<const D: usize>(
     lines: &mut Vec<String>,
     case: &Case,
-    build: &Build,
-    elastic: &Elastic,
-) -> Result<(), String> {
+    build: &Build<D>,
+    elastic: &Elastic<D>,
+) -> Result<(), String>
+where
+    Kind: Space<D>,
+{
     let units = case.units();
     let plane = match elastic.plane {
         Plane::PlaneStrain => "plane strain",
         Plane::PlaneStress => "plane stress",
     };
-    lines.push(format!(
-        "analysis      {plane}, thickness {} {}",
-        elastic.thickness, units.length
-    ));
+    lines.push(match D {
+        2 => format!(
+            "analysis      {plane}, thickness {} {}",
+            elastic.thickness, units.length
+        ),
+        _ => "analysis      solid".to_owned(),
+    });
     for step in 0..case.n_steps() {
         let data = case.step(build, step).map_err(|e| told(&e))?;
-        let [x, y] = data.map_or([0.0; 2], |data| data.total_load);
+        let load = data.map_or([0.0; D], |data| data.total_load);
         let name = match case.n_steps() {
             1 => String::new(),
             _ => format!(", step {}", step + 1),
         };
         lines.push(format!(
-            "total load    ({x:.6e}, {y:.6e}) {}{name}",
+            "total load    ({}) {}{name}",
+            load.map(|v| format!("{v:.6e}")).join(", "),
             units.force
         ));
     }
     for (name, table) in elastic.supports.iter().zip(&case.tables.support) {
         let s = table.get_ref();
-        let mut what: Vec<String> = [("x", &s.x), ("y", &s.y)]
+        let mut what: Vec<String> = [("x", &s.x), ("y", &s.y), ("z", &s.z)]
             .iter()
-            .filter_map(|(c, value)| value.as_ref().map(|value| format!("{c} = {value}")))
+            .filter_map(|(c, value)| Some(format!("{c} = {}", value.as_ref()?.get_ref())))
             .collect();
         if s.symmetry {
             what.push("symmetry".to_owned());
@@ -152,7 +207,10 @@ fn loads(
 }
 
 /// A contact pair with its gaps, its law of friction and the nodes that the law does not reach.
-fn contact(lines: &mut Vec<String>, case: &Case, pair: &PairData) {
+fn contact<const D: usize>(lines: &mut Vec<String>, case: &Case, pair: &PairData<D>)
+where
+    Kind: Topology<D>,
+{
     let length = case.units().length;
     lines.push(format!(
         "contact       \"{}\" / {}: {} nodes, {:.4e} {length}², initial gap {:.4e} to {:.4e} {length}, {}; \
@@ -176,7 +234,7 @@ fn contact(lines: &mut Vec<String>, case: &Case, pair: &PairData) {
 }
 
 /// How large the problem is, and what the direct path will take.
-fn size(problem: &ContactProblem) -> String {
+fn size<const D: usize>(problem: &ContactProblem<D>) -> String {
     let direct = match factor_bytes(problem) {
         Ok(bytes) => format!("about {:.1} MiB for", bytes as f64 / f64::from(1 << 20)),
         Err(_) => "too many for".to_owned(),

@@ -7,10 +7,11 @@ mod summary;
 use super::advice::told;
 use super::{NOT_CONVERGED, SolveArguments};
 use log::Log;
-use pictures::Pictures;
-use signorini::case::{Build, Case};
+use pictures::{Draw, Pictures};
+use signorini::case::{AnyBuild, Build, Case};
 use signorini::dual::DualOperator as _;
 use signorini::engine::Engine;
+use signorini::mesh::Kind;
 use signorini::model::StepData;
 use signorini::output::{
     EnginePath, Report, Timings, prepare, write_index, write_report, write_solution,
@@ -46,56 +47,103 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     };
     let log = Log::new(arguments);
 
-    let build = case.build().map_err(|e| told(&e))?;
-    prepare(&output).map_err(|e| told(&e))?;
-    log.say(format_args!(
-        "n = {}, m = {}: assembled in {:.3} s, of which the contacts {:.4} s",
-        build.problem.n_free(),
-        build.problem.m(),
-        build.mesh_seconds + build.assembly_seconds,
-        build.pairing_seconds
-    ));
-    for body in build.free_bodies() {
-        log.tell(&format!("{body}: only contact holds it"));
-    }
-    let mut run = Run {
+    let prepared = Prepared {
         start,
         case: &case,
         arguments,
         output: &output,
         log: &log,
-        build: &build,
-        report: Report::new(&case.tables.title, &build),
-        files: Vec::new(),
         pictures,
-        output_seconds: 0.0,
     };
-    // What was finished before an error is written nevertheless.
-    let solved = run.solve();
-    if let Err(error) = &solved {
-        run.report.fail(error);
+    match case.build_any().map_err(|e| told(&e))? {
+        AnyBuild::Plane(build) => prepared.run(&build),
+        AnyBuild::Space(build) => prepared.run(&build),
     }
-    let written = run.write();
-    solved?;
-    written?;
-    if !arguments.quiet {
-        super::print(&summary::text(&run.report, &run.files))?;
-    }
-    Ok(if run.report.status == Some(Status::Converged) {
-        0
-    } else {
-        NOT_CONVERGED
-    })
 }
 
-/// A solve on its way, with what it has written and drawn so far.
-struct Run<'a> {
+/// What is known of a run before the dimension of its case is.
+struct Prepared<'a> {
     start: Instant,
     case: &'a Case,
     arguments: &'a SolveArguments,
     output: &'a Path,
     log: &'a Log,
-    build: &'a Build,
+    /// None: not asked for.
+    pictures: Option<Pictures>,
+}
+
+impl Prepared<'_> {
+    /// Solves, writes and tells; the exit code.
+    fn run<const D: usize>(self, build: &Build<D>) -> Result<u8, String>
+    where
+        Kind: Draw<D>,
+    {
+        let Self {
+            case,
+            arguments,
+            output,
+            log,
+            ..
+        } = self;
+        prepare(output).map_err(|e| told(&e))?;
+        log.say(format_args!(
+            "n = {}, m = {}: assembled in {:.3} s, of which the contacts {:.4} s",
+            build.problem.n_free(),
+            build.problem.m(),
+            build.mesh_seconds + build.assembly_seconds,
+            build.pairing_seconds
+        ));
+        for body in build.free_bodies() {
+            log.tell(&format!("{body}: only contact holds it"));
+        }
+        if self.pictures.is_some() && build.elastic.is_some() && !<Kind as Draw<D>>::BODIES {
+            log.tell(
+                "--plots: pictures of solids are not there yet, only charts of the whole solve are drawn; ParaView opens \
+                 the solids (solution.vtu)",
+            );
+        }
+        let mut run = Run {
+            start: self.start,
+            case,
+            arguments,
+            output,
+            log,
+            build,
+            report: Report::new(&case.tables.title, build),
+            files: Vec::new(),
+            pictures: self.pictures,
+            output_seconds: 0.0,
+        };
+        // What was finished before an error is written nevertheless.
+        let solved = run.solve();
+        if let Err(error) = &solved {
+            run.report.fail(error);
+        }
+        let written = run.write();
+        solved?;
+        written?;
+        if !arguments.quiet {
+            super::print(&summary::text(&run.report, &run.files))?;
+        }
+        Ok(if run.report.status == Some(Status::Converged) {
+            0
+        } else {
+            NOT_CONVERGED
+        })
+    }
+}
+
+/// A solve on its way, with what it has written and drawn so far.
+struct Run<'a, const D: usize>
+where
+    Kind: Draw<D>,
+{
+    start: Instant,
+    case: &'a Case,
+    arguments: &'a SolveArguments,
+    output: &'a Path,
+    log: &'a Log,
+    build: &'a Build<D>,
     report: Report,
     files: Vec<PathBuf>,
     /// None: not asked for.
@@ -103,7 +151,10 @@ struct Run<'a> {
     output_seconds: f64,
 }
 
-impl Run<'_> {
+impl<const D: usize> Run<'_, D>
+where
+    Kind: Draw<D>,
+{
     /// An error of the solver, with the case that it has met.
     fn failed(&self, error: impl std::error::Error + 'static) -> String {
         format!("{}: {}", self.arguments.case.display(), told(&error))
@@ -193,8 +244,8 @@ impl Run<'_> {
     /// Writes and draws the step that was added to the report last.
     fn write_step(
         &mut self,
-        data: Option<&StepData>,
-        solution: &StepSolution,
+        data: Option<&StepData<D>>,
+        solution: &StepSolution<D>,
     ) -> Result<(), String> {
         let start = Instant::now();
         let several = self.case.n_steps() > 1;

@@ -1,16 +1,17 @@
 //! The stiffness matrix, pattern first and row by row.
 
-use super::element::{Element, Elements, Visit};
+use super::element::{Element, Elements, Point, Visit};
 use super::{Body, Unknowns};
 use crate::mesh::vector::dot;
 use crate::mesh::{self, Kind, Mesh, Topology};
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
+use std::ops::Range;
 
-/// For each node the elements around it, and its corner in each.
+/// For each node the elements around it.
 struct Incidence {
     start: Vec<u32>,
-    elements: Vec<(u32, u8)>,
+    elements: Vec<u32>,
 }
 
 impl Incidence {
@@ -28,18 +29,18 @@ impl Incidence {
             start[i + 1] += start[i];
         }
         let mut next = start.clone();
-        let mut elements = vec![(0, 0); *start.last().expect("never empty") as usize];
+        let mut elements = vec![0; *start.last().expect("never empty") as usize];
         for (e, element) in mesh.elements.iter().enumerate() {
-            for (corner, &node) in element.nodes().iter().enumerate() {
+            for &node in element.nodes() {
                 let place = &mut next[node as usize];
-                elements[*place as usize] = (e as u32, corner as u8);
+                elements[*place as usize] = e as u32;
                 *place += 1;
             }
         }
         Self { start, elements }
     }
 
-    fn of(&self, node: u32) -> &[(u32, u8)] {
+    fn of(&self, node: u32) -> &[u32] {
         let node = node as usize;
         &self.elements[self.start[node] as usize..self.start[node + 1] as usize]
     }
@@ -60,23 +61,26 @@ fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize]) -> Vec<&'a mut [T]> {
         .collect()
 }
 
-/// Hands the blocks of row `corner` of an element's stiffness matrix to `take`, each with its node:
-/// K_ab = ∫ λ ∇φ_a ∇φ_bᵀ + μ ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I.
-struct Row<'a, const D: usize, F>
+/// Hands the blocks of the rows of an element's stiffness matrix that are wanted to `take`, each with its corners a and
+/// b: K_ab = ∫ λ ∇φ_a ∇φ_bᵀ + μ ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I.
+struct Blocks<'a, const D: usize, W, F>
 where
     Kind: Elements<D>,
 {
     mesh: &'a Mesh<D>,
     element: &'a mesh::Element<D>,
-    corner: usize,
     /// (λ, μ) of each region.
     moduli: &'a [(f64, f64)],
+    /// Whether the row of a corner is wanted.
+    wanted: W,
     take: F,
 }
 
-impl<const D: usize, F: FnMut(u32, &[[f64; D]; D])> Visit<D> for Row<'_, D, F>
+impl<const D: usize, W, F> Visit<D> for Blocks<'_, D, W, F>
 where
     Kind: Elements<D>,
+    W: Fn(usize) -> bool,
+    F: FnMut(usize, usize, &[[f64; D]; D]),
 {
     type Output = ();
 
@@ -84,25 +88,33 @@ where
     fn visit<E: Element<D, N>, const N: usize>(mut self) {
         let x = self.mesh.coordinates(self.element);
         let (lambda, mu) = self.moduli[self.element.region as usize];
-        let mut blocks = [[[0.0; D]; D]; N];
-        for point in E::stiffness_points(&x) {
-            let ga = point.gradient[self.corner];
-            let (l, m) = (lambda * point.weight, mu * point.weight);
-            for (block, gb) in blocks.iter_mut().zip(&point.gradient) {
-                let dot = m * dot(ga, *gb);
-                for i in 0..D {
-                    for j in 0..D {
-                        block[i][j] += if i == j {
-                            (l + m) * ga[i] * gb[i] + dot
-                        } else {
-                            l * ga[i] * gb[j] + m * gb[i] * ga[j]
-                        };
+        let mut points = [Point::<D, N>::ZERO; MOST_POINTS];
+        let mut count = 0;
+        for (place, point) in points.iter_mut().zip(E::stiffness_points(&x)) {
+            *place = point;
+            count += 1;
+        }
+        for a in (0..N).filter(|&a| (self.wanted)(a)) {
+            let mut blocks = [[[0.0; D]; D]; N];
+            for point in &points[..count] {
+                let ga = point.gradient[a];
+                let (l, m) = (lambda * point.weight, mu * point.weight);
+                for (block, gb) in blocks.iter_mut().zip(&point.gradient) {
+                    let dot = m * dot(ga, *gb);
+                    for i in 0..D {
+                        for j in 0..D {
+                            block[i][j] += if i == j {
+                                (l + m) * ga[i] * gb[i] + dot
+                            } else {
+                                l * ga[i] * gb[j] + m * gb[i] * ga[j]
+                            };
+                        }
                     }
                 }
             }
-        }
-        for (&node, block) in self.element.nodes().iter().zip(&blocks) {
-            (self.take)(node, block);
+            for (b, block) in blocks.iter().enumerate() {
+                (self.take)(a, b, block);
+            }
         }
     }
 }
@@ -125,7 +137,7 @@ where
     /// The columns of a block row.
     fn columns(&self, row: usize, found: &mut Vec<u32>) {
         found.clear();
-        for &(e, _) in self.incidence.of(self.unknowns.node(row)) {
+        for &e in self.incidence.of(self.unknowns.node(row)) {
             for &node in self.mesh.elements[e as usize].nodes() {
                 if let Some(block) = self.unknowns.block(node)
                     && !found.contains(&block)
@@ -137,28 +149,47 @@ where
         found.sort_unstable();
     }
 
-    /// Adds up the blocks of a row, of which the columns are known.
-    fn fill(&self, row: usize, columns: &[u32], values: &mut [[[f64; D]; D]]) {
-        let node = self.unknowns.node(row);
-        let fixed = self.unknowns.prescribed(node);
-        for &(e, corner) in self.incidence.of(node) {
+    /// Adds up the blocks of some rows, whose pattern is known; `columns` and `values` begin with the first of them.
+    /// Each element is integrated once for all of these rows.
+    fn fill(
+        &self,
+        rows: Range<usize>,
+        row_ptr: &[usize],
+        columns: &[u32],
+        values: &mut [[[f64; D]; D]],
+    ) {
+        let around = |row| self.incidence.of(self.unknowns.node(row));
+        let mut elements: Vec<u32> = rows.clone().flat_map(around).copied().collect();
+        elements.sort_unstable();
+        elements.dedup();
+        for &e in &elements {
             let element = &self.mesh.elements[e as usize];
-            element.kind().with(Row {
+            let nodes = element.nodes();
+            let row_of = |corner: usize| {
+                let block = self.unknowns.block(nodes[corner])? as usize;
+                rows.contains(&block).then_some(block)
+            };
+            element.kind().with(Blocks {
                 mesh: self.mesh,
                 element,
-                corner: corner as usize,
                 moduli: &self.moduli,
-                take: |other, block: &[[f64; D]; D]| {
-                    let Some(column) = self.unknowns.block(other) else {
+                wanted: |corner| row_of(corner).is_some(),
+                take: |a, b, block: &[[f64; D]; D]| {
+                    let (Some(row), Some(column)) = (row_of(a), self.unknowns.block(nodes[b]))
+                    else {
                         return;
                     };
-                    let given = self.unknowns.prescribed(other);
+                    let begin = row_ptr[row] - row_ptr[rows.start];
+                    let columns = &columns[begin..row_ptr[row + 1] - row_ptr[rows.start]];
                     let place = columns.partition_point(|&c| c < column);
-                    for a in 0..D {
-                        for b in 0..D {
-                            let decoupled = fixed[a].is_some() || given[b].is_some();
-                            if !decoupled || (other == node && a == b) {
-                                values[place][a][b] += block[a][b];
+                    let value = &mut values[begin + place];
+                    let fixed = self.unknowns.prescribed(nodes[a]);
+                    let given = self.unknowns.prescribed(nodes[b]);
+                    for i in 0..D {
+                        for j in 0..D {
+                            let decoupled = fixed[i].is_some() || given[j].is_some();
+                            if !decoupled || (a == b && i == j) {
+                                value[i][j] += block[i][j];
                             }
                         }
                     }
@@ -168,13 +199,16 @@ where
     }
 }
 
+/// More points than any element integrates its stiffness with.
+const MOST_POINTS: usize = 8;
+
 /// The stiffness matrix K of the free unknowns and the load f, both in blocks of D per node.
 ///
 /// `forces` are the nodal forces (D per node of the mesh). Prescribed displacements move to the
 /// right-hand side; a component prescribed at a node that keeps another free one has the decoupled
 /// equation `k u = 0` with the diagonal entry k that it would have had.
 ///
-/// Each row is computed from the elements around its node, so that threads share nothing and the sum
+/// Each row is computed from the elements around its node, in their order, so that threads share nothing and the sum
 /// has one order.
 pub fn assemble<const D: usize>(
     body: &Body<D>,
@@ -215,13 +249,14 @@ where
         .enumerate()
         .for_each(|(chunk, (columns, values))| {
             let first = chunk * ROWS_PER_TASK;
+            let chunk = first..(first + ROWS_PER_TASK).min(n_blocks);
             let mut found = Vec::with_capacity(16);
-            for row in first..(first + ROWS_PER_TASK).min(n_blocks) {
-                let range = row_ptr[row] - row_ptr[first]..row_ptr[row + 1] - row_ptr[first];
+            for row in chunk.clone() {
                 rows.columns(row, &mut found);
-                columns[range.clone()].copy_from_slice(&found);
-                rows.fill(row, &found, &mut values[range]);
+                let begin = row_ptr[row] - row_ptr[first];
+                columns[begin..begin + found.len()].copy_from_slice(&found);
             }
+            rows.fill(chunk, &row_ptr, columns, values);
         });
     (
         BlockCsr::from_parts(n_blocks, n_blocks, row_ptr, col_idx, values),
@@ -272,20 +307,18 @@ where
         if !nodes.iter().any(held) {
             continue;
         }
-        for (corner, &node) in nodes.iter().enumerate() {
-            let force = &mut forces[node as usize];
-            element.kind().with(Row {
-                mesh: body.mesh,
-                element,
-                corner,
-                moduli: &moduli,
-                take: |other, block: &[[f64; D]; D]| {
-                    for (force, row) in force.iter_mut().zip(block) {
-                        *force += dot(*row, displacement[other as usize]);
-                    }
-                },
-            });
-        }
+        element.kind().with(Blocks {
+            mesh: body.mesh,
+            element,
+            moduli: &moduli,
+            wanted: |_| true,
+            take: |a, b, block: &[[f64; D]; D]| {
+                let u = displacement[nodes[b] as usize];
+                for (force, row) in forces[nodes[a] as usize].iter_mut().zip(block) {
+                    *force += dot(*row, u);
+                }
+            },
+        });
     }
     forces
 }

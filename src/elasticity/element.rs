@@ -24,6 +24,12 @@ pub struct Point<const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> Point<D, N> {
+    pub(super) const ZERO: Self = Self {
+        shape: [0.0; N],
+        gradient: [[0.0; D]; N],
+        weight: 0.0,
+    };
+
     /// Where the point lies.
     pub fn place(&self, x: &[[f64; D]; N]) -> [f64; D] {
         std::array::from_fn(|c| {

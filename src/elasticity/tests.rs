@@ -1,3 +1,5 @@
+mod solid;
+
 use super::element::{Element, Visit};
 use super::*;
 use crate::mesh;
@@ -11,13 +13,18 @@ const STEEL: Material = Material {
 };
 
 /// Checks the points of an element.
-struct Check<'a>(&'a Mesh, &'a mesh::Element);
+struct Check<'a, const D: usize>(&'a Mesh<D>, &'a mesh::Element<D>)
+where
+    Kind: Topology<D>;
 
-impl Visit<2> for Check<'_> {
+impl<const D: usize> Visit<D> for Check<'_, D>
+where
+    Kind: Topology<D>,
+{
     type Output = ();
 
-    fn visit<E: Element<2, N>, const N: usize>(self) {
-        let x: [[f64; 2]; N] = self.0.coordinates(self.1);
+    fn visit<E: Element<D, N>, const N: usize>(self) {
+        let x: [[f64; D]; N] = self.0.coordinates(self.1);
         let area = self.0.signed_measure(self.1);
         let (stiffness, loads): (Vec<_>, Vec<_>) = (
             E::stiffness_points(&x).collect(),
@@ -29,13 +36,13 @@ impl Visit<2> for Check<'_> {
         }
         for point in stiffness.iter().chain(&loads).chain([&E::centre(&x)]) {
             assert_relative_eq!(point.shape.iter().sum::<f64>(), 1.0, epsilon = 1e-15);
-            // The gradients of 1, x and y.
-            for i in 0..2 {
+            // The gradients of 1, x, y (and z).
+            for i in 0..D {
                 let of = |f: &dyn Fn(usize) -> f64| -> f64 {
                     (0..N).map(|a| f(a) * point.gradient[a][i]).sum()
                 };
                 assert_relative_eq!(of(&|_| 1.0), 0.0, epsilon = 1e-14);
-                for c in 0..2 {
+                for c in 0..D {
                     let delta = f64::from(u8::from(c == i));
                     assert_relative_eq!(of(&|a| x[a][c]), delta, epsilon = 1e-14);
                 }
@@ -60,7 +67,10 @@ fn patch() -> Mesh {
         .unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn body(mesh: &Mesh) -> Body<'_> {
+fn body<const D: usize>(mesh: &Mesh<D>) -> Body<'_, D>
+where
+    Kind: Topology<D>,
+{
     Body {
         mesh,
         materials: &[STEEL],

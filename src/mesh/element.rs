@@ -68,8 +68,9 @@ pub trait Topology<const D: usize> {
     /// The area (volume) of an element with its corners at x; negative where they go round the wrong way.
     fn signed_measure(self, x: &[[f64; D]]) -> f64;
 
-    /// The area (volume) that the edges of each corner span, twice (six times) that of their triangle (tetrahedron).
-    fn corners(self, x: &[[f64; D]]) -> impl Iterator<Item = f64>;
+    /// The areas (volumes) of the parallelograms (parallelepipeds) that the edges span at the corners, in space also in
+    /// between: all positive in an element that is not folded.
+    fn determinants(self, x: &[[f64; D]]) -> impl Iterator<Item = f64>;
 
     /// Numbers the nodes of an element the other way round.
     fn turn(self, nodes: &mut [u32]);

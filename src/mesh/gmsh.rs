@@ -1,8 +1,9 @@
 //! Gmsh meshes: MSH 2.0 to 2.2 and 4.1, ASCII and binary.
 //!
-//! Physical groups become groups of regions (surfaces) and boundaries (curves) under their names, or under their
-//! numbers where they have none. Elements in the same groups are a region, named after these.
-//! Linear triangles and quadrilaterals in the plane z = const.
+//! A file with volume elements is a mesh of space, one without a mesh of the plane. Physical groups become groups of
+//! regions (surfaces; in space volumes) and boundaries (curves; in space surfaces) under their names, or under their
+//! numbers where they have none. Elements in the same groups are a region, named after these. Linear triangles and
+//! quadrilaterals in the plane z = const, linear tetrahedra, hexahedra and wedges in space.
 
 mod build;
 mod foreign;
@@ -11,7 +12,7 @@ mod reader;
 mod v2;
 mod v4;
 
-use super::{Mesh, MeshError};
+use super::{AnyMesh, MeshError};
 use raw::Raw;
 use reader::Reader;
 use std::path::{Path, PathBuf};
@@ -55,8 +56,8 @@ pub enum GmshError {
     },
 }
 
-/// Reads a mesh; coordinates are multiplied by `scale`.
-pub fn read(path: &Path, scale: f64) -> std::result::Result<Mesh, GmshError> {
+/// Reads a mesh, of the dimension that its elements have; coordinates are multiplied by `scale`.
+pub fn read(path: &Path, scale: f64) -> std::result::Result<AnyMesh, GmshError> {
     let bytes = std::fs::read(path).map_err(|source| GmshError::Io {
         path: path.to_owned(),
         source,
@@ -87,7 +88,7 @@ enum Failure {
 
 type Result<T> = std::result::Result<T, Failure>;
 
-fn parse(bytes: &[u8], scale: f64) -> Result<Mesh> {
+fn parse(bytes: &[u8], scale: f64) -> Result<AnyMesh> {
     let mut reader = Reader::new(bytes);
     let mut raw = Raw::default();
     let mut version = None;

@@ -18,7 +18,7 @@ impl Topology<2> for Kind {
         0.5 * fan.sum::<f64>()
     }
 
-    fn corners(self, x: &[[f64; 2]]) -> impl Iterator<Item = f64> {
+    fn determinants(self, x: &[[f64; 2]]) -> impl Iterator<Item = f64> {
         let corner = |a: usize| x[a % x.len()];
         (0..x.len()).map(move |a| cross(corner(a), corner(a + 1), corner(a + 2)))
     }

@@ -4,19 +4,22 @@ use super::contacts::PairData;
 use super::error::{Entity, Fault, Kind, ModelError, listed};
 use super::loads::{Prescription, StepData, acting, held, region};
 use super::{Definition, Model, Units};
-use crate::contact::{ContactRows, contact_rows};
+use crate::contact::{ContactRows, Space, contact_rows};
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
-use crate::mesh::Mesh;
+use crate::mesh::{Kind as ElementKind, Mesh, Topology};
 use crate::problem::{ContactData, ContactProblem, FreeBody};
 use std::time::Instant;
 
 /// A model that is ready to be solved: the contact problem, and the bodies that it is about.
 #[derive(Debug)]
-pub struct Built {
+pub struct Built<const D: usize = 2>
+where
+    ElementKind: Topology<D>,
+{
     /// The problem with the load of the first step.
-    pub problem: ContactProblem,
+    pub problem: ContactProblem<D>,
     /// What it is about.
-    pub elastic: Elastic,
+    pub elastic: Elastic<D>,
     /// Seconds for K, f and the contact rows.
     pub assembly_seconds: f64,
     /// The part of it for the search and the integrals of the contacts.
@@ -25,25 +28,28 @@ pub struct Built {
 
 /// The elastic side of a problem: what the results are written on.
 #[derive(Debug)]
-pub struct Elastic {
+pub struct Elastic<const D: usize = 2>
+where
+    ElementKind: Topology<D>,
+{
     /// The mesh of all bodies.
-    pub mesh: Mesh,
+    pub mesh: Mesh<D>,
     /// One per region.
     pub materials: Vec<Material>,
-    /// Plane strain or plane stress.
+    /// Plane strain or plane stress; in space plane strain, which has the same moduli.
     pub plane: Plane,
-    /// Thickness in m.
+    /// Thickness in m; 1 in space.
     pub thickness: f64,
     /// The numbering of the unknowns, with the prescribed displacements of the first step.
-    pub unknowns: Unknowns,
+    pub unknowns: Unknowns<D>,
     /// What supports prescribe: node, component, number of the support that does so first.
     pub held: Vec<(u32, usize, usize)>,
     /// The boundary or point of each support.
     pub supports: Vec<String>,
     /// The rows of N and T with their contact nodes.
-    pub contact: ContactRows,
+    pub contact: ContactRows<D>,
     /// The contacts of the model, in its order.
-    pub pairs: Vec<PairData>,
+    pub pairs: Vec<PairData<D>>,
     /// Which pair each row belongs to.
     pub pair_of: Vec<u32>,
     /// What lengths and forces are called.
@@ -51,13 +57,16 @@ pub struct Elastic {
     /// Whether the model says so itself.
     pub units_stated: bool,
     /// What the load of each step follows from.
-    pub(super) definition: Definition,
+    pub(super) definition: Definition<D>,
     pub(super) prescriptions: Vec<Prescription>,
 }
 
-impl Elastic {
+impl<const D: usize> Elastic<D>
+where
+    ElementKind: Topology<D>,
+{
     /// The body as the elasticity functions want it.
-    pub fn body(&self) -> Body<'_> {
+    pub fn body(&self) -> Body<'_, D> {
         Body {
             mesh: &self.mesh,
             materials: &self.materials,
@@ -72,14 +81,17 @@ impl Elastic {
     }
 }
 
-impl Built {
+impl<const D: usize> Built<D>
+where
+    ElementKind: Space<D>,
+{
     /// Number of load steps.
     pub fn n_steps(&self) -> usize {
         self.elastic.n_steps()
     }
 
     /// The load at the end of a step, counted from 0: [`Elastic::step`].
-    pub fn step(&self, step: usize) -> Result<StepData, ModelError> {
+    pub fn step(&self, step: usize) -> Result<StepData<D>, ModelError> {
         self.elastic.step(step)
     }
 
@@ -90,29 +102,38 @@ impl Built {
 }
 
 /// Which body one of [`ContactProblem::free_bodies`] is: its region and a point of it, as far as that is known.
-pub(crate) fn body_name(
-    problem: &ContactProblem,
-    elastic: Option<&Elastic>,
+pub(crate) fn body_name<const D: usize>(
+    problem: &ContactProblem<D>,
+    elastic: Option<&Elastic<D>>,
     number: usize,
-) -> String {
+) -> String
+where
+    ElementKind: Topology<D>,
+{
+    let listed = |point: [f64; D]| point.map(|x| format!("{x:.4e}")).join(", ");
     let free = &problem.free_bodies().bodies()[number];
     let Some(Elastic { mesh, unknowns, .. }) = elastic else {
-        let [x, y] = free.centre();
-        return format!("the body around ({x:.4e}, {y:.4e})");
+        return format!("the body around ({})", listed(free.centre()));
     };
     let node = unknowns.node(free.nodes()[0] as usize);
     let region = (mesh.elements.iter())
         .find(|element| element.nodes().contains(&node))
         .map_or(0, |element| element.region);
-    let [x, y] = mesh.nodes[node as usize];
     format!(
-        "the body with region \"{}\" (at ({x:.4e}, {y:.4e}))",
-        mesh.regions[region as usize]
+        "the body with region \"{}\" (at ({}))",
+        mesh.regions[region as usize],
+        listed(mesh.nodes[node as usize])
     )
 }
 
 /// The bodies that can move as a whole, and how, in words.
-pub(crate) fn free_bodies(problem: &ContactProblem, elastic: Option<&Elastic>) -> Vec<String> {
+pub(crate) fn free_bodies<const D: usize>(
+    problem: &ContactProblem<D>,
+    elastic: Option<&Elastic<D>>,
+) -> Vec<String>
+where
+    ElementKind: Topology<D>,
+{
     let bodies = problem.free_bodies().bodies().iter().enumerate();
     bodies
         .map(|(number, body)| {
@@ -123,20 +144,29 @@ pub(crate) fn free_bodies(problem: &ContactProblem, elastic: Option<&Elastic>) -
 }
 
 /// A body that can move as a whole and has no contact to hold it, in words.
-pub(crate) fn loose_body(problem: &ContactProblem, elastic: Option<&Elastic>) -> Option<String> {
+pub(crate) fn loose_body<const D: usize>(
+    problem: &ContactProblem<D>,
+    elastic: Option<&Elastic<D>>,
+) -> Option<String>
+where
+    ElementKind: Topology<D>,
+{
     let touched = problem.touched();
-    let alone = |body: &FreeBody| !body.nodes().iter().any(|&node| touched[node as usize]);
+    let alone = |body: &FreeBody<D>| !body.nodes().iter().any(|&node| touched[node as usize]);
     let number = problem.free_bodies().bodies().iter().position(alone)?;
     let freedom = free_bodies(problem, elastic).swap_remove(number);
     Some(format!("{freedom}, and it has no contact to hold it"))
 }
 
-impl Model {
+impl<const D: usize> Model<D>
+where
+    ElementKind: Space<D>,
+{
     /// Checks the model and assembles its contact problem.
     ///
     /// # Errors
     /// If the model cannot be meant: the error names the part at fault.
-    pub fn build(self) -> Result<Built, ModelError> {
+    pub fn build(self) -> Result<Built<D>, ModelError> {
         let start = Instant::now();
         let Self { mesh, definition } = self;
         definition.check()?;
@@ -197,12 +227,15 @@ impl Model {
 }
 
 /// The contact problem under the nodal forces and prescribed displacements of the first step.
-fn problem(
-    body: &Body,
-    unknowns: &Unknowns,
-    forces: &[[f64; 2]],
-    contact: &ContactRows,
-) -> Result<ContactProblem, ModelError> {
+fn problem<const D: usize>(
+    body: &Body<D>,
+    unknowns: &Unknowns<D>,
+    forces: &[[f64; D]],
+    contact: &ContactRows<D>,
+) -> Result<ContactProblem<D>, ModelError>
+where
+    ElementKind: Space<D>,
+{
     let (stiffness, load) = assemble(body, unknowns, forces);
     let failed = |error| Entity::all(Kind::Model).error(Fault::Problem(error));
     // A prescribed motion may have closed a gap: only that of the geometry must not be negative.
@@ -217,7 +250,7 @@ fn problem(
     })
     .map_err(failed)?
     .with_free_unknowns(unknowns.n_free());
-    let zero = vec![0.0; problem.m()];
+    let zero = vec![0.0; (D - 1) * problem.m()];
     Ok(problem
         .with_areas(contact.nodes.iter().map(|node| node.area).collect())
         .map_err(failed)?
@@ -232,9 +265,12 @@ fn problem(
         .with_acting_forces(acting(forces)))
 }
 
-impl Definition {
+impl<const D: usize> Definition<D>
+where
+    ElementKind: Topology<D>,
+{
     /// The material of each region.
-    fn materials(&self, mesh: &Mesh) -> Result<Vec<Material>, ModelError> {
+    fn materials(&self, mesh: &Mesh<D>) -> Result<Vec<Material>, ModelError> {
         // With the name that has brought it.
         let mut found: Vec<Option<(Material, &str)>> = vec![None; mesh.regions.len()];
         for (number, (region_name, material)) in self.materials.iter().enumerate() {
@@ -257,8 +293,9 @@ impl Definition {
                     }
                     Some((old, other)) if old != *material => format!(
                         "regions \"{other}\" and \"{name}\" overlap: \"{}\" would have two materials; give both the \
-                         same, or groups that share no surface",
-                        mesh.regions[region as usize]
+                         same, or groups that share no {}",
+                        mesh.regions[region as usize],
+                        if D == 2 { "surface" } else { "volume" }
                     ),
                     _ => continue,
                 };

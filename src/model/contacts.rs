@@ -2,29 +2,32 @@
 
 use super::entities::{Against, Law};
 use super::error::{Entity, Fault, Kind, ModelError};
-use super::loads::{Prescription, held, outer_edges};
+use super::loads::{Prescription, held, outer_facets};
 use super::{Definition, Pair, Units};
 use crate::contact::{
-    ContactError, ContactNode, ContactRows, Friction, Obstacle, PairOptions, mortar_contact,
+    BodyContact, ContactError, ContactNode, ContactRows, Friction, Obstacle, PairOptions, Space,
     obstacle_contact,
 };
 use crate::elasticity::{Body, Unknowns};
-use crate::mesh::Mesh;
+use crate::mesh::{Facet, Kind as ElementKind, Mesh, Topology, facet_nodes};
 use std::collections::HashSet;
 
 /// A contact as it was understood.
 #[derive(Clone, Debug)]
-pub struct PairData {
+pub struct PairData<const D: usize = 2>
+where
+    ElementKind: Topology<D>,
+{
     /// The boundary that carries the multipliers; several in one text.
     pub boundary: String,
-    /// Its edges.
-    pub edges: Vec<[u32; 2]>,
+    /// Its facets.
+    pub facets: Vec<Facet<D>>,
     /// Those of the other boundary; none for an obstacle.
-    pub others: Vec<[u32; 2]>,
+    pub others: Vec<Facet<D>>,
     /// The other boundary, or what kind of obstacle.
     pub against: String,
     /// The obstacle, where there is no other boundary.
-    pub obstacle: Option<Obstacle>,
+    pub obstacle: Option<Obstacle<D>>,
     /// The law and its figure.
     pub friction: String,
     /// Whether that is Tresca's.
@@ -44,18 +47,26 @@ pub struct PairData {
 }
 
 /// The contact nodes of all pairs, before supports.
-#[derive(Default)]
-pub(super) struct Candidates {
-    pub(super) nodes: Vec<ContactNode>,
+pub(super) struct Candidates<const D: usize>
+where
+    ElementKind: Topology<D>,
+{
+    pub(super) nodes: Vec<ContactNode<D>>,
     /// Which pair each belongs to.
     pub(super) pair_of: Vec<u32>,
-    pub(super) pairs: Vec<PairData>,
+    pub(super) pairs: Vec<PairData<D>>,
 }
 
-impl Pair {
-    /// Its contact nodes and what is known of it so far.
-    fn find(&self, body: &Body, units: &Units) -> Result<(Vec<ContactNode>, PairData), Fault> {
-        let edges = outer_edges(body.mesh, self.boundary.all())?;
+/// The contact nodes of a pair, and what is known of it so far.
+type Found<const D: usize> = (Vec<ContactNode<D>>, PairData<D>);
+
+impl<const D: usize> Pair<D>
+where
+    ElementKind: Space<D>,
+{
+    /// Looks for its contact nodes.
+    fn find(&self, body: &Body<D>, units: &Units) -> Result<Found<D>, Fault> {
+        let facets = outer_facets(body.mesh, self.boundary.all())?;
         let law = |x| match &self.law {
             Law::None => 0.0,
             Law::Tresca(figure) | Law::Coulomb(figure) => figure.at(x),
@@ -74,23 +85,24 @@ impl Pair {
         let mut others = Vec::new();
         let (found, against, search_distance) = match &self.against {
             Against::Boundary(names) => {
-                others = outer_edges(body.mesh, names.all())?;
-                let distance = options.distance_between(body, &edges, &others);
+                others = outer_facets(body.mesh, names.all())?;
+                let distance = options.distance_between(body, &facets, &others);
                 options.search_distance = Some(distance);
-                let found = mortar_contact(body, &edges, &others, &options);
+                let found =
+                    <ElementKind as BodyContact<D>>::body_contact(body, &facets, &others, &options);
                 (found, names.to_string(), distance)
             }
             Against::Obstacle(obstacle) => {
                 let name = format!("rigid {}", obstacle.name());
-                let distance = options.distance_to(body, &edges, obstacle);
+                let distance = options.distance_to(body, &facets, obstacle);
                 options.search_distance = Some(distance);
-                let found = obstacle_contact(body, &edges, obstacle, &options);
+                let found = obstacle_contact(body, &facets, obstacle, &options);
                 (found, name, distance)
             }
         };
         let data = PairData {
             boundary: self.boundary.to_string(),
-            edges,
+            facets,
             others,
             against,
             obstacle: match self.against {
@@ -110,11 +122,18 @@ impl Pair {
     }
 }
 
-impl Definition {
+impl<const D: usize> Definition<D>
+where
+    ElementKind: Space<D>,
+{
     /// The contact nodes of all contacts.
-    pub(super) fn candidates(&self, body: &Body) -> Result<Candidates, ModelError> {
+    pub(super) fn candidates(&self, body: &Body<D>) -> Result<Candidates<D>, ModelError> {
         let units = self.units();
-        let mut all = Candidates::default();
+        let mut all = Candidates {
+            nodes: Vec::new(),
+            pair_of: Vec::new(),
+            pairs: Vec::new(),
+        };
         for (number, pair) in self.pairs.iter().enumerate() {
             let found = pair.find(body, &units);
             let (nodes, data) = found.map_err(|fault| pair.entity(number).error(fault))?;
@@ -128,9 +147,9 @@ impl Definition {
     /// Completes what is said of the contacts with the nodes that are left of them.
     pub(super) fn count_nodes(
         &self,
-        contact: &ContactRows,
+        contact: &ContactRows<D>,
         pair_of: &[u32],
-        pairs: &mut [PairData],
+        pairs: &mut [PairData<D>],
     ) -> Result<(), ModelError> {
         for (i, (node, &pair)) in contact.nodes.iter().zip(pair_of).enumerate() {
             let pair = &mut pairs[pair as usize];
@@ -147,10 +166,11 @@ impl Definition {
             }
             let pair = pair as usize;
             let node = contact.nodes[i].node;
-            let here = &pairs[pair].edges;
+            let here = &pairs[pair].facets;
             let shared = (pairs.iter().enumerate()).any(|(other, there)| {
-                let mut common = there.edges.iter().filter(|edge| here.contains(edge));
-                other != pair && common.any(|edge| edge.contains(&node))
+                let of_node = |facet: &&Facet<D>| facet_nodes(facet).contains(&node);
+                let mut common = there.facets.iter().filter(of_node);
+                other != pair && common.any(|facet| here.contains(facet))
             });
             if shared {
                 return Err(self.pairs[pair].entity(pair).error(
@@ -171,10 +191,10 @@ impl Definition {
     /// contradict each other, or drive nodes without any freedom into what they meet.
     pub(super) fn foresee(
         &self,
-        mesh: &Mesh,
+        mesh: &Mesh<D>,
         prescriptions: &[Prescription],
-        first: &Unknowns,
-        contact: &ContactRows,
+        first: &Unknowns<D>,
+        contact: &ContactRows<D>,
     ) -> Result<(), ModelError> {
         let mut seen = HashSet::new();
         for step in 0..self.n_steps() {

@@ -3,6 +3,7 @@
 use super::error::{Entity, Kind};
 use super::{Quantity, Units};
 use crate::contact::Obstacle;
+use crate::mesh::vector::length;
 use std::fmt;
 
 /// The name of a boundary, or several that count as one.
@@ -60,6 +61,47 @@ impl fmt::Display for Names {
 /// What the components of a vector are called.
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 
+/// What supports, tractions and body forces have in common: a quantity along each axis, and load factors.
+macro_rules! along_axes {
+    ($part:ident, $what:literal, $unit:literal) => {
+        impl<const D: usize> $part<D> {
+            #[doc = concat!("The ", $what, " along x, in ", $unit, ".")]
+            pub fn x(self, value: impl Into<Quantity<D>>) -> Self {
+                self.along(0, value)
+            }
+
+            #[doc = concat!("The ", $what, " along y, in ", $unit, ".")]
+            pub fn y(self, value: impl Into<Quantity<D>>) -> Self {
+                self.along(1, value)
+            }
+
+            /// Load factors of its own, one per step.
+            pub fn factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
+                self.factors = Some(factors.into());
+                self
+            }
+
+            /// The same along any axis, which has to be one of D.
+            pub(crate) fn along(mut self, axis: usize, value: impl Into<Quantity<D>>) -> Self {
+                self.components[axis] = Some(value.into());
+                self
+            }
+        }
+
+        /// Space.
+        impl $part<3> {
+            #[doc = concat!("The ", $what, " along z, in ", $unit, ".")]
+            pub fn z(self, value: impl Into<Quantity<3>>) -> Self {
+                self.along(2, value)
+            }
+        }
+    };
+}
+
+along_axes!(Support, "displacement", "m");
+along_axes!(Traction, "force per area", "Pa");
+along_axes!(BodyForce, "force per volume", "N/m³");
+
 /// Prescribed displacements on boundaries or at a point. What is not stated is free.
 #[derive(Clone, Debug)]
 pub struct Support<const D: usize = 2> {
@@ -102,30 +144,9 @@ impl<const D: usize> Support<D> {
         self
     }
 
-    /// The displacement u_x in m.
-    pub fn x(self, value: impl Into<Quantity<D>>) -> Self {
-        self.component(0, value)
-    }
-
-    /// The displacement u_y in m.
-    pub fn y(self, value: impl Into<Quantity<D>>) -> Self {
-        self.component(1, value)
-    }
-
-    fn component(mut self, c: usize, value: impl Into<Quantity<D>>) -> Self {
-        self.components[c] = Some(value.into());
-        self
-    }
-
-    /// No displacement across each of the boundaries, which have to be parallel to an axis.
+    /// No displacement across each of the boundaries, which have to be parallel to an axis; in space, to two.
     pub fn symmetry(mut self) -> Self {
         self.symmetry = true;
-        self
-    }
-
-    /// Load factors of its own, one per step.
-    pub fn factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
-        self.factors = Some(factors.into());
         self
     }
 
@@ -166,18 +187,26 @@ impl<const D: usize> Support<D> {
         let stated = self.components.iter().any(Option::is_some);
         match &self.place {
             Place::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),
-            Place::Point(_) if self.symmetry => Some(ALONE),
-            _ if self.symmetry && stated => Some(ALONE),
-            _ if !self.symmetry && !stated => {
-                Some("a support needs x, y or symmetry: it holds nothing")
-            }
+            Place::Point(_) if self.symmetry => Some(alone::<D>()),
+            _ if self.symmetry && stated => Some(alone::<D>()),
+            _ if !self.symmetry && !stated => Some(match D {
+                2 => "a support needs x, y or symmetry: it holds nothing",
+                _ => "a support needs x, y, z or symmetry: it holds nothing",
+            }),
             _ => None,
         }
     }
 }
 
 const NO_BOUNDARY: &str = "a list of boundaries is empty: name at least one";
-const ALONE: &str = "symmetry stands alone with a boundary: leave out x, y and point";
+
+/// What symmetry cannot stand with.
+fn alone<const D: usize>() -> &'static str {
+    match D {
+        2 => "symmetry stands alone with a boundary: leave out x, y and point",
+        _ => "symmetry stands alone with a boundary: leave out x, y, z and point",
+    }
+}
 
 /// Forces on boundaries.
 #[derive(Clone, Debug)]
@@ -199,27 +228,9 @@ impl<const D: usize> Traction<D> {
         }
     }
 
-    /// In Pa.
-    pub fn x(mut self, value: impl Into<Quantity<D>>) -> Self {
-        self.components[0] = Some(value.into());
-        self
-    }
-
-    /// In Pa.
-    pub fn y(mut self, value: impl Into<Quantity<D>>) -> Self {
-        self.components[1] = Some(value.into());
-        self
-    }
-
     /// In Pa, against the outward normal.
     pub fn pressure(mut self, value: impl Into<Quantity<D>>) -> Self {
         self.pressure = Some(value.into());
-        self
-    }
-
-    /// Load factors of its own, one per step.
-    pub fn factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
-        self.factors = Some(factors.into());
         self
     }
 
@@ -231,7 +242,10 @@ impl<const D: usize> Traction<D> {
         let stated = self.components.iter().chain([&self.pressure]);
         match () {
             () if self.boundary.all().is_empty() => Some(NO_BOUNDARY),
-            () if stated.flatten().next().is_none() => Some("a traction needs x, y or pressure"),
+            () if stated.flatten().next().is_none() => Some(match D {
+                2 => "a traction needs x, y or pressure",
+                _ => "a traction needs x, y, z or pressure",
+            }),
             () => None,
         }
     }
@@ -264,24 +278,6 @@ impl<const D: usize> BodyForce<D> {
         Self::new(Some(region.to_owned()))
     }
 
-    /// In N/m³.
-    pub fn x(mut self, value: impl Into<Quantity<D>>) -> Self {
-        self.components[0] = Some(value.into());
-        self
-    }
-
-    /// In N/m³.
-    pub fn y(mut self, value: impl Into<Quantity<D>>) -> Self {
-        self.components[1] = Some(value.into());
-        self
-    }
-
-    /// Load factors of its own, one per step.
-    pub fn factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
-        self.factors = Some(factors.into());
-        self
-    }
-
     pub(super) fn entity(&self, number: usize) -> Entity {
         let place = (self.region.as_ref()).map_or(String::new(), |name| format!("in \"{name}\""));
         Entity::one(Kind::BodyForce, number, place)
@@ -289,38 +285,41 @@ impl<const D: usize> BodyForce<D> {
 
     pub(super) fn fault(&self) -> Option<&'static str> {
         let stated = self.components.iter().any(Option::is_some);
-        (!stated).then_some("a body force needs x or y")
+        (!stated).then_some(match D {
+            2 => "a body force needs x or y",
+            _ => "a body force needs x, y or z",
+        })
     }
 }
 
 /// A contact of boundaries with others, or with a rigid obstacle; without friction if no law is stated.
 #[derive(Clone, Debug)]
-pub struct Pair {
+pub struct Pair<const D: usize = 2> {
     pub(super) boundary: Names,
-    pub(super) against: Against,
-    pub(super) law: Law,
-    pub(super) gap: Option<Quantity>,
+    pub(super) against: Against<D>,
+    pub(super) law: Law<D>,
+    pub(super) gap: Option<Quantity<D>>,
     pub(super) adjust: f64,
     pub(super) search_distance: Option<f64>,
 }
 
 /// What a boundary may touch.
 #[derive(Clone, Debug)]
-pub(super) enum Against {
+pub(super) enum Against<const D: usize> {
     Boundary(Names),
-    Obstacle(Obstacle),
+    Obstacle(Obstacle<D>),
 }
 
 /// The law of friction of a contact.
 #[derive(Clone, Debug)]
-pub(super) enum Law {
+pub(super) enum Law<const D: usize> {
     None,
-    Tresca(Quantity),
-    Coulomb(Quantity),
+    Tresca(Quantity<D>),
+    Coulomb(Quantity<D>),
 }
 
-impl Pair {
-    fn with(boundary: Names, against: Against) -> Self {
+impl<const D: usize> Pair<D> {
+    fn with(boundary: Names, against: Against<D>) -> Self {
         Self {
             boundary,
             against,
@@ -338,24 +337,24 @@ impl Pair {
     }
 
     /// The boundary of a body, or several that count as one, and a rigid obstacle.
-    pub fn obstacle(boundary: impl Into<Names>, obstacle: Obstacle) -> Self {
+    pub fn obstacle(boundary: impl Into<Names>, obstacle: Obstacle<D>) -> Self {
         Self::with(boundary.into(), Against::Obstacle(obstacle))
     }
 
     /// Coulomb's law with this coefficient of friction.
-    pub fn coulomb(mut self, coefficient: impl Into<Quantity>) -> Self {
+    pub fn coulomb(mut self, coefficient: impl Into<Quantity<D>>) -> Self {
         self.law = Law::Coulomb(coefficient.into());
         self
     }
 
     /// Tresca's law with this bound of the tangential traction, in Pa.
-    pub fn tresca(mut self, bound: impl Into<Quantity>) -> Self {
+    pub fn tresca(mut self, bound: impl Into<Quantity<D>>) -> Self {
         self.law = Law::Tresca(bound.into());
         self
     }
 
     /// The initial gap in m, instead of the distance of the meshes.
-    pub fn gap(mut self, gap: impl Into<Quantity>) -> Self {
+    pub fn gap(mut self, gap: impl Into<Quantity<D>>) -> Self {
         self.gap = Some(gap.into());
         self
     }
@@ -388,7 +387,6 @@ impl Pair {
 
     pub(super) fn fault(&self) -> Option<&'static str> {
         let distance = |value: f64| value >= 0.0 && value.is_finite();
-        let finite = |point: [f64; 2]| point.iter().all(|v| v.is_finite());
         if self.boundary.all().is_empty() {
             return Some(NO_BOUNDARY);
         }
@@ -402,17 +400,7 @@ impl Pair {
                  that share no node",
             ),
             Against::Boundary(_) => None,
-            &Against::Obstacle(Obstacle::HalfPlane { point, normal }) => {
-                let length = normal[0].hypot(normal[1]);
-                (!finite(point) || !(length > 0.0 && length.is_finite()))
-                    .then_some("half_plane needs a finite point and a normal that is not zero")
-            }
-            &Against::Obstacle(Obstacle::Circle { center, radius }) => (!finite(center)
-                || !(radius > 0.0 && radius.is_finite()))
-            .then_some("circle needs a finite center and a positive radius"),
-            Against::Obstacle(Obstacle::Cylinder { .. }) => {
-                Some("a cylinder is an obstacle in space")
-            }
+            Against::Obstacle(obstacle) => obstacle_fault(obstacle),
         }
     }
 
@@ -424,5 +412,31 @@ impl Pair {
             }
             _ => false,
         }
+    }
+}
+
+/// What of an obstacle has no shape, in the words of its dimension.
+fn obstacle_fault<const D: usize>(obstacle: &Obstacle<D>) -> Option<&'static str> {
+    let finite = |point: &[f64; D]| point.iter().all(|v| v.is_finite());
+    let positive = |value: f64| value > 0.0 && value.is_finite();
+    match obstacle {
+        Obstacle::HalfPlane { point, normal } => (!finite(point) || !positive(length(*normal)))
+            .then_some(match D {
+                2 => "half_plane needs a finite point and a normal that is not zero",
+                _ => "half_space needs a finite point and a normal that is not zero",
+            }),
+        Obstacle::Circle { center, radius } => {
+            (!finite(center) || !positive(*radius)).then_some(match D {
+                2 => "circle needs a finite center and a positive radius",
+                _ => "sphere needs a finite center and a positive radius",
+            })
+        }
+        Obstacle::Cylinder {
+            point,
+            axis,
+            radius,
+        } => (!finite(point) || !positive(length(*axis)) || !positive(*radius)).then_some(
+            "cylinder needs a finite point, an axis that is not zero and a positive radius",
+        ),
     }
 }

@@ -56,12 +56,14 @@ pub enum Kind {
 #[derive(Debug, thiserror::Error)]
 pub enum Fault {
     /// The mesh has no such boundary.
-    #[error("there is no boundary \"{name}\"{}", boundaries(name, known))]
+    #[error("there is no boundary \"{name}\"{}", boundaries(name, known, *dimension))]
     NoBoundary {
         /// The name that was stated.
         name: String,
         /// The boundaries of the mesh.
         known: Vec<String>,
+        /// That of the mesh: 2 or 3.
+        dimension: usize,
     },
     /// The mesh has no such region.
     #[error(
@@ -152,17 +154,22 @@ impl fmt::Display for Entity {
 }
 
 /// What the mesh has instead of a boundary.
-fn boundaries(name: &str, known: &[String]) -> String {
+fn boundaries(name: &str, known: &[String], dimension: usize) -> String {
     if known.is_empty() {
-        return without_curves(name);
+        return without_boundaries(name, dimension);
     }
     format!("; the mesh has {}{}", listed(known), meant(name, known))
 }
 
 /// What to do about a mesh, or a part of one, without any boundary.
-pub(crate) fn without_curves(name: &str) -> String {
+pub(crate) fn without_boundaries(name: &str, dimension: usize) -> String {
+    let (several, one) = match dimension {
+        2 => ("curves", "Curve"),
+        _ => ("surfaces", "Surface"),
+    };
     format!(
-        ": the mesh file has no physical curves; add Physical Curve(\"{name}\") = {{…}}; in Gmsh and save the mesh again"
+        ": the mesh file has no physical {several}; add Physical {one}(\"{name}\") = {{…}}; in Gmsh and save the mesh \
+         again"
     )
 }
 

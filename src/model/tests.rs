@@ -1,3 +1,5 @@
+mod space;
+
 use super::*;
 use crate::case::{Build, Case};
 use crate::contact::Obstacle;
@@ -67,7 +69,7 @@ fn same(model: Model, text: &str) {
     assert_eq!(a.gap(), b.gap());
     assert_eq!(a.slip_bound(), b.slip_bound());
     assert_eq!(a.friction_coefficient(), b.friction_coefficient());
-    assert_eq!(a.measures(), b.measures());
+    assert_eq!(a.areas(), b.areas());
     assert_eq!(a.n_free(), b.n_free());
     assert_eq!(built.free_bodies(), build.free_bodies());
     let there = build.elastic.as_ref().expect("an elastic case");

@@ -43,7 +43,7 @@ impl Units {
     }
 
     /// What is wrong with the labels, if anything.
-    pub(super) fn fault(&self) -> Option<String> {
+    pub(crate) fn fault(&self) -> Option<String> {
         [("length", &self.length), ("force", &self.force)]
             .into_iter()
             .find(|(_, label)| {

@@ -2,24 +2,29 @@
 
 use super::put;
 use crate::case::Build;
+use crate::contact::Space;
 use crate::elasticity::{Stress, stresses};
+use crate::mesh::{Kind, Topology};
 use crate::model::{Elastic, StepData};
 use crate::quasistatic::StepSolution;
 use crate::ssnm::Sets;
 
 /// Displacements and stresses at the end of a step, in the units of the case.
-pub struct StepFields {
+pub struct StepFields<const D: usize = 2> {
     /// Of every node.
-    pub displacement: Vec<[f64; 2]>,
+    pub displacement: Vec<[f64; D]>,
     /// Stresses at the nodes.
     pub at_nodes: Vec<Stress>,
     /// Stresses in the middle of the elements.
     pub in_elements: Vec<Stress>,
 }
 
-impl StepFields {
+impl<const D: usize> StepFields<D>
+where
+    Kind: Space<D>,
+{
     /// From a solution.
-    pub fn new(elastic: &Elastic, data: &StepData, solution: &StepSolution) -> Self {
+    pub fn new(elastic: &Elastic<D>, data: &StepData<D>, solution: &StepSolution<D>) -> Self {
         let displacement = data.unknowns.displacements(&solution.u);
         let (at_nodes, in_elements) = stresses(&elastic.body(), &displacement);
         Self {
@@ -55,27 +60,38 @@ impl NodeStatus {
     }
 }
 
-/// What happens at the m contact nodes, in the units of the case. Tangential fields have one component per node in
-/// the plane; those of several tangents of a node stand side by side.
-pub struct ContactFields {
+/// What happens at the m contact nodes, in the units of the case. Tangential fields have a component per node in the
+/// plane; in space those along the two tangents of a node stand side by side.
+pub struct ContactFields<const D: usize = 2> {
     /// Gap after loading, d − Nu, length m.
     pub gap: Vec<f64>,
     /// Contact pressure λν / area, ≥ 0, length m.
     pub pressure: Vec<f64>,
-    /// Traction on the body along the tangent (ν turned counter-clockwise): −λτ / area.
+    /// Traction on the body along the tangents of [`crate::contact::ContactNode::frame`] (in the plane ν turned
+    /// counter-clockwise): −λτ / area, length (D − 1) m.
     pub traction: Vec<f64>,
     /// The slip bound g / area that the traction obeys, length m.
     pub bound: Vec<f64>,
-    /// Displacement along the tangent relative to the other side, Tu.
+    /// Displacement along the tangents relative to the other side, Tu, length (D − 1) m.
     pub slip: Vec<f64>,
+    /// ν and the tangents of each node.
+    frames: Vec<[[f64; D]; D]>,
     /// Whether a law of friction acts on the node.
     has_friction: Vec<bool>,
-    sets: Sets,
+    sets: Sets<D>,
 }
 
-impl ContactFields {
+impl<const D: usize> ContactFields<D>
+where
+    Kind: Topology<D>,
+{
     /// At the end of a step.
-    pub fn new(build: &Build, elastic: &Elastic, data: &StepData, solution: &StepSolution) -> Self {
+    pub fn new(
+        build: &Build<D>,
+        elastic: &Elastic<D>,
+        data: &StepData<D>,
+        solution: &StepSolution<D>,
+    ) -> Self {
         let m = build.problem.m();
         let (normal, tangential) = solution.lambda.split_at(m);
         let (mut gap, mut slip) = (vec![0.0; m], vec![0.0; tangential.len()]);
@@ -87,16 +103,34 @@ impl ContactFields {
         for (slip, of_supports) in slip.iter_mut().zip(&data.load.slide) {
             *slip += of_supports;
         }
-        let areas: Vec<f64> = elastic.contact.nodes.iter().map(|node| node.area).collect();
+        let nodes = &elastic.contact.nodes;
+        let areas: Vec<f64> = nodes.iter().map(|node| node.area).collect();
         Self {
             gap,
             pressure: per_area(normal, &areas, 1.0),
             traction: per_area(tangential, &areas, -1.0),
             bound: per_area(&solution.slip_bound, &areas, 1.0),
             slip,
+            frames: nodes.iter().map(|node| node.frame).collect(),
             has_friction: (0..m).map(|i| build.problem.has_friction(i)).collect(),
             sets: solution.sets.clone(),
         }
+    }
+
+    /// The traction on the body at contact node i, normal and tangential part, along the axes.
+    pub fn traction_vectors(&self, i: usize) -> [[f64; D]; 2] {
+        let (normal, tangents) = (self.frames[i][0], &self.frames[i][1..]);
+        let along = &self.traction[(D - 1) * i..][..D - 1];
+        // + 0.0 turns −0 into 0.
+        let pressed = normal.map(|v| -self.pressure[i] * v + 0.0);
+        let rubbed = std::array::from_fn(|c| {
+            let parts = tangents.iter().zip(along);
+            parts
+                .map(|(tangent, along)| along * tangent[c])
+                .sum::<f64>()
+                + 0.0
+        });
+        [pressed, rubbed]
     }
 
     /// The state of contact node i.
@@ -118,43 +152,62 @@ impl ContactFields {
         self.has_friction.contains(&true)
     }
 
-    /// `contact.csv`, in the order of the contacts, of the nodes along x, then y.
-    pub(super) fn csv(&self, elastic: &Elastic) -> String {
+    /// `contact.csv`, in the order of the contacts, of the nodes along x, then y, then z.
+    pub(super) fn csv(&self, elastic: &Elastic<D>) -> String {
         let place = |i: usize| elastic.mesh.nodes[elastic.contact.nodes[i].node as usize];
         let mut order: Vec<usize> = (0..self.gap.len()).collect();
         order.sort_by(|&a, &b| {
-            let (p, q) = (place(a), place(b));
             let pairs = elastic.pair_of[a].cmp(&elastic.pair_of[b]);
-            pairs
-                .then(p[0].total_cmp(&q[0]))
-                .then(p[1].total_cmp(&q[1]))
+            let places = place(a).into_iter().zip(place(b));
+            places.fold(pairs, |order, (p, q)| order.then(p.total_cmp(&q)))
         });
-        let (length, stress) = if elastic.units_stated {
-            let (length, stress) = (&elastic.units.length, elastic.units.stress());
-            (format!(" [{length}]"), format!(" [{stress}]"))
-        } else {
-            Default::default()
-        };
-        let mut text = format!(
-            "x{length},y{length},gap{length},normal_pressure{stress},tangential_traction{stress},slip{length},\
-             status,contact\n"
-        );
+        let mut text = self.head(elastic);
         for i in order {
-            let [x, y] = place(i);
+            let along = (D - 1) * i..(D - 1) * (i + 1);
+            let numbers = (place(i).into_iter())
+                .chain([self.gap[i], self.pressure[i]])
+                .chain(self.traction[along.clone()].iter().copied())
+                .chain(self.slip[along].iter().copied());
+            let numbers: Vec<String> = numbers.map(|value| format!("{value:e}")).collect();
+            let [pressed, rubbed] = self.traction_vectors(i);
+            let vector: String = match D {
+                2 => String::new(),
+                _ => (pressed.iter().zip(rubbed))
+                    .map(|(p, t)| format!(",{:e}", p + t))
+                    .collect(),
+            };
             put(
                 &mut text,
                 format_args!(
-                    "{x:e},{y:e},{:e},{:e},{:e},{:e},{},{}",
-                    self.gap[i],
-                    self.pressure[i],
-                    self.traction[i],
-                    self.slip[i],
+                    "{},{},{}{vector}",
+                    numbers.join(","),
                     self.status(i).name(),
                     csv_text(&elastic.pairs[elastic.pair_of[i] as usize].boundary)
                 ),
             );
         }
         text
+    }
+
+    /// The first line of `contact.csv`. In space there are two tangents, and the whole traction along the axes.
+    fn head(&self, elastic: &Elastic<D>) -> String {
+        let (length, stress) = if elastic.units_stated {
+            let (length, stress) = (&elastic.units.length, elastic.units.stress());
+            (format!(" [{length}]"), format!(" [{stress}]"))
+        } else {
+            Default::default()
+        };
+        match D {
+            2 => format!(
+                "x{length},y{length},gap{length},normal_pressure{stress},tangential_traction{stress},slip{length},\
+                 status,contact\n"
+            ),
+            _ => format!(
+                "x{length},y{length},z{length},gap{length},normal_pressure{stress},tangential_traction_1{stress},\
+                 tangential_traction_2{stress},slip_1{length},slip_2{length},status,contact,traction_x{stress},\
+                 traction_y{stress},traction_z{stress}\n"
+            ),
+        }
     }
 }
 

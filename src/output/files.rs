@@ -2,7 +2,9 @@
 
 use super::{ContactFields, Report, StepFields, StepReport, put, vtu};
 use crate::case::Build;
+use crate::contact::Space;
 use crate::matrix_market::vector_text;
+use crate::mesh::Kind;
 use crate::model::StepData;
 use crate::quasistatic::StepSolution;
 use std::path::{Path, PathBuf};
@@ -68,13 +70,16 @@ pub(super) fn write(
 
 /// Writes the fields of a step into `directory` (made if need be); returns the files. `number` is that of the
 /// step where there are several, and goes into the names.
-pub fn write_solution(
+pub fn write_solution<const D: usize>(
     directory: &Path,
-    build: &Build,
-    data: Option<&StepData>,
-    solution: &StepSolution,
+    build: &Build<D>,
+    data: Option<&StepData<D>>,
+    solution: &StepSolution<D>,
     number: Option<usize>,
-) -> Result<Vec<PathBuf>, OutputError> {
+) -> Result<Vec<PathBuf>, OutputError>
+where
+    Kind: Space<D>,
+{
     if let (Some(elastic), Some(data)) = (&build.elastic, data) {
         let contact = ContactFields::new(build, elastic, data, solution);
         let grid = vtu::text(elastic, &StepFields::new(elastic, data, solution), &contact);

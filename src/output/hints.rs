@@ -1,6 +1,9 @@
 //! What the figures of a step suggest to look at: nothing here is an error.
 
 use super::{ContactFields, ContactReport, NodeStatus};
+use crate::contact::Space;
+use crate::mesh::vector::{length, minus};
+use crate::mesh::{Kind, facet_nodes};
 use crate::model::{Elastic, StepData};
 use crate::quasistatic::StepSolution;
 
@@ -11,18 +14,21 @@ const RESOLVED: usize = 5;
 const CORNERS: usize = 2;
 
 /// In the order of the contacts.
-pub(super) fn hints(
-    elastic: &Elastic,
-    data: &StepData,
-    solution: &StepSolution,
-    fields: &ContactFields,
+pub(super) fn hints<const D: usize>(
+    elastic: &Elastic<D>,
+    data: &StepData<D>,
+    solution: &StepSolution<D>,
+    fields: &ContactFields<D>,
     contacts: &[ContactReport],
-) -> Vec<String> {
+) -> Vec<String>
+where
+    Kind: Space<D>,
+{
     let mut hints = Vec::new();
-    let length = &elastic.units.length;
+    let unit = &elastic.units.length;
     let displacement = data.unknowns.displacements(&solution.u);
     let (low, high) = elastic.mesh.bounding_box();
-    let size = (high[0] - low[0]).hypot(high[1] - low[1]);
+    let size = length(minus(high, low));
     let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));
     for (number, (pair, contact)) in elastic.pairs.iter().zip(contacts).enumerate() {
         let name = format!("contact {} / {}", pair.boundary, pair.against);
@@ -31,7 +37,7 @@ pub(super) fn hints(
         if touching == 0 {
             let least = rows().map(|i| fields.gap[i]).fold(f64::INFINITY, f64::min);
             hints.push(if least > 1e-12 * size {
-                format!("{name}: no node touches; the least gap left is {least:.3e} {length}")
+                format!("{name}: no node touches; the least gap left is {least:.3e} {unit}")
             } else {
                 format!("{name}: nothing is pressed, though some of it touches")
             });
@@ -69,7 +75,7 @@ pub(super) fn hints(
                     .count();
                 if late > 0 && pair.tresca {
                     hints.push(format!(
-                        "{name}: {late} nodes touch that were farther away than the search distance {:.3e} {length}, \
+                        "{name}: {late} nodes touch that were farther away than the search distance {:.3e} {unit}, \
                          and get no friction: state search_distance",
                         pair.search_distance
                     ));
@@ -77,14 +83,15 @@ pub(super) fn hints(
             }
             None => {
                 // Both sides moving together do not come closer.
-                let both = (pair.edges.iter().chain(&pair.others).flatten())
+                let both = (pair.facets.iter().chain(&pair.others))
+                    .flat_map(facet_nodes)
                     .map(|&node| displacement[node as usize]);
                 let (low, high) = crate::mesh::bounds(both);
-                let apart = (high[0] - low[0]).hypot(high[1] - low[1]);
+                let apart = length(minus(high, low));
                 if apart > pair.search_distance {
                     hints.push(format!(
-                        "{name}: its sides move by up to {apart:.3e} {length} against each other, more than the search \
-                         distance {:.3e} {length}: what was farther apart has not been looked at; state search_distance",
+                        "{name}: its sides move by up to {apart:.3e} {unit} against each other, more than the search \
+                         distance {:.3e} {unit}: what was farther apart has not been looked at; state search_distance",
                         pair.search_distance
                     ));
                 }

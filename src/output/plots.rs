@@ -9,6 +9,8 @@ mod raster;
 use super::files::write;
 use super::{ContactFields, OutputError, Report, StepFields};
 use crate::case::Build;
+use crate::contact::Space;
+use crate::mesh::Kind;
 use crate::model::StepData;
 use crate::quasistatic::StepSolution;
 use std::path::{Path, PathBuf};
@@ -26,9 +28,57 @@ pub struct Picture {
     pub svg: String,
 }
 
-/// The pictures at the end of the step that was added to the report last: the deformed bodies and a chart for
-/// each contact. `several` says whether there are more steps, which goes into the names.
-pub fn step_pictures(
+/// Implemented by [`Kind`] for both dimensions: what can be drawn of bodies there.
+pub trait Draw<const D: usize>: Space<D>
+where
+    Kind: Space<D>,
+{
+    /// Whether bodies and what happens along their contacts are drawn; charts of the whole solve always are.
+    const BODIES: bool;
+
+    /// The pictures at the end of the step that was added to the report last. `several` says whether there are more
+    /// steps, which goes into the names.
+    fn step_pictures(
+        report: &Report,
+        build: &Build<D>,
+        data: Option<&StepData<D>>,
+        solution: &StepSolution<D>,
+        several: bool,
+    ) -> Vec<Picture>;
+}
+
+/// The deformed bodies, and a chart for each contact.
+impl Draw<2> for Kind {
+    const BODIES: bool = true;
+
+    fn step_pictures(
+        report: &Report,
+        build: &Build,
+        data: Option<&StepData>,
+        solution: &StepSolution,
+        several: bool,
+    ) -> Vec<Picture> {
+        of_plane(report, build, data, solution, several)
+    }
+}
+
+/// Solids are for ParaView so far.
+impl Draw<3> for Kind {
+    const BODIES: bool = false;
+
+    fn step_pictures(
+        _: &Report,
+        _: &Build<3>,
+        _: Option<&StepData<3>>,
+        _: &StepSolution<3>,
+        _: bool,
+    ) -> Vec<Picture> {
+        Vec::new()
+    }
+}
+
+/// The pictures of a step in the plane.
+fn of_plane(
     report: &Report,
     build: &Build,
     data: Option<&StepData>,

@@ -3,10 +3,13 @@
 use super::{ContactFields, NodeStatus, hints, peak_memory_mib};
 use crate::backend::Precision;
 use crate::case::Build;
+use crate::contact::Space;
 use crate::control::Costs;
 use crate::dual::DualOperator as _;
 use crate::elasticity::internal_forces;
 use crate::engine::Engine;
+use crate::mesh::vector::length;
+use crate::mesh::{Kind, Topology};
 use crate::model::{Elastic, StepData, Units};
 use crate::problem::Kkt;
 use crate::quasistatic::{Round, StepSolution};
@@ -81,11 +84,11 @@ pub struct ContactReport {
     pub against: String,
     /// The law and its figure.
     pub friction: String,
-    /// Resultant on the body of `boundary`, in the unit of force as all that follow.
-    pub force: [f64; 2],
+    /// Resultant on the body of `boundary` along the axes, in the unit of force as all that follow.
+    pub force: Vec<f64>,
     /// Σ λν.
     pub normal_force: f64,
-    /// −Σ λτ: along the tangents, as the traction on the body.
+    /// −Σ λτ: along the tangents, as the traction on the body; in space the length of the resultant of friction.
     pub tangential_force: f64,
     /// The largest nodal pressure.
     pub max_pressure: f64,
@@ -109,8 +112,8 @@ pub struct ContactReport {
 pub struct SupportReport {
     /// Its boundary or point.
     pub support: String,
-    /// Resultant on the body, in N; a component that two supports hold counts for the first.
-    pub force: [f64; 2],
+    /// Resultant on the body along the axes, in N; a component that two supports hold counts for the first.
+    pub force: Vec<f64>,
 }
 
 /// A body that contact and friction do not hold.
@@ -144,8 +147,8 @@ pub struct StepReport {
     pub sets: SetSizes,
     /// The optimality conditions at its end.
     pub kkt: Kkt,
-    /// Resultant of all loads, in N; null in an algebraic case, as the two lists are empty there.
-    pub total_load: Option<[f64; 2]>,
+    /// Resultant of all loads along the axes, in N; null in an algebraic case, as the two lists are empty there.
+    pub total_load: Option<Vec<f64>>,
     /// In the order of the case.
     pub contacts: Vec<ContactReport>,
     /// In the order of the case.
@@ -238,7 +241,10 @@ fn or_error<S: serde::Serializer>(status: &Option<Status>, to: S) -> Result<S::O
 
 impl Report {
     /// Of a case of which no step is made yet.
-    pub fn new(title: &str, build: &Build) -> Self {
+    pub fn new<const D: usize>(title: &str, build: &Build<D>) -> Self
+    where
+        Kind: Topology<D>,
+    {
         Self {
             title: title.to_owned(),
             units: (build.elastic.as_ref()).map_or_else(Units::default, |e| e.units.clone()),
@@ -269,7 +275,14 @@ impl Report {
     }
 
     /// Adds a step.
-    pub fn add_step(&mut self, build: &Build, data: Option<&StepData>, solution: &StepSolution) {
+    pub fn add_step<const D: usize>(
+        &mut self,
+        build: &Build<D>,
+        data: Option<&StepData<D>>,
+        solution: &StepSolution<D>,
+    ) where
+        Kind: Space<D>,
+    {
         let last = solution.last();
         let sets = solution.sets.sizes(|i| build.problem.has_friction(i));
         self.status = Some(solution.status);
@@ -303,7 +316,7 @@ impl Report {
             n_a: solution.n_a(),
             sets,
             kkt: solution.kkt,
-            total_load: data.map(|data| data.total_load),
+            total_load: data.map(|data| data.total_load.to_vec()),
             contacts,
             supports,
         });
@@ -355,42 +368,56 @@ impl Report {
     }
 }
 
-/// The forces of the contact nodes on their body.
-fn contact_forces<'a>(
-    elastic: &'a Elastic,
-    solution: &'a StepSolution,
-) -> impl Iterator<Item = [f64; 2]> + 'a {
+/// The forces of the contact nodes on their body along the axes: those of pressure and those of friction.
+fn contact_forces<'a, const D: usize>(
+    elastic: &'a Elastic<D>,
+    solution: &'a StepSolution<D>,
+) -> impl Iterator<Item = [[f64; D]; 2]> + 'a
+where
+    Kind: Topology<D>,
+{
     let (normal, tangential) = solution.lambda.split_at(elastic.contact.nodes.len());
-    (elastic.contact.nodes.iter().zip(normal).zip(tangential)).map(
-        |((node, normal), tangential)| {
-            let [nu, tau] = node.frame;
-            std::array::from_fn(|c| -(normal * nu[c] + tangential * tau[c]))
-        },
-    )
+    let nodes = elastic.contact.nodes.iter().zip(normal);
+    (nodes.zip(tangential.chunks(D - 1))).map(|((node, normal), tangential)| {
+        let tangents = || node.frame[1..].iter().zip(tangential);
+        [
+            node.frame[0].map(|nu| -normal * nu),
+            std::array::from_fn(|c| -tangents().map(|(tau, force)| force * tau[c]).sum::<f64>()),
+        ]
+    })
 }
 
 /// What the contacts carry.
-fn contact_reports(
-    elastic: &Elastic,
-    solution: &StepSolution,
-    fields: &ContactFields,
-) -> Vec<ContactReport> {
+fn contact_reports<const D: usize>(
+    elastic: &Elastic<D>,
+    solution: &StepSolution<D>,
+    fields: &ContactFields<D>,
+) -> Vec<ContactReport>
+where
+    Kind: Topology<D>,
+{
     let (normal, tangential) = solution.lambda.split_at(elastic.contact.nodes.len());
     let mut contacts: Vec<ContactReport> = (elastic.pairs.iter())
         .map(|pair| ContactReport {
             boundary: pair.boundary.clone(),
             against: pair.against.clone(),
             friction: pair.friction.clone(),
+            force: vec![0.0; D],
             ..Default::default()
         })
         .collect();
-    for (i, force) in contact_forces(elastic, solution).enumerate() {
-        let contact = &mut contacts[elastic.pair_of[i] as usize];
-        for c in 0..2 {
-            contact.force[c] += force[c];
+    let mut friction = vec![[0.0; D]; contacts.len()];
+    for (i, [pressed, rubbed]) in contact_forces(elastic, solution).enumerate() {
+        let pair = elastic.pair_of[i] as usize;
+        let contact = &mut contacts[pair];
+        for c in 0..D {
+            contact.force[c] += pressed[c] + rubbed[c];
+            friction[pair][c] += rubbed[c];
         }
         contact.normal_force += normal[i];
-        contact.tangential_force -= tangential[i];
+        if D == 2 {
+            contact.tangential_force -= tangential[i];
+        }
         contact.max_pressure = contact.max_pressure.max(fields.pressure[i]);
         let status = fields.status(i);
         *match status {
@@ -403,6 +430,11 @@ fn contact_reports(
             contact.area += elastic.contact.nodes[i].area;
         }
     }
+    if D == 3 {
+        for (contact, friction) in contacts.iter_mut().zip(friction) {
+            contact.tangential_force = length(friction);
+        }
+    }
     for (pressure, &pair) in fields.pressure.iter().zip(&elastic.pair_of) {
         let contact = &mut contacts[pair as usize];
         contact.peak_nodes += usize::from(*pressure > PEAK * contact.max_pressure);
@@ -411,17 +443,22 @@ fn contact_reports(
 }
 
 /// What the supports carry: inner forces less all others at the nodes that they hold.
-fn support_reports(
-    elastic: &Elastic,
-    data: &StepData,
-    solution: &StepSolution,
-) -> Vec<SupportReport> {
+fn support_reports<const D: usize>(
+    elastic: &Elastic<D>,
+    data: &StepData<D>,
+    solution: &StepSolution<D>,
+) -> Vec<SupportReport>
+where
+    Kind: Space<D>,
+{
     let mut outer = data.forces.clone();
-    for (node, force) in (elastic.contact.nodes.iter()).zip(contact_forces(elastic, solution)) {
-        for c in 0..2 {
-            outer[node.node as usize][c] += force[c];
+    let forces = contact_forces(elastic, solution);
+    for (node, [pressed, rubbed]) in (elastic.contact.nodes.iter()).zip(forces) {
+        for c in 0..D {
+            let force = pressed[c] + rubbed[c];
+            outer[node.node as usize][c] += force;
             for &(partner, weight) in &node.partners {
-                outer[partner as usize][c] -= weight * force[c];
+                outer[partner as usize][c] -= weight * force;
             }
         }
     }
@@ -430,7 +467,7 @@ fn support_reports(
     let mut supports: Vec<SupportReport> = (elastic.supports.iter())
         .map(|name| SupportReport {
             support: name.clone(),
-            force: [0.0; 2],
+            force: vec![0.0; D],
         })
         .collect();
     for &(node, c, number) in &elastic.held {

@@ -1,7 +1,9 @@
 //! VTK unstructured grids (`.vtu`), inline base64: what ParaView opens (VTK File Formats, docs.vtk.org).
 
 use super::{ContactFields, NodeStatus, StepFields, put};
+use crate::contact::Space;
 use crate::elasticity::Stress;
+use crate::mesh::Kind;
 use crate::model::Elastic;
 use base64::Engine as _;
 use std::collections::HashMap;
@@ -56,7 +58,7 @@ impl Arrays {
 
     fn stresses(&mut self, stresses: &[Stress]) {
         // ParaView's order of a symmetric tensor: xx yy zz xy yz xz.
-        let tensor = |s: &Stress| [s.xx, s.yy, s.zz, s.xy, 0.0, 0.0];
+        let tensor = |s: &Stress| [s.xx, s.yy, s.zz, s.xy, s.yz, s.zx];
         self.floats("stress", stresses.iter().map(tensor));
         self.floats("von_mises", stresses.iter().map(|s| [s.von_mises()]));
     }
@@ -112,7 +114,14 @@ fn grid<'a, const D: usize>(
 }
 
 /// The file of a step.
-pub(super) fn text(elastic: &Elastic, fields: &StepFields, contact: &ContactFields) -> String {
+pub(super) fn text<const D: usize>(
+    elastic: &Elastic<D>,
+    fields: &StepFields<D>,
+    contact: &ContactFields<D>,
+) -> String
+where
+    Kind: Space<D>,
+{
     let mesh = &elastic.mesh;
     let (mut at_nodes, mut in_elements) = (Arrays::default(), Arrays::default());
     at_nodes.vectors("displacement", &fields.displacement);
@@ -133,7 +142,22 @@ pub(super) fn text(elastic: &Elastic, fields: &StepFields, contact: &ContactFiel
         field
     };
     at_nodes.scalars("contact_pressure", &scattered(&contact.pressure));
-    at_nodes.scalars("tangential_traction", &scattered(&contact.traction));
+    if D == 2 {
+        at_nodes.scalars("tangential_traction", &scattered(&contact.traction));
+    } else {
+        // Along the axes: the tangents of each node are its own.
+        let (mut whole, mut tangential) = (
+            vec![[0.0; D]; mesh.nodes.len()],
+            vec![[0.0; D]; mesh.nodes.len()],
+        );
+        for (&node, &i) in &shown {
+            let [pressed, rubbed] = contact.traction_vectors(i);
+            tangential[node as usize] = rubbed;
+            whole[node as usize] = std::array::from_fn(|c| pressed[c] + rubbed[c]);
+        }
+        at_nodes.vectors("tangential_traction", &tangential);
+        at_nodes.vectors("contact_traction", &whole);
+    }
     // 0: on no contact boundary.
     let status = |node: u32| {
         shown.get(&node).map_or(0, |&i| match contact.status(i) {

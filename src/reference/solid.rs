@@ -45,7 +45,11 @@ impl Solid {
     ///
     /// # Panics
     /// If q is 0.
-    pub fn problem(&self, q: usize, shape: SolidShape) -> Result<ContactProblem<3>, ReferenceError> {
+    pub fn problem(
+        &self,
+        q: usize,
+        shape: SolidShape,
+    ) -> Result<ContactProblem<3>, ReferenceError> {
         let cells = self.size.map(|edge| (edge * q as f64).round() as usize);
         let mesh = block([0.0; 3], self.size, cells, shape, "body", "");
         let body = Body {

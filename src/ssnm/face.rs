@@ -61,15 +61,31 @@ impl<const D: usize> Face<D> {
         }
     }
 
-    /// Linearises the circles at a point on the face, where its r is still that of q; `mean` is what an entry of diag(A)
-    /// is like.
-    pub fn set_curvature(&mut self, point: &Point, mean: f64) {
-        self.curvature = Some(Curvature::new(&self.sets, point, mean));
+    /// Linearises the circles at a point on the face; those that `earlier` has linearised stay as they are. `mean` is
+    /// what an entry of diag(A) is like.
+    pub fn set_curvature(&mut self, earlier: Option<&Self>, point: &Point, mean: f64) {
+        let mut curvature = Curvature::new(&self.sets, point, mean);
+        if let Some(earlier) = earlier
+            && let Some(before) = &earlier.curvature
+        {
+            for (i, node) in earlier
+                .sets
+                .nodes()
+                .iter()
+                .enumerate()
+                .filter(|(_, n)| n.turns)
+            {
+                curvature.kappa[i] = before.kappa[i];
+                put(&mut curvature.origin, i, at::<D>(&before.origin, i));
+                debug_assert!(self.sets.nodes()[i].slip == node.slip);
+            }
+        }
+        self.curvature = Some(curvature);
     }
 
     /// Whether there are circles on it.
     pub fn turns(&self) -> bool {
-        self.sets.nodes().iter().any(|node| node.turns)
+        self.sets.turn()
     }
 
     /// μ where the tangential multipliers of node i (of m) follow the normal one.
@@ -163,10 +179,17 @@ impl<const D: usize> Face<D> {
 
     /// From A p to (A + diag κ) p.
     pub fn curve(&self, p: &[f64], image: &mut [f64]) {
-        let Some(Curvature { kappa, .. }) = &self.curvature else {
-            return;
-        };
-        self.add_curved(kappa, |i| at(p, i), image);
+        if let Some(Curvature { kappa, .. }) = &self.curvature {
+            self.add_curved(kappa, |i| at(p, i), image);
+        }
+    }
+
+    /// From (A + diag κ) p to A p.
+    pub fn straighten(&self, p: &[f64], image: &mut [f64]) {
+        if let Some(Curvature { kappa, .. }) = &self.curvature {
+            let back = |i: usize| -> [f64; D] { at(p, i) };
+            self.add_curved(kappa, |i| back(i).map(|v| -v), image);
+        }
     }
 
     /// From r to the gradient of the model.

@@ -14,7 +14,7 @@ const GROWN: f64 = 10.0;
 
 /// The iteration that solves the inner problem on a face, kept from one outer step to the next.
 pub(super) struct Inner<const D: usize> {
-    face: Face<D>,
+    pub face: Face<D>,
     span: Span,
 }
 
@@ -45,18 +45,54 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         mut face: Face<D>,
         point: &mut Point,
     ) -> Result<Inner<D>, DualError> {
-        if face.turns() {
-            face.set_curvature(point, self.products.mean(point.lambda.len())?);
+        self.linearise(&mut face, None, point)?;
+        Ok(self.inner_with(face, &self.products.known, point))
+    }
+
+    /// The same on a smaller face than the last one, from the best of what that one knew.
+    pub fn inner_after(
+        &mut self,
+        last: Inner<D>,
+        mut face: Face<D>,
+        point: &mut Point,
+    ) -> Result<Inner<D>, DualError> {
+        // Earlier directions rarely fit the tangents of circles, and those of the last face nearly all do.
+        if !face.turns() {
+            return self.inner_on(face, point);
         }
-        let known = &self.products.known;
+        self.linearise(&mut face, Some(&last.face), point)?;
+        let known = match last.span {
+            Span::Cg(span) => span.straightened(&last.face),
+            Span::Gcr(_) => self.products.known.clone(),
+        };
+        Ok(self.inner_with(face, &known, point))
+    }
+
+    /// Linearises the circles of a face at a point on it, but for those that `earlier` has linearised.
+    fn linearise(
+        &mut self,
+        face: &mut Face<D>,
+        earlier: Option<&Face<D>>,
+        point: &Point,
+    ) -> Result<(), DualError> {
+        if face.turns() {
+            let mean = self.products.mean(point.lambda.len())?;
+            face.set_curvature(earlier, point, mean);
+        }
+        Ok(())
+    }
+
+    fn inner_with(&self, face: Face<D>, known: &Subspace, point: &mut Point) -> Inner<D> {
         let span = if self.law.is_coulomb() {
             Span::Gcr(Gcr::on(&face, known))
         } else {
             let span = known.fitting(&face);
+            face.to_model(point);
             span.minimise(&mut point.lambda, &mut point.r);
+            face.from_model(point);
             Span::Cg(span)
         };
-        Ok(Inner { face, span })
+        Inner { face, span }
     }
 
     /// Lowers the residual on the free multipliers to `target`, or until `enough` says so; returns the number of

@@ -1,5 +1,6 @@
 //! A point of the way, and the projected gradient step from it.
 
+use super::sets::Sets;
 use crate::constraint::{Disc, at, put};
 use crate::dual::balance::Balance;
 use crate::sparse::{norm, norm_max};
@@ -26,6 +27,16 @@ impl Point {
             sum += (to.lambda[i] - self.lambda[i]) * (self.r[i] + to.r[i]);
         }
         0.5 * sum
+    }
+
+    /// What of [`Point::q_change`] is rounding of the multipliers: on a circle, where r does not vanish, it hides changes
+    /// below about the square root of what f64 tells.
+    pub fn q_rounding(&self, to: &Self) -> f64 {
+        let mut sum = 0.0;
+        for i in 0..self.r.len() {
+            sum += self.lambda[i].abs().max(to.lambda[i].abs()) * (self.r[i] + to.r[i]).abs();
+        }
+        4.0 * f64::EPSILON * sum
     }
 
     /// The point at the part t of the way to another one.
@@ -60,15 +71,24 @@ impl Point {
     }
 
     /// From this point of Λ towards `end` as far as Λ goes; what stops there lies exactly on its bound.
-    pub fn until_bound<const D: usize>(&self, end: &Self, g: &[f64]) -> Self {
+    /// Circles that are `sets` has linearised stop nothing.
+    pub fn until_bound<const D: usize>(&self, end: &Self, g: &[f64], sets: &Sets<D>) -> Self {
         let reach = |i: usize, g: f64| -> [f64; 2] {
-            Disc { g }.reach::<D>(at(&self.lambda, i), at(&end.lambda, i))
+            let mut reach = Disc { g }.reach::<D>(at(&self.lambda, i), at(&end.lambda, i));
+            if sets.turns(i) {
+                reach[1] = f64::INFINITY;
+            }
+            reach
         };
         let reaches: Vec<[f64; 2]> = g.iter().enumerate().map(|(i, &g)| reach(i, g)).collect();
         let t = (reaches.iter().flatten()).fold(1.0, |t: f64, &reach| t.min(reach));
         let mut cut = self.towards(end, t);
         for (i, (&g, reach)) in g.iter().zip(&reaches).enumerate() {
-            let snapped = Disc { g }.snap::<D>(at(&cut.lambda, i), reach.map(|reach| reach <= t));
+            let there: [f64; D] = at(&cut.lambda, i);
+            let mut snapped = Disc { g }.snap(there, reach.map(|reach| reach <= t));
+            if sets.turns(i) {
+                snapped[1..].copy_from_slice(&there[1..]);
+            }
             put(&mut cut.lambda, i, snapped);
         }
         cut

@@ -18,8 +18,9 @@ const PROGRESS: f64 = 0.9;
 const GAIN: f64 = 0.05;
 /// The part of all progress that a single step must not lose.
 const LOST: f64 = 0.5;
-/// Faces of Λ that a safeguarded step may visit: one at first, so many times more each time that the safeguard has to act
-/// again, up to the largest number.
+/// Faces of Λ that a safeguarded step may visit: one at first (in space, where all of them share what circles cost, more),
+/// so many times more each time that the safeguard has to act again, up to the largest number.
+const FIRST_FACES_IN_SPACE: usize = 16;
 const MORE_FACES: usize = 4;
 const MAX_FACES: usize = 64;
 /// r made afresh has to lower the error to this part, or there is nothing left to do.
@@ -63,6 +64,7 @@ pub(super) struct Descent {
     guarded: usize,
     penalty: usize,
     faces: usize,
+    first_faces: usize,
 }
 
 /// Steps are made differently where the error does not fall.
@@ -107,6 +109,7 @@ impl Safeguard {
             guarded: 0,
             penalty: 1,
             faces: 0,
+            first_faces: if D == 2 { 1 } else { FIRST_FACES_IN_SPACE },
         })
     }
 
@@ -181,7 +184,7 @@ impl Descent {
         self.rho = self.rho.min(alpha);
         self.guarded = self.penalty;
         self.penalty *= 2;
-        self.faces = (MORE_FACES * self.faces).clamp(1, MAX_FACES);
+        self.faces = (MORE_FACES * self.faces).clamp(self.first_faces, MAX_FACES);
     }
 }
 
@@ -318,6 +321,7 @@ mod tests {
             guarded: 0,
             penalty: 1,
             faces: 0,
+            first_faces: 1,
         }
     }
 

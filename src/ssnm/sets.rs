@@ -1,7 +1,8 @@
 //! The active and inactive sets of Step 2.
 
 use super::law::Law;
-use crate::constraint::{Disc, NodeSets, at, put};
+use crate::constraint::{Disc, NodeSets, Projected, at, put};
+use std::array::from_fn;
 
 /// The sets 𝒜ν, ℐν, 𝒜τ and ℐτ (in the plane ℐτ⁺ and ℐτ⁻), as those that each contact node is in.
 #[derive(Clone, Debug, PartialEq)]
@@ -100,14 +101,14 @@ impl<const D: usize> Sets<D> {
         Self::of(g, |disc, i| disc.at_solution(at(lambda, i), at(r, i)))
     }
 
-    /// Holds the free multipliers that lie on a bound, in the direction in which they do; says whether there were any.
+    /// Holds the free multipliers that lie on a bound; says whether there were any.
     pub(super) fn hold_at_bounds(&mut self, lambda: &[f64], g: &[f64]) -> bool {
         let before = self.n_free();
         for (i, (node, &g)) in self.0.iter_mut().zip(g).enumerate() {
             let there = Disc { g }.at_bounds(at(lambda, i));
             node.contact &= there.contact;
-            if node.slip.is_none() || there.turns {
-                (node.slip, node.turns) = (there.slip.or(node.slip), there.turns);
+            if node.slip.is_none() {
+                (node.slip, node.turns) = (there.slip, there.turns);
             }
         }
         self.n_free() < before
@@ -124,6 +125,28 @@ impl<const D: usize> Sets<D> {
     /// Node by node.
     pub(super) fn nodes(&self) -> &[NodeSets<D>] {
         &self.0
+    }
+
+    /// Whether λτ of any contact node moves along its circle.
+    pub(super) fn turn(&self) -> bool {
+        self.0.iter().any(|node| node.turns)
+    }
+
+    /// Whether λτ of contact node i moves along its circle.
+    pub(super) fn turns(&self, i: usize) -> bool {
+        self.0[i].turns
+    }
+
+    /// The nearest multipliers of node i within the bound g, a λτ on the tangent of its circle left where it is.
+    pub(super) fn nearest_straight(&self, i: usize, g: f64, z: [f64; D]) -> Projected<D> {
+        let (mut end, mut derivative) = Disc { g }.nearest(z);
+        if self.turns(i) {
+            for a in 1..D {
+                end[a] = z[a];
+                derivative[a] = from_fn(|b| f64::from(u8::from(a == b)));
+            }
+        }
+        (end, derivative)
     }
 
     /// Number of free multipliers.

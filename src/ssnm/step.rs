@@ -2,10 +2,11 @@
 
 use super::face::Face;
 use super::newton::{Newton, Way};
-use super::point::{Point, project};
+use super::point::Point;
 use super::safeguard::Plan;
 use super::sets::Sets;
 use super::{Method, SETS_CHANGED};
+use crate::constraint::{at, put};
 use crate::dual::{DualError, DualOperator};
 
 /// Points that a search looks at, each half as far as the one before.
@@ -24,7 +25,19 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     ) -> Result<(Sets<D>, usize), DualError> {
         match plan {
             Plan::Gradient { faces } => self.safeguarded_step(way, target, faces),
-            Plan::Newton { rho, search: false } => self.newton_step(way, rho, target),
+            Plan::Newton { rho, search: false } if self.law.is_coulomb() => {
+                self.newton_step(way, rho, target)
+            }
+            Plan::Newton { rho, search: false } => {
+                let before = way.point.clone();
+                let made = self.newton_step(way, rho, target)?;
+                // Where circles curve, q may rise although that of the model has fallen: the best of the chord.
+                if made.0.turn() && before.q_change(&way.point) > before.q_rounding(&way.point) {
+                    let lowest = before.lowest_towards(&way.point);
+                    way.go_back_to(&lowest);
+                }
+                Ok(made)
+            }
             Plan::Newton { rho, search: true } => {
                 let before = way.point.clone();
                 let made = self.newton_step(way, rho, target)?;
@@ -131,6 +144,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     /// A step that lowers q: projected gradient, then the minimum over the face of Λ that it has reached, over the
     /// smaller face where that minimum lies outside Λ, and so on.
+    ///
+    /// In space all of that is done with circles linearised, and what has left Λ along their tangents goes back in the end,
+    /// as far as that lowers q.
     fn safeguarded_step(
         &mut self,
         way: &mut Way<D>,
@@ -141,40 +157,66 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let g = self.law.bounds(&point.lambda).into_owned();
         self.gradient_step(point)?;
         self.settle(point, self.alpha);
+        let start = point.clone();
         // From here on multipliers only join the held ones, so that the loop ends.
         let mut sets = Sets::binding(&point.lambda, &point.r, &g);
-        let mut inner = 0;
-        for face in 1..=faces {
+        let (mut inner, mut last) = (0, None);
+        for number in 1..=faces {
             let mut end = point.clone();
-            let on = Face::new(sets.clone(), &self.law, self.balance.as_ref());
-            let curved = on.turns();
-            let mut iteration = self.inner_on(on, &mut end)?;
+            let face = Face::new(sets.clone(), &self.law, self.balance.as_ref());
+            let mut iteration = match last {
+                Some(last) => self.inner_after(last, face, &mut end)?,
+                None => self.inner_on(face, &mut end)?,
+            };
             inner += self.solve_inner(&mut end, &mut iteration, target, |_, _, residual| {
                 residual <= SETS_CHANGED * err
             })?;
-            let mut projected = end.lambda.clone();
-            project::<D>(&mut projected, &g);
-            if projected != end.lambda {
-                self.project(&mut projected);
-            }
+            let face = &iteration.face;
+            let projected = self.nearest_straight(&sets, &end.lambda, &g);
             if projected == end.lambda {
                 *point = end;
+                last = Some(iteration);
                 break;
             }
             // Up to the first bound q falls and its gradient is known; beyond, the projection is tried.
-            let cut = point.until_bound::<D>(&end, &g);
+            let mut cut = point.until_bound(&end, &g, &sets);
             self.move_to(&mut end, projected)?;
-            // What is left inside Λ by the last face need not lie on a bound, and along tangents Λ is left at once: the
-            // best of the chord.
-            if face == faces || curved {
+            for there in [&mut *point, &mut cut, &mut end] {
+                face.to_model(there);
+            }
+            // What is left inside Λ by the last face need not lie on a bound: the best of the chord.
+            if number == faces {
                 end = point.lowest_towards(&end);
             }
             *point = if cut.q_change(&end) < 0.0 { end } else { cut };
+            face.from_model(point);
+            last = Some(iteration);
             if !sets.hold_at_bounds(&point.lambda, &g) || self.products.stop.now().is_some() {
                 break;
             }
         }
+        if last.is_some_and(|last| last.face.is_curved()) {
+            let mut back = point.lambda.clone();
+            self.project(&mut back);
+            self.move_to(point, back)?;
+            if start.q_change(point).abs() > start.q_rounding(point) {
+                *point = start.lowest_towards(point);
+            }
+        }
         Ok((sets, inner))
+    }
+
+    /// P_Λ, but for what moves along the tangents of circles.
+    fn nearest_straight(&self, sets: &Sets<D>, lambda: &[f64], g: &[f64]) -> Vec<f64> {
+        let nearest = |i: usize, z: [f64; D]| sets.nearest_straight(i, g[i], z);
+        let mut projected = lambda.to_vec();
+        for i in 0..g.len() {
+            put(&mut projected, i, nearest(i, at(lambda, i)).0);
+        }
+        match &self.balance {
+            Some(balance) if projected != lambda => balance.nearest(&projected, nearest).lambda,
+            _ => projected,
+        }
     }
 
     /// A projected gradient step, made shorter until it lowers q.

@@ -112,6 +112,14 @@ impl Subspace {
         fitting
     }
 
+    /// Its directions with their images under A, which are no longer conjugate.
+    pub fn straightened<const D: usize>(mut self, face: &Face<D>) -> Self {
+        for (direction, image) in self.directions.iter().zip(&mut self.images) {
+            face.straighten(direction, image);
+        }
+        self
+    }
+
     /// The same with their images, as they come.
     pub fn combinations<const D: usize>(&self, face: &Face<D>) -> Vec<(Vec<f64>, Vec<f64>)> {
         let count = self.directions.len();

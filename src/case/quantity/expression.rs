@@ -1,4 +1,4 @@
-//! Expressions of x and y.
+//! Expressions of x and y, in space also of z.
 //!
 //! ```text
 //! sum      a + b, a − b        to the left
@@ -18,9 +18,9 @@ const DEPTH: usize = 100;
 /// What of a text is shown in an error.
 const SHOWN: usize = 100;
 
-/// A parsed expression.
+/// A parsed expression of a place in D dimensions.
 #[derive(Clone, Debug)]
-pub struct Expression {
+pub struct Expression<const D: usize = 2> {
     program: Vec<Op>,
 }
 
@@ -46,9 +46,10 @@ enum Meaning {
     Several(fn(f64, f64) -> f64),
 }
 
-const NAMES: [(&str, Meaning); 40] = [
+const NAMES: [(&str, Meaning); 41] = [
     ("x", Meaning::Value(Op::Coordinate(0))),
     ("y", Meaning::Value(Op::Coordinate(1))),
+    ("z", Meaning::Value(Op::Coordinate(2))),
     ("PI", Meaning::Value(Op::Number(PI))),
     ("pi", Meaning::Value(Op::Number(PI))),
     ("π", Meaning::Value(Op::Number(PI))),
@@ -89,6 +90,13 @@ const NAMES: [(&str, Meaning); 40] = [
     ("max", Meaning::Several(f64::max)),
 ];
 
+/// The names that mean something where there are so many coordinates.
+fn names(dimension: usize) -> impl Iterator<Item = (&'static str, Meaning)> {
+    NAMES.into_iter().filter(move |(_, meaning)| {
+        !matches!(meaning, Meaning::Value(Op::Coordinate(c)) if *c >= dimension)
+    })
+}
+
 /// −1, 0 or 1; the function of the standard library has no 0.
 fn sign(value: f64) -> f64 {
     if value == 0.0 { 0.0 } else { value.signum() }
@@ -109,12 +117,13 @@ fn operator(sign: char) -> Option<(Op, u8, u8)> {
     })
 }
 
-impl Expression {
+impl<const D: usize> Expression<D> {
     /// Parses a text; errors name the column, counted from 1.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut parser = Parser {
             text,
             rest: text.trim_start(),
+            dimension: D,
             program: Vec::new(),
             depth: 0,
         };
@@ -128,7 +137,7 @@ impl Expression {
     }
 
     /// The value at a point.
-    pub fn at(&self, x: [f64; 2]) -> f64 {
+    pub fn at(&self, x: [f64; D]) -> f64 {
         // Values in waiting; every call of the parser has left one, and it does not nest deeper.
         let mut values = [0.0; DEPTH];
         let mut count = 0;
@@ -157,6 +166,8 @@ struct Parser<'a> {
     text: &'a str,
     /// What is still to be read, without blanks before it.
     rest: &'a str,
+    /// How many coordinates there are.
+    dimension: usize,
     program: Vec<Op>,
     depth: usize,
 }
@@ -231,9 +242,14 @@ impl<'a> Parser<'a> {
     fn name(&mut self) -> Result<(), String> {
         let end = self.rest.find(|c| !is_in_name(c));
         let name = &self.rest[..end.unwrap_or(self.rest.len())];
-        let Some(&(_, meaning)) = NAMES.iter().find(|(known, _)| *known == name) else {
-            let hint = nearest(name).map_or_else(
-                || "only the coordinates x and y vary".to_owned(),
+        let known = names(self.dimension).find(|(known, _)| *known == name);
+        let Some((_, meaning)) = known else {
+            let coordinates = match self.dimension {
+                2 => "x and y",
+                _ => "x, y and z",
+            };
+            let hint = nearest(name, self.dimension).map_or_else(
+                || format!("only the coordinates {coordinates} vary"),
                 |known| format!("did you mean \"{known}\"?"),
             );
             return Err(self.wrong(&format!("unknown name \"{}\": {hint}", shown(name))));
@@ -331,14 +347,13 @@ fn shown(text: &str) -> String {
 }
 
 /// The name that was probably meant. One letter is like any other: it has to be the same but for its case.
-fn nearest(wrong: &str) -> Option<&'static str> {
+fn nearest(wrong: &str, dimension: usize) -> Option<&'static str> {
     if wrong.len() > SHOWN {
         return None;
     }
     let wrong = wrong.to_lowercase();
-    let names = NAMES.iter().map(|&(name, _)| name);
-    names
-        .map(|name| {
+    names(dimension)
+        .map(|(name, _)| {
             let distance = strsim::damerau_levenshtein(&wrong, &name.to_lowercase());
             (distance, name)
         })

@@ -1,18 +1,30 @@
 //! What `--plots` draws, in a program that can draw.
 
 use signorini::case::Build;
+use signorini::mesh::Kind;
 use signorini::model::StepData;
 use signorini::output::{OutputError, Report};
 use signorini::quasistatic::StepSolution;
 use std::path::{Path, PathBuf};
 
 #[cfg(feature = "plots")]
-use signorini::output::plots::{Picture, pictures, step_pictures, write_pictures};
+pub use signorini::output::plots::Draw;
+#[cfg(feature = "plots")]
+use signorini::output::plots::{Picture, pictures, write_pictures};
 
 /// The pictures drawn so far.
 #[cfg(feature = "plots")]
 #[derive(Default)]
 pub struct Pictures(Vec<Picture>);
+
+/// Nothing is drawn, in whichever dimension.
+#[cfg(not(feature = "plots"))]
+pub trait Draw<const D: usize>: signorini::contact::Space<D> {
+    const BODIES: bool = true;
+}
+
+#[cfg(not(feature = "plots"))]
+impl<const D: usize, T: signorini::contact::Space<D>> Draw<D> for T {}
 
 /// There are none.
 #[cfg(not(feature = "plots"))]
@@ -25,15 +37,17 @@ impl Pictures {
     }
 
     /// Draws the step that was added to the report last.
-    pub fn add_step(
+    pub fn add_step<const D: usize>(
         &mut self,
         report: &Report,
-        build: &Build,
-        data: Option<&StepData>,
-        solution: &StepSolution,
+        build: &Build<D>,
+        data: Option<&StepData<D>>,
+        solution: &StepSolution<D>,
         several: bool,
-    ) {
-        let drawn = step_pictures(report, build, data, solution, several);
+    ) where
+        Kind: Draw<D>,
+    {
+        let drawn = <Kind as Draw<D>>::step_pictures(report, build, data, solution, several);
         self.0.extend(drawn);
     }
 
@@ -54,14 +68,16 @@ impl Pictures {
         )
     }
 
-    pub fn add_step(
+    pub fn add_step<const D: usize>(
         &mut self,
         _: &Report,
-        _: &Build,
-        _: Option<&StepData>,
-        _: &StepSolution,
+        _: &Build<D>,
+        _: Option<&StepData<D>>,
+        _: &StepSolution<D>,
         _: bool,
-    ) {
+    ) where
+        Kind: Draw<D>,
+    {
         match *self {}
     }
 

@@ -116,20 +116,23 @@ fn states(report: &Report) -> String {
 
 /// What contacts and supports carry, a line each.
 fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = String> + 'a {
-    let (force, stress) = (&report.units.force, report.units.stress());
+    let (unit, stress) = (&report.units.force, report.units.stress());
+    let listed = |force: &[f64]| {
+        let components: Vec<String> = force.iter().map(|v| format!("{v:.6e}")).collect();
+        components.join(", ")
+    };
     let contacts = step.contacts.iter().map(move |contact| {
-        let [x, y] = contact.force;
         format!(
-            "  contact {} / {}: force on the first ({x:.6e}, {y:.6e}) {force}, pressure up to {:.4e} {stress}",
-            contact.boundary, contact.against, contact.max_pressure
+            "  contact {} / {}: force on the first ({}) {unit}, pressure up to {:.4e} {stress}",
+            contact.boundary,
+            contact.against,
+            listed(&contact.force),
+            contact.max_pressure
         )
     });
     let supports = step.supports.iter().map(move |support| {
-        let [x, y] = support.force;
-        format!(
-            "  support {}: force ({x:.6e}, {y:.6e}) {force}",
-            support.support
-        )
+        let force = listed(&support.force);
+        format!("  support {}: force ({force}) {unit}", support.support)
     });
     contacts.chain(supports)
 }

@@ -53,7 +53,21 @@ pub(super) fn foreign(path: &Path, bytes: &[u8]) -> Option<String> {
             "line loop(",
         ])
     {
-        format!("a script for Gmsh, not the mesh: mesh it first: gmsh -2 {stem}.geo -o {stem}.msh")
+        let dimension = if holds(&[
+            "volume(",
+            "volume{",
+            "extrude",
+            "box(",
+            "cylinder(",
+            "sphere(",
+        ]) {
+            3
+        } else {
+            2
+        };
+        format!(
+            "a script for Gmsh, not the mesh: mesh it first: gmsh -{dimension} {stem}.geo -o {stem}.msh"
+        )
     } else {
         format!("no Gmsh MSH file: it does not begin with $MeshFormat: {anew}")
     })

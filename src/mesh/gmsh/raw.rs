@@ -2,7 +2,7 @@
 
 use super::Result;
 use super::reader::Reader;
-use crate::mesh::Element;
+use crate::mesh::{Element, Kind, Topology};
 use std::collections::HashMap;
 
 /// More groups of one element are nonsense, and no reason to keep long sets for each.
@@ -86,6 +86,8 @@ pub(super) struct Raw {
     pub lines: Vec<(u32, [u32; 2])>,
     /// Triangles and quadrilaterals; the region is the number of the set of physical groups.
     pub faces: Vec<Element>,
+    /// Tetrahedra, hexahedra and wedges, likewise.
+    pub solids: Vec<Element<3>>,
 }
 
 impl Raw {
@@ -107,10 +109,10 @@ impl Raw {
         reader: &Reader,
         kind: i64,
         set: u32,
-        tags: &[usize; 4],
+        tags: &[usize; 8],
         n_nodes: usize,
     ) -> Result<()> {
-        let mut nodes = [0; 4];
+        let mut nodes = [0; 8];
         for (node, tag) in nodes.iter_mut().zip(&tags[..n_nodes]) {
             *node = match self.numbers.get(*tag) {
                 Some(node) => node,
@@ -120,101 +122,119 @@ impl Raw {
                 }
             }
         }
-        let [a, b, c, _] = nodes;
+        let [a, b, c, d, e, f, ..] = nodes;
         match kind {
             1 => self.lines.push((set, [a, b])),
             2 => self.faces.push(Element::triangle([a, b, c], set)),
-            3 => self.faces.push(Element::quad(nodes, set)),
+            3 => self.faces.push(Element::quad([a, b, c, d], set)),
+            4 => (self.solids).push(Element::tetrahedron([a, b, c, d], set)),
+            5 => self.solids.push(Element::hexahedron(nodes, set)),
+            6 => (self.solids).push(Element::wedge([a, b, c, d, e, f], set)),
             _ => {}
         }
         Ok(())
     }
+}
 
+impl GroupSets {
     /// Lets every element stand once, in all groups of its copies: MSH 2 writes an element in two physical
-    /// groups twice, and files that were merged may hold parts twice.
-    pub fn merge_copies(&mut self, reader: &Reader) -> Result<()> {
+    /// groups twice, and files that were merged may hold parts twice. Nodes are numbered below `n_nodes`.
+    pub fn merge_copies<const D: usize>(
+        &mut self,
+        elements: &mut Vec<Element<D>>,
+        n_nodes: usize,
+        reader: &Reader,
+    ) -> Result<()>
+    where
+        Kind: Topology<D>,
+    {
         // The elements by their lowest node: few share that.
-        let lowest = |face: &Element| face.nodes().iter().copied().min().unwrap_or(0) as usize;
-        let mut begin = vec![0u32; self.nodes.len() + 1];
-        for face in &self.faces {
-            begin[lowest(face) + 1] += 1;
+        let lowest =
+            |element: &Element<D>| element.nodes().iter().copied().min().unwrap_or(0) as usize;
+        let mut begin = vec![0u32; n_nodes + 1];
+        for element in &*elements {
+            begin[lowest(element) + 1] += 1;
         }
-        for node in 0..self.nodes.len() {
+        for node in 0..n_nodes {
             begin[node + 1] += begin[node];
         }
         let mut next = begin.clone();
-        let mut order = vec![0u32; self.faces.len()];
-        for (number, face) in (0..).zip(&self.faces) {
-            let place = &mut next[lowest(face)];
+        let mut order = vec![0u32; elements.len()];
+        for (number, element) in (0..).zip(&*elements) {
+            let place = &mut next[lowest(element)];
             order[*place as usize] = number;
             *place += 1;
         }
-        let key = |face: &Element| {
-            let mut nodes = [u32::MAX; 4];
-            nodes[..face.nodes().len()].copy_from_slice(face.nodes());
+        let key = |element: &Element<D>| {
+            let mut nodes = [u32::MAX; 8];
+            nodes[..element.nodes().len()].copy_from_slice(element.nodes());
             nodes.sort_unstable();
             nodes
         };
         const COPY: u32 = u32::MAX;
         let mut unions = HashMap::new();
         let mut copies = false;
-        for node in 0..self.nodes.len() {
+        for node in 0..n_nodes {
             let same = &mut order[begin[node] as usize..begin[node + 1] as usize];
             if same.len() < 2 {
                 continue;
             }
-            same.sort_unstable_by_key(|&face| (key(&self.faces[face as usize]), face));
+            same.sort_unstable_by_key(|&number| (key(&elements[number as usize]), number));
             let mut first = same[0] as usize;
-            for &face in &same[1..] {
-                let face = face as usize;
-                if key(&self.faces[first]) != key(&self.faces[face]) {
-                    first = face;
+            for &number in &same[1..] {
+                let number = number as usize;
+                if key(&elements[first]) != key(&elements[number]) {
+                    first = number;
                     continue;
                 }
-                let sets = [self.faces[first].region, self.faces[face].region];
+                let sets = [elements[first].region, elements[number].region];
                 if sets[0] != sets[1] {
-                    let union = match unions.get(&sets) {
+                    elements[first].region = match unions.get(&sets) {
                         Some(&union) => union,
-                        None => {
-                            let all = sets.map(|set| self.groups.sets[set as usize].clone());
-                            let tags = all.concat().into_iter().map(|tag| tag as i64);
-                            let union = self.groups.number(tags);
-                            if self.groups.sets[union as usize].len() > MOST_GROUPS {
-                                return reader.fail(format!(
-                                    "an element is in more than {MOST_GROUPS} physical groups"
-                                ));
-                            }
-                            unions.insert(sets, union);
-                            union
-                        }
+                        None => *unions.entry(sets).or_insert(self.union(sets, reader)?),
                     };
-                    self.faces[first].region = union;
                 }
-                self.faces[face].region = COPY;
+                elements[number].region = COPY;
                 copies = true;
             }
         }
         if copies {
-            self.faces.retain(|face| face.region != COPY);
+            elements.retain(|element| element.region != COPY);
         }
         Ok(())
     }
+
+    /// The number of the union of two sets.
+    fn union(&mut self, sets: [u32; 2], reader: &Reader) -> Result<u32> {
+        let all = sets.map(|set| self.sets[set as usize].clone());
+        let union = self.number(all.concat().into_iter().map(|tag| tag as i64));
+        if self.sets[union as usize].len() > MOST_GROUPS {
+            return reader.fail(format!(
+                "an element is in more than {MOST_GROUPS} physical groups"
+            ));
+        }
+        Ok(union)
+    }
 }
 
-/// Nodes of an element type of Gmsh that may stand in a plane mesh of first order.
+/// Nodes of an element type of Gmsh that may stand in a mesh of first order.
 pub(super) fn nodes_of(reader: &Reader, kind: i64) -> Result<usize> {
     match kind {
         15 => Ok(1),
         1 => Ok(2),
         2 => Ok(3),
-        3 => Ok(4),
-        8..=10 | 16 | 20..=28 => reader
+        3 | 4 => Ok(4),
+        5 => Ok(8),
+        6 => Ok(6),
+        8..=14 | 16..=28 => reader
             .fail("elements of higher order are not supported: set Mesh.ElementOrder = 1 in Gmsh"),
-        4..=7 | 11..=14 | 17..=19 => {
-            reader.fail("volume elements are not supported: the mesh must be plane")
-        }
+        7 => reader.fail(
+            "pyramids are not supported: use tetrahedra alone, or hexahedra and wedges of extruded or transfinite \
+             volumes",
+        ),
         _ => reader.fail(format!(
-            "element type {kind} is not supported: use triangles and quadrilaterals"
+            "element type {kind} is not supported: use triangles and quadrilaterals, in space tetrahedra, hexahedra \
+             and wedges"
         )),
     }
 }

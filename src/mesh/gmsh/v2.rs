@@ -51,7 +51,7 @@ pub(super) fn elements(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
             if group != last {
                 (last, set) = (group, raw.groups.number([group]));
             }
-            let mut nodes = [0; 4];
+            let mut nodes = [0; 8];
             for node in &mut nodes[..n_nodes] {
                 *node = reader.tag()?;
             }

@@ -73,7 +73,7 @@ pub(super) fn elements(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
         let count = reader.size()?;
         let n_nodes = nodes_of(reader, kind)?;
         let set = raw.entities.get(&(dim, tag)).copied().unwrap_or(0);
-        let mut tags = [0; 4];
+        let mut tags = [0; 8];
         for _ in 0..count {
             reader.size()?;
             for tag in &mut tags[..n_nodes] {

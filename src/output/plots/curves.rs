@@ -53,7 +53,7 @@ type Places = Vec<Option<(f64, usize)>>;
 /// The nodes of a contact in the order of its boundary, with a coordinate where the boundary goes along an
 /// axis, else with the distance along it.
 fn along(elastic: &Elastic, pair: usize) -> (&'static str, Places) {
-    let edges = &elastic.pairs[pair].edges;
+    let edges = &elastic.pairs[pair].facets;
     let place = |node: u32| elastic.mesh.nodes[node as usize];
     let row: HashMap<u32, usize> = (elastic
         .contact

@@ -17,7 +17,7 @@ summary { cursor: pointer; margin: .5rem 0 } figure { margin: 1rem 0; overflow-x
 const MOST_STEPS: usize = 12;
 
 /// A table with a head; cells are escaped.
-fn table(out: &mut String, head: &[&str], rows: impl Iterator<Item = Vec<String>>) {
+fn table(out: &mut String, head: &[impl AsRef<str>], rows: impl Iterator<Item = Vec<String>>) {
     out.push_str("<div class=\"scroll\"><table>");
     let mut row = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
         let cells: String = cells
@@ -25,7 +25,7 @@ fn table(out: &mut String, head: &[&str], rows: impl Iterator<Item = Vec<String>
             .collect();
         put(out, format_args!("<tr>{cells}</tr>"));
     };
-    row("th", &mut head.iter().copied());
+    row("th", &mut head.iter().map(AsRef::as_ref));
     for cells in rows {
         row("td", &mut cells.iter().map(String::as_str));
     }
@@ -112,9 +112,14 @@ fn figures(out: &mut String, report: &Report, pictures: &[Picture]) {
     }
 }
 
-/// Both components of a force.
-fn components(force: [f64; 2]) -> [String; 2] {
-    force.map(|v| format!("{v:.6e}"))
+/// The components of a force.
+fn components(force: &[f64]) -> impl Iterator<Item = String> {
+    force.iter().map(|v| format!("{v:.6e}"))
+}
+
+/// What they are called, where there are so many.
+fn axes(count: usize) -> impl Iterator<Item = &'static str> {
+    ["x", "y", "z"].into_iter().take(count)
 }
 
 /// What the contacts carry at the end of a step.
@@ -123,35 +128,36 @@ fn contacts(out: &mut String, report: &Report, step: &StepReport) {
         return;
     }
     let units = &report.units;
+    let count = step.contacts.iter().map(|c| c.force.len()).max();
+    let forces = axes(count.unwrap_or(0)).map(|axis| format!("force {axis} ({})", units.force));
+    let head: Vec<String> = (["contact", "friction"].map(str::to_owned).into_iter())
+        .chain(forces)
+        .chain([
+            format!("largest pressure ({})", units.stress()),
+            format!("area in contact ({})", units.area()),
+        ])
+        .chain(["separated", "stick", "slip", "without friction"].map(str::to_owned))
+        .collect();
     out.push_str("<h2>Contacts at the end</h2>\n");
     table(
         out,
-        &[
-            "contact",
-            "friction",
-            &format!("force x ({})", units.force),
-            &format!("force y ({})", units.force),
-            &format!("largest pressure ({})", units.stress()),
-            &format!("area in contact ({})", units.area()),
-            "separated",
-            "stick",
-            "slip",
-            "without friction",
-        ],
+        &head,
         step.contacts.iter().map(|c| {
-            let [x, y] = components(c.force);
-            vec![
+            [
                 format!("{} / {}", c.boundary, c.against),
                 c.friction.clone(),
-                x,
-                y,
+            ]
+            .into_iter()
+            .chain(components(&c.force))
+            .chain([
                 format!("{:.4e}", c.max_pressure),
                 format!("{:.4e}", c.area),
                 c.separated.to_string(),
                 c.stick.to_string(),
                 c.slip.to_string(),
                 c.frictionless.to_string(),
-            ]
+            ])
+            .collect()
         }),
     );
     out.push_str("<p class=\"note\">Forces act on the body of the boundary named first.</p>\n");
@@ -163,16 +169,18 @@ fn balance(out: &mut String, report: &Report, step: &StepReport) {
         return;
     }
     let force = &report.units.force;
-    let loads = step.total_load.map(|f| ("all loads".to_owned(), f));
-    let supports = (step.supports.iter()).map(|s| (format!("support {}", s.support), s.force));
+    let loads = (step.total_load.iter()).map(|f| ("all loads".to_owned(), f));
+    let supports = (step.supports.iter()).map(|s| (format!("support {}", s.support), &s.force));
+    let rows: Vec<(String, &Vec<f64>)> = loads.chain(supports).collect();
+    let count = rows.iter().map(|(_, force)| force.len()).max();
+    let of_axes = axes(count.unwrap_or(0)).map(|axis| format!("{axis} ({force})"));
+    let head: Vec<String> = std::iter::once(String::new()).chain(of_axes).collect();
     out.push_str("<h2>Balance of forces</h2>\n");
     table(
         out,
-        &["", &format!("x ({force})"), &format!("y ({force})")],
-        loads.into_iter().chain(supports).map(|(name, force)| {
-            let [x, y] = components(force);
-            vec![name, x, y]
-        }),
+        &head,
+        rows.into_iter()
+            .map(|(name, force)| std::iter::once(name).chain(components(force)).collect()),
     );
 }
 

@@ -88,7 +88,7 @@ fn nonsense_is_refused_with_its_column() {
         ("π π", 3, "found \"π\""),
         ("1 + 1e999", 5, "too large"),
     ] {
-        match Expression::parse(text) {
+        match Expression::<2>::parse(text) {
             Ok(_) => panic!("accepted: {text}"),
             Err(error) => assert!(
                 error.contains(&format!("\", column {column}: ")) && error.contains(message),
@@ -102,7 +102,7 @@ fn nonsense_is_refused_with_its_column() {
 fn nesting_ends_in_an_error() {
     for text in ["(", "-", "2^", "sin(", "max(1,", "1+(", "1-"] {
         let deep = format!("{}x", text.repeat(100_000));
-        match Expression::parse(&deep) {
+        match Expression::<2>::parse(&deep) {
             // A chain that is evaluated as it goes is no nesting.
             Ok(_) => assert_eq!(text, "1-"),
             Err(error) => assert!(
@@ -117,7 +117,23 @@ fn nesting_ends_in_an_error() {
     let powers = format!("{}x", "1^".repeat(DEPTH - 1));
     assert_eq!(value(&powers, 2.0, 0.0), 1.0);
     let unknown = "q".repeat(1 << 20);
-    assert!(Expression::parse(&unknown).is_err_and(|error| error.len() < 400));
+    assert!(Expression::<2>::parse(&unknown).is_err_and(|error| error.len() < 400));
+}
+
+#[test]
+fn space_has_a_third_coordinate() {
+    let value = |text: &str| Expression::parse(text).map(|e| e.at([2.0, 3.0, 5.0]));
+    assert_eq!(value("x + 10 * y + 100 * z"), Ok(532.0));
+    assert_eq!(value("max(x, y, z) - min(z, 1)"), Ok(4.0));
+    let told = |text: &str| value(text).expect_err("it is wrong");
+    assert!(told("w").ends_with("only the coordinates x, y and z vary"));
+    assert!(told("1 + Z").ends_with("column 5: unknown name \"Z\": did you mean \"z\"?"));
+    // In the plane it is no name, and none that is proposed.
+    let plane = Expression::<2>::parse("Z").expect_err("it is wrong");
+    assert!(
+        plane.ends_with("only the coordinates x and y vary"),
+        "{plane}"
+    );
 }
 
 /// An expression before it is written down.

@@ -1,0 +1,307 @@
+//! What the tables of a case say as parts of a model, in the dimension of its mesh.
+
+use super::tables::{
+    BodyForceTable, ContactTable, FrictionTable, MaterialTable, ObstacleTable, SupportTable,
+    TractionTable,
+};
+use super::{Figure, Tables};
+use crate::contact::Obstacle;
+use crate::elasticity::Material;
+use crate::model::{
+    BodyForce, Definition, Entity, Kind, Names, Pair, Quantity, Support, Traction, Units,
+};
+use serde::Deserialize;
+use std::ops::Range;
+use toml::Spanned;
+
+/// Why something cannot be meant, and where in the text it stands.
+pub(super) type Wrong = (Range<usize>, String);
+
+/// What D dimensions are called.
+pub(super) fn called<const D: usize>() -> &'static str {
+    match D {
+        2 => "the plane",
+        _ => "space",
+    }
+}
+
+/// The two spellings of names.
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected the name of a boundary in quotes, or a list of names"
+)]
+enum Spelling {
+    One(String),
+    Several(Vec<String>),
+}
+
+impl<'de> Deserialize<'de> for Names {
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        Ok(match Spelling::deserialize(from)? {
+            Spelling::One(name) => name.into(),
+            Spelling::Several(names) => names.into(),
+        })
+    }
+}
+
+/// A list of numbers as a point or a vector.
+pub(super) fn vector<const D: usize>(list: &Spanned<Vec<f64>>) -> Result<[f64; D], Wrong> {
+    let entries = list.get_ref();
+    <[f64; D]>::try_from(entries.as_slice()).map_err(|_| {
+        let found = entries.len();
+        let message = format!(
+            "expected {D} entries, found {found}: the mesh is one of {}",
+            called::<D>()
+        );
+        (list.span(), message)
+    })
+}
+
+/// A figure as a quantity.
+pub(super) fn quantity<const D: usize>(figure: &Spanned<Figure>) -> Result<Quantity<D>, Wrong> {
+    let quantity = figure.get_ref().quantity();
+    quantity.map_err(|message| (figure.span(), message))
+}
+
+/// A part of a model with what a table may say of it, if it does.
+fn with<T, V: Clone>(part: T, value: &Option<V>, say: impl Fn(T, V) -> T) -> T {
+    match value {
+        Some(value) => say(part, value.clone()),
+        None => part,
+    }
+}
+
+/// The same for a figure.
+fn with_figure<T, const D: usize>(
+    part: T,
+    figure: &Option<Spanned<Figure>>,
+    say: impl Fn(T, Quantity<D>) -> T,
+) -> Result<T, Wrong> {
+    Ok(match figure {
+        Some(figure) => say(part, quantity(figure)?),
+        None => part,
+    })
+}
+
+/// The same for figures along x, y and z.
+fn along_axes<T, const D: usize>(
+    mut part: T,
+    figures: [&Option<Spanned<Figure>>; 3],
+    say: impl Fn(T, usize, Quantity<D>) -> T,
+) -> Result<T, Wrong> {
+    for (axis, figure) in figures.into_iter().enumerate() {
+        match figure {
+            Some(figure) if axis >= D => {
+                let message = "z has no meaning here: the mesh is one of the plane, with x and y";
+                return Err((figure.span(), message.to_owned()));
+            }
+            _ => part = with_figure(part, figure, |part, value| say(part, axis, value))?,
+        }
+    }
+    Ok(part)
+}
+
+impl SupportTable {
+    fn support<const D: usize>(&self, span: Range<usize>) -> Result<Support<D>, Wrong> {
+        let support = match (&self.boundary, &self.point) {
+            (Some(names), None) => Support::on(names.clone()),
+            (None, Some(point)) => Support::at_point(vector(point)?),
+            _ => return Err((span, "a support needs either a boundary or a point".into())),
+        };
+        let figures = [&self.x, &self.y, &self.z];
+        let mut support = along_axes(support, figures, Support::along)?;
+        if self.symmetry {
+            support = support.symmetry();
+        }
+        Ok(with(support, &self.factors, Support::factors))
+    }
+}
+
+impl TractionTable {
+    fn traction<const D: usize>(&self) -> Result<Traction<D>, Wrong> {
+        let traction = Traction::on(self.boundary.clone());
+        let traction = along_axes(traction, [&self.x, &self.y, &self.z], Traction::along)?;
+        let traction = with_figure(traction, &self.pressure, Traction::pressure)?;
+        Ok(with(traction, &self.factors, Traction::factors))
+    }
+}
+
+impl BodyForceTable {
+    fn body_force<const D: usize>(&self) -> Result<BodyForce<D>, Wrong> {
+        let force = match &self.region {
+            Some(name) => BodyForce::within(name),
+            None => BodyForce::everywhere(),
+        };
+        let force = along_axes(force, [&self.x, &self.y, &self.z], BodyForce::along)?;
+        Ok(with(force, &self.factors, BodyForce::factors))
+    }
+}
+
+impl ObstacleTable {
+    /// Its key, and those of the dimension that it has none of the shapes of.
+    fn names(&self) -> (&'static str, &'static str) {
+        const PLANE: &str = "half_plane or circle";
+        const SPACE: &str = "half_space, sphere or cylinder";
+        match self {
+            Self::HalfPlane { .. } => ("half_plane", SPACE),
+            Self::Circle { .. } => ("circle", SPACE),
+            Self::HalfSpace { .. } => ("half_space", PLANE),
+            Self::Sphere { .. } => ("sphere", PLANE),
+            Self::Cylinder { .. } => ("cylinder", PLANE),
+        }
+    }
+
+    /// The shape, if it is one of D dimensions.
+    fn shape<const D: usize>(&self) -> Option<Obstacle<D>> {
+        fn of<const D: usize>(vector: &[f64]) -> Option<[f64; D]> {
+            vector.try_into().ok()
+        }
+        Some(match self {
+            Self::HalfPlane { point, normal } => Obstacle::HalfPlane {
+                point: of(point)?,
+                normal: of(normal)?,
+            },
+            Self::HalfSpace { point, normal } => Obstacle::HalfPlane {
+                point: of(point)?,
+                normal: of(normal)?,
+            },
+            Self::Circle { center, radius } => Obstacle::Circle {
+                center: of(center)?,
+                radius: *radius,
+            },
+            Self::Sphere { center, radius } => Obstacle::Circle {
+                center: of(center)?,
+                radius: *radius,
+            },
+            Self::Cylinder {
+                point,
+                axis,
+                radius,
+            } => Obstacle::Cylinder {
+                point: of(point)?,
+                axis: of(axis)?,
+                radius: *radius,
+            },
+        })
+    }
+}
+
+impl ContactTable {
+    fn pair<const D: usize>(&self, span: Range<usize>) -> Result<Pair<D>, Wrong> {
+        let boundary = self.boundary.clone();
+        let mut pair = match (&self.against, &self.obstacle) {
+            (Some(against), None) => Pair::new(boundary, against.clone()),
+            (None, Some(obstacle)) => {
+                let (name, others) = obstacle.get_ref().names();
+                let shape = obstacle.get_ref().shape().ok_or_else(|| {
+                    let place = called::<D>();
+                    let message = format!(
+                        "{name} is no obstacle in {place}, which the mesh is one of: write {others}"
+                    );
+                    (obstacle.span(), message)
+                })?;
+                Pair::obstacle(boundary, shape)
+            }
+            (None, None) => {
+                let message = "a contact needs either against (another boundary) or an obstacle";
+                return Err((span, message.to_owned()));
+            }
+            (Some(_), Some(_)) => {
+                let message =
+                    "a contact is either against a boundary or with an obstacle: keep one";
+                return Err((span, message.to_owned()));
+            }
+        };
+        pair = match &self.friction {
+            FrictionTable::None => pair,
+            FrictionTable::Tresca(bound) => pair.tresca(quantity(bound)?),
+            FrictionTable::Coulomb(coefficient) => pair.coulomb(quantity(coefficient)?),
+        };
+        pair = with_figure(pair, &self.gap, Pair::gap)?;
+        pair = with(pair, &self.adjust, Pair::adjust);
+        Ok(with(pair, &self.search_distance, Pair::search_distance))
+    }
+}
+
+impl Tables {
+    /// What they say of a model on a mesh of D dimensions; if a table says nothing that can be meant, its place and
+    /// why.
+    pub(super) fn definition<const D: usize>(&self) -> Result<Definition<D>, Wrong> {
+        let materials = self.material.iter().map(|table| {
+            let &MaterialTable {
+                ref region,
+                young,
+                poisson,
+                density,
+            } = table.get_ref();
+            let material = Material {
+                young,
+                poisson,
+                density,
+            };
+            (region.clone(), material)
+        });
+        let supports = (self.support.iter()).map(|table| table.get_ref().support(table.span()));
+        let tractions = self.traction.iter().map(|table| table.get_ref().traction());
+        let forces = (self.body_force.iter()).map(|table| table.get_ref().body_force());
+        let pairs = (self.contact.iter()).map(|table| table.get_ref().pair(table.span()));
+        let analysis = &self.analysis;
+        let plane = analysis.plane.as_ref().map(|p| ("plane", p.span()));
+        let thickness = (analysis.thickness.as_ref()).map(|t| ("thickness", t.span()));
+        if D == 3
+            && let Some((name, span)) = plane.or(thickness)
+        {
+            let message = format!("{name} has no meaning for a solid: leave it out");
+            return Err((span, message));
+        }
+        Ok(Definition {
+            materials: materials.collect(),
+            plane: (analysis.plane.as_ref()).map_or_else(Default::default, |p| *p.get_ref()),
+            thickness: analysis.thickness.as_ref().map_or(1.0, |t| *t.get_ref()),
+            gravity: analysis.gravity.as_ref().map(vector).transpose()?,
+            supports: supports.collect::<Result<_, _>>()?,
+            tractions: tractions.collect::<Result<_, _>>()?,
+            body_forces: forces.collect::<Result<_, _>>()?,
+            pairs: pairs.collect::<Result<_, _>>()?,
+            steps: self.factors().map(<[f64]>::to_vec),
+            units: self.units(),
+        })
+    }
+
+    /// Those of the load steps.
+    pub(super) fn factors(&self) -> Option<&[f64]> {
+        (self.steps.as_ref()).map(|steps| steps.get_ref().factors.as_slice())
+    }
+
+    /// What lengths and forces are called, if it is said.
+    pub(super) fn units(&self) -> Option<Units> {
+        self.units.as_ref().map(|units| units.get_ref().clone())
+    }
+
+    /// Where what a model is made of stands in the file.
+    pub(super) fn span(&self, entity: &Entity) -> Range<usize> {
+        fn of<T>(tables: &[Spanned<T>], number: usize) -> Option<Range<usize>> {
+            tables.get(number).map(Spanned::span)
+        }
+        let mesh = self.mesh.as_ref().map(Spanned::span);
+        let number = entity.number.unwrap_or(0);
+        let span = match entity.kind {
+            Kind::Model => mesh,
+            // A region without a material could stand behind the last.
+            Kind::Material => match entity.number {
+                Some(number) => of(&self.material, number),
+                None => self.material.last().map(Spanned::span).or(mesh),
+            },
+            Kind::Gravity => of(&self.material, 0),
+            Kind::Support => of(&self.support, number),
+            Kind::Traction => of(&self.traction, number),
+            Kind::BodyForce => of(&self.body_force, number),
+            Kind::Contact => of(&self.contact, number),
+            Kind::Thickness => self.analysis.thickness.as_ref().map(Spanned::span),
+            Kind::Steps => self.steps.as_ref().map(Spanned::span),
+            Kind::Units => self.units.as_ref().map(Spanned::span),
+        };
+        span.unwrap_or(0..0)
+    }
+}
