@@ -146,8 +146,8 @@ fn case_c_on_a_gpu_is_that_of_the_cpu() {
     for (precision, max_binding) in [
         (Precision::F64, None),
         (Precision::F32, None),
-        (Precision::F64, Some(128 << 10)),
-        (Precision::F32, Some(128 << 10)),
+        (Precision::F64, Some(256 << 10)),
+        (Precision::F32, Some(256 << 10)),
     ] {
         let options = Options {
             place: Place::Gpu,
