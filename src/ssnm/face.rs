@@ -9,6 +9,9 @@ use std::array::from_fn;
 use std::borrow::Cow;
 use std::rc::Rc;
 
+/// What counts as nothing across a direction, relative to it.
+const ROUNDING: f64 = 1e-13;
+
 /// The unknowns y of a step: λ moves by F y.
 ///
 /// F y has y on the free multipliers. On a node in contact that slips under Coulomb's law, λτ = μλν s: there the
@@ -161,7 +164,16 @@ impl<const D: usize> Face<D> {
                 // λτ = μλν s along a direction that is held.
                 let slope = mu * (1..D).map(|a| held[a] * s[a]).sum::<f64>();
                 let own = |d: [f64; D]| match node.turns {
-                    true => (1..D).map(|a| held[a] * d[a]).sum::<f64>() - slope * d[0],
+                    true => {
+                        let along = (1..D).map(|a| held[a] * d[a]).sum::<f64>() - slope * d[0];
+                        let size = d.iter().fold(0.0, |size: f64, v| size.max(v.abs()));
+                        // What is left of a direction along the tangent is rounding.
+                        if along.abs() > ROUNDING * size {
+                            along
+                        } else {
+                            0.0
+                        }
+                    }
                     false => {
                         let a = held.iter().position(|&v| v != 0.0).unwrap_or(1);
                         d[a] - slope * d[0]
