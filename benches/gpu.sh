@@ -1,6 +1,6 @@
 #!/bin/sh
 # On a GPU host, from the built binary alone: are the answers right in both precisions, and how fast are
-# they? Needs no compiler; takes at most 8 minutes; writes one JSON file.
+# they? Needs no compiler; takes at most 15 minutes; writes two JSON files, that of space beside that of the plane.
 #
 #   benches/gpu.sh [BINARY [OUTPUT.json]]
 #
@@ -9,6 +9,7 @@ set -eu
 binary="${1:-$(dirname "$0")/../target/release/signorini}"
 output="${2:-gpu.json}"
 sizes="${SIZES:-3,7,13,26,40}"
+solid="${SOLID_SIZES:-8,16,24,36,48}"
 
 "$binary" adapters
 echo
@@ -25,4 +26,6 @@ done
 echo
 # The benchmark compares the solutions of all paths and fails if they differ.
 timeout 420 "$binary" bench --k "$sizes" --json "$output"
-echo "Figures written to $output"
+echo
+timeout 420 "$binary" bench --dimension 3 --k "$solid" --json "${output%.json}-3d.json"
+echo "Figures written to $output and ${output%.json}-3d.json"

@@ -73,7 +73,7 @@ pub struct Speeds {
 pub struct Row {
     /// Where and how.
     pub path: String,
-    /// Refinement of the mesh.
+    /// Refinement of the mesh: k of the plane, cells per metre in space.
     pub k: usize,
     /// Unknowns.
     pub n: usize,
@@ -259,16 +259,16 @@ impl Path {
 }
 
 /// Solves the problem on each path; `before` hears which comes next. `speeds` has those of the same problem.
-pub fn solve_on(
+pub fn solve_on<const D: usize>(
     paths: &[Path],
     k: usize,
-    problem: &ContactProblem,
+    problem: &ContactProblem<D>,
     tolerance: f64,
     speeds: &[Speeds],
     mut before: impl FnMut(&str),
 ) -> Result<Vec<Row>, BenchError> {
     let mut rows: Vec<Row> = Vec::new();
-    let mut reference: Option<ssnm::Solution> = None;
+    let mut reference: Option<ssnm::Solution<D>> = None;
     for path in paths {
         before(&path.name());
         let alone = forget_peak_memory();

@@ -46,7 +46,7 @@ enum Command {
     },
     /// Reproduce Table 1 of the paper: outer steps and products with A
     Table1(Table1Arguments),
-    /// CPU against GPU, direct against iterative, on the same contact problem (reference case B)
+    /// CPU against GPU, direct against iterative, on the same contact problem (reference case B, in space case C)
     #[cfg(feature = "gpu")]
     Bench(BenchArguments),
     /// List the GPUs and software adapters, the one that would be taken first
@@ -98,12 +98,15 @@ struct Table1Arguments {
 #[cfg(feature = "gpu")]
 #[derive(clap::Args)]
 struct BenchArguments {
-    /// Refinements k of the mesh: n ≈ 1200 k²
-    #[arg(long, value_delimiter = ',', value_name = "K,…", default_values_t = [3, 7, 13])]
+    /// Of space: 3 measures a block of hexahedra on a plane, 2 a rectangle of squares
+    #[arg(long, value_name = "D", default_value_t = 2, value_parser = clap::value_parser!(u8).range(2..=3))]
+    dimension: u8,
+    /// Refinements k of the mesh: n ≈ 1200 k², in space cells per metre: n ≈ 9 k³ [default: 3,7,13; in space 8,16,24]
+    #[arg(long, value_delimiter = ',', value_name = "K,…")]
     k: Vec<usize>,
-    /// Unknowns up to which the direct path is measured as well
-    #[arg(long, value_name = "N", default_value_t = 1_000_000)]
-    max_cholesky: usize,
+    /// Unknowns up to which the direct path is measured as well [default: 1000000, in space 150000]
+    #[arg(long, value_name = "N")]
+    max_cholesky: Option<usize>,
     #[command(flatten)]
     gpu: GpuArguments,
     /// Write the figures as JSON

@@ -78,11 +78,13 @@ pub enum EngineError {
 const WORTH_A_GPU: usize = 50_000;
 
 /// Seconds of the factorisation for an operation and, with ordering and solves, for an unknown; seconds of the
-/// iterative path for an unknown, all of it, shared by up to so many threads. Measured with the reference
-/// problems of n = 2e5 to 8e5 on two cores (`signorini bench`); only their ratio matters.
+/// iterative path for an unknown of the plane and of space, all of it, shared by up to so many threads. Measured with
+/// the reference problems of n = 2e5 to 8e5, in space of 2e4 to 1e6, on two cores (`signorini bench`); only their ratio
+/// matters.
 const FACTOR_OPERATION: f64 = 5e-11;
 const FACTOR_UNKNOWN: f64 = 1.2e-6;
 const ITERATIVE_UNKNOWN: f64 = 12e-6;
+const ITERATIVE_UNKNOWN_IN_SPACE: f64 = 30e-6;
 const ITERATIVE_THREADS: f64 = 8.0;
 /// The factor, which no mesh can surprise, may take so many times longer.
 const PREFERRED: f64 = 2.0;
@@ -347,7 +349,11 @@ fn direct<const D: usize>(
         let n = problem.n() as f64;
         let threads = (threads as f64).min(ITERATIVE_THREADS);
         let factor = FACTOR_OPERATION * plan.operations() + FACTOR_UNKNOWN * n;
-        let iterative = ITERATIVE_UNKNOWN * n / threads;
+        let unknown = match D {
+            3 => ITERATIVE_UNKNOWN_IN_SPACE,
+            _ => ITERATIVE_UNKNOWN,
+        };
+        let iterative = unknown * n / threads;
         let (choice, taken) = if factor > PREFERRED * iterative {
             ("PCG", None)
         } else {
@@ -505,7 +511,8 @@ impl DualOperator for Engine<'_> {
 mod tests {
     use super::*;
     use crate::backend::BackendError;
-    use crate::reference::{self, CASE_B, Geometry};
+    use crate::mesh::structured::SolidShape;
+    use crate::reference::{self, CASE_B, CASE_C, Geometry};
 
     #[test]
     fn without_its_gpu_it_goes_where_it_would_have_begun() {
@@ -561,5 +568,17 @@ mod tests {
         assert_eq!(choice(None, 2), (true, String::new()));
         let (made, why) = choice(Some(2 * needed - 2), 2);
         assert!(!made && why.contains("more than half"), "{why}");
+    }
+
+    /// In space the factor loses early, however much memory there is.
+    #[test]
+    fn in_space_the_factor_is_for_small_problems() {
+        let takes_the_factor = |q| {
+            let problem = (CASE_C.problem(q, SolidShape::Hexahedron)).expect("valid");
+            let dual = direct(&problem, None, 2, &mut |_| {});
+            (problem.n(), dual.expect("K is definite").is_some())
+        };
+        assert_eq!(takes_the_factor(8), (5832, true));
+        assert_eq!(takes_the_factor(16), (41_616, false));
     }
 }

@@ -18,6 +18,7 @@ pub use element::{Element, Facet, Kind, Topology, facet, facet_nodes};
 pub(crate) use vector::bounds;
 use vector::minus;
 
+use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
 
@@ -200,8 +201,11 @@ where
             faults: BTreeMap::new(),
         };
         mesh.check()?;
-        for (number, element) in mesh.elements.iter_mut().enumerate() {
-            orient(element, &mesh.nodes, number)?;
+        let elements = mesh.elements.par_iter_mut().enumerate();
+        let faults =
+            elements.filter_map(|(number, element)| orient(element, &mesh.nodes, number).err());
+        if let Some(first) = faults.find_first(|_| true) {
+            return Err(first);
         }
         mesh.direct_boundaries();
         mesh.group_regions();

@@ -5,8 +5,10 @@ use super::{BenchArguments, NOT_CONVERGED, print};
 use signorini::backend::gpu::Context;
 use signorini::backend::{GpuOptions, Precision};
 use signorini::bench::{self, Path, Row, Speeds};
+use signorini::mesh::structured::SolidShape;
 use signorini::output::write_whole;
-use signorini::reference::{self, CASE_B, Geometry};
+use signorini::problem::ContactProblem;
+use signorini::reference::{self, CASE_B, CASE_C, Geometry, ReferenceError};
 use signorini::ssnm::Status;
 use std::collections::BTreeMap;
 use std::io::IsTerminal as _;
@@ -22,7 +24,27 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
     let contexts = contexts(arguments)?;
     let software = contexts.first().is_some_and(|c| c.adapter.is_software);
     print(&device(contexts.first().map(|context| &**context)))?;
-    let (speeds, rows) = measure(arguments, &contexts)?;
+    let (case, (speeds, rows)) = match arguments.dimension {
+        3 => {
+            let case_c = |q| CASE_C.problem(q, SolidShape::Hexahedron);
+            let sizes = Sizes::new(arguments, [8, 16, 24], 150_000);
+            (
+                "a block in space, reference case C",
+                measure(&sizes, &contexts, case_c)?,
+            )
+        }
+        _ => {
+            let case_b = |k| {
+                let mesh = reference::mesh(Geometry::OneBody, k);
+                reference::problem(Geometry::OneBody, &mesh, &CASE_B)
+            };
+            let sizes = Sizes::new(arguments, [3, 7, 13], 1_000_000);
+            (
+                "one body, reference case B",
+                measure(&sizes, &contexts, case_b)?,
+            )
+        }
+    };
     print(&speeds_table(&speeds))?;
     print(&rows_table(&rows))?;
     let fits = fits(&rows);
@@ -40,7 +62,8 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
     if let Some(path) = &arguments.json {
         let document = serde_json::json!({
             "version": env!("CARGO_PKG_VERSION"),
-            "case": "one body, reference case B",
+            "case": case,
+            "dimension": arguments.dimension,
             "tolerance": TOLERANCE,
             "threads": threads,
             "adapter": contexts.first().map(|c| c.adapter.to_string()),
@@ -76,10 +99,33 @@ fn device(context: Option<&Context>) -> String {
     format!("GPU: {adapter}, {driver}\n{warning}\n")
 }
 
+/// What is measured.
+struct Sizes {
+    /// Refinements.
+    k: Vec<usize>,
+    /// Unknowns up to which there is a factor.
+    max_cholesky: usize,
+}
+
+impl Sizes {
+    /// As asked for, or those that suit the case.
+    fn new(arguments: &BenchArguments, k: [usize; 3], max_cholesky: usize) -> Self {
+        Self {
+            k: if arguments.k.is_empty() {
+                k.to_vec()
+            } else {
+                arguments.k.clone()
+            },
+            max_cholesky: arguments.max_cholesky.unwrap_or(max_cholesky),
+        }
+    }
+}
+
 /// Simple work and whole solves of every size, on the CPU and on each device.
-fn measure(
-    arguments: &BenchArguments,
+fn measure<const D: usize>(
+    sizes: &Sizes,
     contexts: &[Arc<Context>],
+    problem: impl Fn(usize) -> Result<ContactProblem<D>, ReferenceError>,
 ) -> Result<(Vec<Speeds>, Vec<Row>), String> {
     let terminal = std::io::stderr().is_terminal();
     let progress = |line: &str| {
@@ -88,11 +134,9 @@ fn measure(
         }
     };
     let (mut speeds, mut rows) = (Vec::new(), Vec::new());
-    for &k in &arguments.k {
+    for &k in &sizes.k {
         progress(&format!("k = {k}: assembly"));
-        let mesh = reference::mesh(Geometry::OneBody, k);
-        let problem =
-            reference::problem(Geometry::OneBody, &mesh, &CASE_B).map_err(|e| told(&e))?;
+        let problem = problem(k).map_err(|e| told(&e))?;
         let failed = |e| format!("k = {k}: {e}");
         speeds.push(bench::measure(&problem).map_err(failed)?);
         for context in contexts {
@@ -100,7 +144,7 @@ fn measure(
             speeds.push(bench::measure_gpu(&problem, context).map_err(failed)?);
         }
         let mut paths = Vec::new();
-        if problem.n_free() <= arguments.max_cholesky {
+        if problem.n_free() <= sizes.max_cholesky {
             paths.push(Path::CpuCholesky);
         }
         paths.push(Path::CpuPcg);

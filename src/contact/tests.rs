@@ -1,3 +1,5 @@
+mod solid;
+
 use super::*;
 use crate::elasticity::{Material, Plane, Unknowns};
 use crate::mesh::structured::{CellShape, rectangle};

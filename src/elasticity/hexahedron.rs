@@ -1,6 +1,7 @@
 //! The trilinear hexahedron with 2 × 2 × 2 Gauss points.
 
 use super::element::{Element, GAUSS, Point};
+use super::surface::line_points;
 
 pub(super) struct Hexahedron;
 
@@ -18,7 +19,7 @@ const CORNERS: [[f64; 3]; 8] = [
 
 impl Hexahedron {
     #[inline]
-    fn point(xi: [f64; 3], x: &[[f64; 3]; 8]) -> Point<3, 8> {
+    fn point(xi: [f64; 3], weight: f64, x: &[[f64; 3]; 8]) -> Point<3, 8> {
         let mut shape = [0.0; 8];
         let mut local = [[0.0; 3]; 8];
         for a in 0..8 {
@@ -31,22 +32,27 @@ impl Hexahedron {
                 0.125 * t * fr * fs,
             ];
         }
-        Point::mapped(shape, &local, 1.0, x)
+        Point::mapped(shape, &local, weight, x)
     }
 }
 
 impl Element<3, 8> for Hexahedron {
     #[inline]
     fn stiffness_points(x: &[[f64; 3]; 8]) -> impl Iterator<Item = Point<3, 8>> {
-        (CORNERS.iter()).map(|corner| Self::point(corner.map(|v| v * GAUSS), x))
+        (CORNERS.iter()).map(|corner| Self::point(corner.map(|v| v * GAUSS), 1.0, x))
     }
 
+    /// 3 × 3 × 3: the volume at a point of a distorted one is of degree 2 along each axis.
     fn load_points(x: &[[f64; 3]; 8]) -> impl Iterator<Item = Point<3, 8>> {
-        Self::stiffness_points(x)
+        (0..27).map(|number| {
+            let at = [number % 3, number / 3 % 3, number / 9].map(|k| line_points()[k]);
+            let weight = at.iter().fold(8.0, |product, (_, weight)| product * weight);
+            Self::point(at.map(|(place, _)| place), weight, x)
+        })
     }
 
     fn centre(x: &[[f64; 3]; 8]) -> Point<3, 8> {
-        Self::point([0.0; 3], x)
+        Self::point([0.0; 3], 8.0, x)
     }
 
     /// The trilinear function that is one at this Gauss point and zero at the others, taken at the corner.

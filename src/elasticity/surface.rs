@@ -27,6 +27,22 @@ pub(crate) fn edge_points(ends: [[f64; 2]; 2]) -> [([f64; 2], [f64; 2], f64); 3]
     })
 }
 
+/// Three Gauss points on (−1, 1) with their weights, which sum to 1.
+pub(super) fn line_points() -> [(f64, f64); 3] {
+    edge_points([[-1.0, 0.0], [1.0, 0.0]]).map(|([s, _], _, weight)| (s, weight))
+}
+
+/// Six points in a triangle, exact to degree 4: barycentric coordinates and weights, which sum to 1.
+pub(super) fn triangle_points() -> impl Iterator<Item = ([f64; 3], f64)> {
+    TRIANGLE.into_iter().flat_map(|(near, weight)| {
+        (0..3).map(move |corner| {
+            let mut at = [near; 3];
+            at[corner] = 1.0 - 2.0 * near;
+            (at, weight)
+        })
+    })
+}
+
 /// The points of an edge from x₀ to x₁.
 pub(super) fn of_edge(x: &[[f64; 2]], thickness: f64, mut take: impl FnMut(&FacetPoint<2>)) {
     let (length, normal) = <Kind as Topology<2>>::facet_normal(x);
@@ -54,18 +70,13 @@ pub(super) fn of_face(x: &[[f64; 3]], thickness: f64, mut take: impl FnMut(&Face
     };
     if let [a, b, c] = *x {
         let surface = cross(minus(b, a), minus(c, a));
-        for (near, weight) in TRIANGLE {
-            for corner in 0..3 {
-                let mut shape = [near, near, near, 0.0];
-                shape[corner] = 1.0 - 2.0 * near;
-                point(shape, surface, 0.5 * weight);
-            }
+        for ([a, b, c], weight) in triangle_points() {
+            point([a, b, c, 0.0], surface, 0.5 * weight);
         }
         return;
     }
-    let line = edge_points([[-1.0, 0.0], [1.0, 0.0]]);
-    for ([s, _], _, along) in line {
-        for ([t, _], _, across) in line {
+    for (s, along) in line_points() {
+        for (t, across) in line_points() {
             let (shape, local) = Quad::shapes([s, t]);
             // ∂x/∂s and ∂x/∂t.
             let tangent = |way: usize| -> [f64; 3] {

@@ -1,6 +1,7 @@
 //! The 6-node wedge, linear in its triangles and along its axis, with 3 × 2 points.
 
 use super::element::{Element, GAUSS, Point};
+use super::surface::{line_points, triangle_points};
 
 pub(super) struct Wedge;
 
@@ -43,8 +44,11 @@ impl Element<3, 6> for Wedge {
         })
     }
 
+    /// 6 × 3, as the volume at a point of a distorted one is no constant.
     fn load_points(x: &[[f64; 3]; 6]) -> impl Iterator<Item = Point<3, 6>> {
-        Self::stiffness_points(x)
+        triangle_points().flat_map(move |(triangle, share)| {
+            line_points().map(|(axis, weight)| Self::point(triangle, axis, share * weight, x))
+        })
     }
 
     fn centre(x: &[[f64; 3]; 6]) -> Point<3, 6> {

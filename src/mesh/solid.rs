@@ -98,19 +98,19 @@ impl Topology<3> for Kind {
     }
 
     fn facet_normal(x: &[[f64; 3]]) -> (f64, [f64; 3]) {
-        let triangle = |a: usize, b: usize, c: usize| cross(minus(x[b], x[a]), minus(x[c], x[a]));
-        if x.len() == 3 {
-            let twice = triangle(0, 1, 2);
+        if let [a, b, c] = *x {
+            let twice = cross(minus(b, a), minus(c, a));
             return (0.5 * length(twice), unit(twice));
         }
-        // The diagonals span twice ∫ n ds, however warped it is; the area is the mean of both ways to fold it.
-        let twice = cross(minus(x[2], x[0]), minus(x[3], x[1]));
-        let folds = [
-            triangle(0, 1, 2),
-            triangle(0, 2, 3),
-            triangle(0, 1, 3),
-            triangle(1, 2, 3),
-        ];
-        (0.25 * folds.map(length).iter().sum::<f64>(), unit(twice))
+        // 2 × 2 Gauss points on the bilinear surface; ∫ n ds is half the product of the diagonals, however warped it is.
+        let [p, q, r, s] = [[0, 1], [3, 2], [0, 3], [1, 2]].map(|[a, b]| minus(x[b], x[a]));
+        let points = [GAUSS, 1.0 - GAUSS];
+        let spans =
+            points.map(|u| points.map(|v| length(cross(between(p, q, v), between(r, s, u)))));
+        let normal = cross(minus(x[2], x[0]), minus(x[3], x[1]));
+        (
+            0.25 * spans.as_flattened().iter().sum::<f64>(),
+            unit(normal),
+        )
     }
 }

@@ -1,3 +1,5 @@
+mod solid;
+
 use super::structured::{CellShape, join, rectangle};
 use super::*;
 

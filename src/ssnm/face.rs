@@ -6,6 +6,7 @@ use super::sets::Sets;
 use crate::constraint::{at, put};
 use crate::dual::balance::{Balance, FaceBalance};
 use std::array::from_fn;
+use std::borrow::Cow;
 use std::rc::Rc;
 
 /// The unknowns y of a step: λ moves by F y.
@@ -200,6 +201,30 @@ impl<const D: usize> Face<D> {
     /// From the gradient of the model back to r.
     pub fn from_model(&self, point: &mut Point) {
         self.change_gradient(point, -1.0);
+    }
+
+    /// The change of q, as the model has it, between two points.
+    pub fn q_change(&self, from: &Point, to: &Point) -> f64 {
+        let [from, to] = self.as_modelled([from, to]);
+        from.q_change(&to)
+    }
+
+    /// The point of lowest q, as the model has it, between two points.
+    pub fn lowest_towards(&self, from: &Point, to: &Point) -> Point {
+        let [from, to] = self.as_modelled([from, to]);
+        let mut lowest = from.lowest_towards(&to);
+        self.from_model(&mut lowest);
+        lowest
+    }
+
+    fn as_modelled<'p>(&self, points: [&'p Point; 2]) -> [Cow<'p, Point>; 2] {
+        points.map(|point| {
+            let mut point = Cow::Borrowed(point);
+            if self.is_curved() {
+                self.to_model(point.to_mut());
+            }
+            point
+        })
     }
 
     fn change_gradient(&self, Point { lambda, r, .. }: &mut Point, sign: f64) {

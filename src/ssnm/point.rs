@@ -70,17 +70,23 @@ impl Point {
         self.towards(end, t)
     }
 
-    /// From this point of Λ towards `end` as far as Λ goes; what stops there lies exactly on its bound.
-    /// Circles that are `sets` has linearised stop nothing.
-    pub fn until_bound<const D: usize>(&self, end: &Self, g: &[f64], sets: &Sets<D>) -> Self {
-        let reach = |i: usize, g: f64| -> [f64; 2] {
+    /// The parts of the way to `end` at which the λν and the λτ of each node come to their bounds; infinite where they do
+    /// not, and for a λτ on a circle that `sets` has linearised.
+    pub fn reaches<const D: usize>(&self, end: &Self, g: &[f64], sets: &Sets<D>) -> Vec<[f64; 2]> {
+        let reach = |(i, &g): (usize, &f64)| -> [f64; 2] {
             let mut reach = Disc { g }.reach::<D>(at(&self.lambda, i), at(&end.lambda, i));
             if sets.turns(i) {
                 reach[1] = f64::INFINITY;
             }
             reach
         };
-        let reaches: Vec<[f64; 2]> = g.iter().enumerate().map(|(i, &g)| reach(i, g)).collect();
+        g.iter().enumerate().map(reach).collect()
+    }
+
+    /// From this point of Λ towards `end` as far as Λ goes; what stops there lies exactly on its bound.
+    /// Circles that `sets` has linearised stop nothing.
+    pub fn until_bound<const D: usize>(&self, end: &Self, g: &[f64], sets: &Sets<D>) -> Self {
+        let reaches = self.reaches(end, g, sets);
         let t = (reaches.iter().flatten()).fold(1.0, |t: f64, &reach| t.min(reach));
         let mut cut = self.towards(end, t);
         for (i, (&g, reach)) in g.iter().zip(&reaches).enumerate() {

@@ -6,11 +6,14 @@
 use super::Status;
 use super::newton::{Newton, Way};
 use super::point::Point;
+use super::sets::Sets;
 use super::subspace::Subspace;
 use crate::dual::{DualError, DualOperator};
 
 /// Steps in a row without progress before something is done about it.
 const FRUITLESS: usize = 3;
+/// Likewise in space, where safeguarded steps are the better ones once Newton's do not get on.
+const FRUITLESS_IN_SPACE: usize = 2;
 /// An error below this part of the best one is progress.
 const PROGRESS: f64 = 0.9;
 /// The part of α‖r̃_α‖² by which a step has to lower q to count as progress; a projected gradient step
@@ -65,6 +68,8 @@ pub(super) struct Descent {
     penalty: usize,
     faces: usize,
     first_faces: usize,
+    /// [`FRUITLESS`].
+    patience: usize,
 }
 
 /// Steps are made differently where the error does not fall.
@@ -110,6 +115,11 @@ impl Safeguard {
             penalty: 1,
             faces: 0,
             first_faces: if D == 2 { 1 } else { FIRST_FACES_IN_SPACE },
+            patience: if D == 2 {
+                FRUITLESS
+            } else {
+                FRUITLESS_IN_SPACE
+            },
         })
     }
 
@@ -163,16 +173,17 @@ impl Descent {
 
     /// Takes note of a step: what q has lost against the best point, what a projected gradient step from there would
     /// gain at least, and the error. Progress is a real part of that gain, or a clearly smaller error: rounding must
-    /// not pass for it.
-    fn note(&mut self, lost: f64, gain: f64, err: f64) {
-        let progress = -lost >= GAIN * gain && lost < 0.0 || err <= PROGRESS * self.best_err;
+    /// not pass for it. `by_error`: only the latter counts.
+    fn note(&mut self, lost: f64, gain: f64, err: f64, by_error: bool) {
+        let progress =
+            -lost >= GAIN * gain && lost < 0.0 && !by_error || err <= PROGRESS * self.best_err;
         self.fruitless = if progress { 0 } else { self.fruitless + 1 };
         self.best_err = self.best_err.min(err);
     }
 
     /// Whether to discard what has led here. More than half of all progress lost counts at once, and so does NaN.
     fn discards(&self, lost: f64, gained: f64, safeguarded: bool) -> bool {
-        self.fruitless >= FRUITLESS
+        self.fruitless >= self.patience
             || (safeguarded && self.fruitless > 0)
             || !(lost <= LOST * gained)
     }
@@ -228,7 +239,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let safeguarded = way.history.last().is_some_and(|step| step.safeguarded);
         let lost = descent.best.q_change(&way.point);
         let error = self.error_with(&mut descent.best.clone(), self.alpha);
-        descent.note(lost, self.alpha * error.powi(2), way.err);
+        // Newton steps back and forth between circles gain a little each time.
+        let by_error = !safeguarded && way.sets.as_ref().is_some_and(Sets::turn);
+        descent.note(lost, self.alpha * error.powi(2), way.err, by_error);
         if stopped {
             if !(lost < 0.0) {
                 way.point.clone_from(&descent.best);
@@ -322,6 +335,7 @@ mod tests {
             penalty: 1,
             faces: 0,
             first_faces: 1,
+            patience: FRUITLESS,
         }
     }
 
@@ -329,7 +343,7 @@ mod tests {
     fn only_a_real_gain_is_progress() {
         let counts = |lost: f64, err: f64| {
             let mut descent = descent();
-            descent.note(lost, 1.0, err);
+            descent.note(lost, 1.0, err, false);
             descent.fruitless
         };
         assert_eq!((counts(-0.06, 2.0), counts(-0.04, 2.0)), (0, 1));
@@ -342,7 +356,7 @@ mod tests {
         let mut descent = descent();
         let newton = |rho| Plan::Newton { rho, search: false };
         for _ in 0..2 {
-            descent.note(0.0, 1.0, 1.0);
+            descent.note(0.0, 1.0, 1.0, false);
             assert!(!descent.discards(0.0, 1.0, false));
             assert!(
                 descent.discards(0.0, 1.0, true),
@@ -351,7 +365,7 @@ mod tests {
         }
         // A step that loses too much of all progress, too.
         assert!(descent.discards(0.6, 1.0, false) && descent.discards(f64::NAN, 1.0, false));
-        descent.note(0.0, 1.0, 1.0);
+        descent.note(0.0, 1.0, 1.0, false);
         assert!(descent.discards(0.0, 1.0, false));
 
         assert_eq!(descent.plan(), newton(20.0));

@@ -11,6 +11,8 @@ use crate::dual::{DualError, DualOperator};
 
 /// Points that a search looks at, each half as far as the one before.
 const HALVINGS: usize = 6;
+/// Projections that are tried between the minimum over a face and the first bound on the way to it.
+const NEARER: usize = 6;
 /// Times that the length of a projected gradient step is halved.
 const SHORTER: usize = 60;
 
@@ -171,25 +173,14 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             inner += self.solve_inner(&mut end, &mut iteration, target, |_, _, residual| {
                 residual <= SETS_CHANGED * err
             })?;
-            let face = &iteration.face;
             let projected = self.nearest_straight(&sets, &end.lambda, &g);
             if projected == end.lambda {
                 *point = end;
                 last = Some(iteration);
                 break;
             }
-            // Up to the first bound q falls and its gradient is known; beyond, the projection is tried.
-            let mut cut = point.until_bound(&end, &g, &sets);
-            self.move_to(&mut end, projected)?;
-            for there in [&mut *point, &mut cut, &mut end] {
-                face.to_model(there);
-            }
-            // What is left inside Λ by the last face need not lie on a bound: the best of the chord.
-            if number == faces {
-                end = point.lowest_towards(&end);
-            }
-            *point = if cut.q_change(&end) < 0.0 { end } else { cut };
-            face.from_model(point);
+            let lowest = number == faces;
+            *point = self.as_far_as_q_falls(point, end, &iteration.face, &g, lowest)?;
             last = Some(iteration);
             if !sets.hold_at_bounds(&point.lambda, &g) || self.products.stop.now().is_some() {
                 break;
@@ -204,6 +195,47 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             }
         }
         Ok((sets, inner))
+    }
+
+    /// From a point towards the minimum over its face, which lies outside Λ. Up to the first bound q falls and its
+    /// gradient is known; beyond, the projection is tried: of the minimum and, where circles curve and a product is little
+    /// beside what a face costs, of points before it that hold half as many multipliers each. `lowest`: what is left inside
+    /// Λ need not lie on a bound, so that the best of the chord will do.
+    fn as_far_as_q_falls(
+        &mut self,
+        point: &Point,
+        end: Point,
+        face: &Face<D>,
+        g: &[f64],
+        lowest: bool,
+    ) -> Result<Point, DualError> {
+        let cut = point.until_bound(&end, g, &face.sets);
+        let reaches = point.reaches(&end, g, &face.sets);
+        let mut bounds: Vec<f64> = (reaches.into_iter().flatten())
+            .filter(|&reach| reach < 1.0)
+            .collect();
+        bounds.sort_by(f64::total_cmp);
+        let tries = if face.is_curved() { NEARER } else { 1 };
+        let mut there = end.clone();
+        for _ in 0..tries {
+            let projected = self.nearest_straight(&face.sets, &there.lambda, g);
+            self.move_to(&mut there, projected)?;
+            if lowest {
+                there = face.lowest_towards(point, &there);
+            }
+            if face.q_change(&cut, &there) < 0.0 {
+                return Ok(there);
+            }
+            bounds.truncate(bounds.len() / 2);
+            match bounds.last() {
+                // A little further, so that it does lie on its bound.
+                Some(&reach) if bounds.len() > 1 => {
+                    there = point.towards(&end, reach * (1.0 + 1e-9))
+                }
+                _ => break,
+            }
+        }
+        Ok(cut)
     }
 
     /// P_Λ, but for what moves along the tangents of circles.

@@ -66,6 +66,9 @@ pub enum FactorError {
     TooLarge,
 }
 
+/// Operations from which all threads share the dense blocks of the factorisation: some seconds of one of them.
+/// Entries are summed in the same order by any number.
+const WORTH_THREADS: f64 = 1e11;
 /// A pivot below this part of its diagonal entry means a singular K.
 const PIVOT_LIMIT: f64 = 1e-14;
 
@@ -145,10 +148,21 @@ impl Plan {
     /// Bytes that the factor and its making will take, beside K itself.
     pub fn bytes(&self) -> usize {
         let scratch = (self.symbolic)
-            .factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default())
+            .factorize_numeric_llt_scratch::<f64>(self.threads(), Default::default())
             .unaligned_bytes_required();
         let lower = size_of_val(&self.values[..]) + size_of_val(&self.row_idx[..]);
-        8 * self.symbolic.len_val() + scratch + 2 * lower
+        // The trailing blocks are copied when the scratch space is free again.
+        let trailing: usize = self.sizes.iter().map(|size| 8 * size * size).sum();
+        8 * self.symbolic.len_val() + scratch.max(trailing) + 2 * lower
+    }
+
+    /// How many threads the numeric factorisation is worth.
+    fn threads(&self) -> Par {
+        if self.operations() >= WORTH_THREADS {
+            Par::rayon(rayon::current_num_threads())
+        } else {
+            Par::Seq
+        }
     }
 
     /// Multiplications and additions of the factorisation.
@@ -185,6 +199,16 @@ pub struct Factor {
 impl Factor {
     /// Factorises K as planned for it.
     pub fn new<const D: usize>(k: &BlockCsr<D>, plan: Plan) -> Result<Self, FactorError> {
+        let threads = plan.threads();
+        Self::on_threads(k, plan, threads)
+    }
+
+    /// As [`Factor::new`], on so many threads.
+    fn on_threads<const D: usize>(
+        k: &BlockCsr<D>,
+        plan: Plan,
+        threads: Par,
+    ) -> Result<Self, FactorError> {
         let start = Instant::now();
         let Plan {
             order,
@@ -208,7 +232,7 @@ impl Factor {
             .try_reserve_exact(symbolic.len_val())
             .map_err(|_| out_of_memory())?;
         factor.resize(symbolic.len_val(), 0.0);
-        let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
+        let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(threads, Default::default());
         let mut memory = MemBuffer::try_new(scratch).map_err(|_| out_of_memory())?;
         let not_definite = |position: usize| {
             let unknown = order[position] as usize;
@@ -223,7 +247,7 @@ impl Factor {
                 SparseColMatRef::new(pattern, &values),
                 Side::Lower,
                 LltRegularization::default(),
-                Par::Seq,
+                threads,
                 MemStack::new(&mut memory),
                 Default::default(),
             )
@@ -544,4 +568,52 @@ fn trailing_blocks(
         }
     }
     blocks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::structured::SolidShape;
+    use crate::problem::ContactProblem;
+    use crate::reference::CASE_C;
+
+    fn case_c(q: usize, shape: SolidShape) -> ContactProblem<3> {
+        (CASE_C.problem(q, shape)).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    fn plan(problem: &ContactProblem<3>, with_coordinates: bool) -> Plan {
+        let points = problem.coordinates().filter(|_| with_coordinates);
+        let touched = problem.touched();
+        Plan::new(problem.stiffness(), points, &touched, Vec::new())
+            .unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// Without coordinates there is minimum degree alone.
+    #[test]
+    fn dissection_saves_work_in_space() {
+        for (q, shape, part) in [
+            (12, SolidShape::Hexahedron, 0.6),
+            (12, SolidShape::Tetrahedron, 0.8),
+        ] {
+            let problem = case_c(q, shape);
+            let (plan, other) = (plan(&problem, true), plan(&problem, false));
+            let operations = [&plan, &other].map(Plan::operations);
+            println!("{shape:?} {q}: {operations:?}");
+            assert!(operations[0] < part * operations[1], "{operations:?}");
+            assert!(plan.bytes() < other.bytes());
+        }
+    }
+
+    #[test]
+    fn threads_make_the_same_factor() {
+        let problem = case_c(8, SolidShape::Hexahedron);
+        let threads = rayon::current_num_threads().min(4);
+        let [one, more] = [Par::Seq, Par::rayon(threads)].map(|threads| {
+            Factor::on_threads(problem.stiffness(), plan(&problem, true), threads)
+                .unwrap_or_else(|error| panic!("{error}"))
+        });
+        let bits =
+            |factor: &Factor| -> Vec<u64> { factor.values.iter().map(|v| v.to_bits()).collect() };
+        assert!(bits(&one) == bits(&more));
+    }
 }

@@ -21,8 +21,21 @@ pub(super) struct Ordering {
     pub sizes: Vec<usize>,
 }
 
-/// A subgraph with at most this many blocks is ordered by minimum degree.
-const LEAF: usize = 3000;
+/// A subgraph with at most this many blocks is ordered by minimum degree, which is as good as dissection in the plane
+/// and fills far more in space.
+const fn leaf(dimension: usize) -> usize {
+    if dimension == 3 { 100 } else { 3000 }
+}
+
+/// Whether a dense trailing block of `contact²` blocks pays: it has half as many entries, against a fill that is several
+/// times the entries of K in the plane, and grows like a power 4/3 of the nodes in space.
+fn pays(dimension: usize, contact: usize, n_blocks: usize, n_nodes: usize) -> bool {
+    let fill = match dimension {
+        3 => 4.0 * (n_nodes as f64).powf(4.0 / 3.0),
+        _ => 0.0,
+    };
+    contact <= 4 * n_blocks || contact <= 1 << 16 || contact as f64 <= fill
+}
 
 /// Orders the unknowns of K; `touched` says which blocks B touches.
 pub(super) fn contact_last<const D: usize>(
@@ -42,13 +55,18 @@ pub(super) fn contact_last<const D: usize>(
         };
         list[body].push(i as u32);
     }
-    // A triangular block of c² · 2 entries against a fill that is several times the entries of K.
     let dense: usize = contact.iter().map(|c| c.len() * c.len()).sum();
-    let trailing = dense <= 4 * k.n_blocks() || dense <= 1 << 16;
+    let trailing = pays(D, dense, k.n_blocks(), k.n_block_rows());
+    if !trailing {
+        // Nodes of the contact are nodes like others.
+        for (interior, contact) in interior.iter_mut().zip(&mut contact) {
+            interior.append(contact);
+        }
+    }
 
     let mut blocks: Vec<u32> = Vec::with_capacity(k.n_block_rows());
     match coordinates {
-        Some(points) if trailing && points.len() == k.n_block_rows() => {
+        Some(points) if (trailing || D == 3) && points.len() == k.n_block_rows() => {
             let mut part = vec![0u32; k.n_block_rows()];
             for nodes in &mut interior {
                 Dissection {
@@ -104,7 +122,7 @@ struct Dissection<'a, const D: usize> {
 impl<const D: usize> Dissection<'_, D> {
     /// Appends an order of `nodes`: one half, the other half, then the blocks between them.
     fn dissect(&mut self, nodes: &mut [u32]) {
-        if nodes.len() <= LEAF {
+        if nodes.len() <= leaf(D) {
             let order = minimum_degree(self.k, nodes, &[]);
             self.order.extend(order);
             return;

@@ -5,10 +5,10 @@ use crate::backend::cpu::Cpu;
 use crate::control::Stop;
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
 use crate::lattice::lattice;
-use crate::mesh::structured::{CellShape, rectangle};
+use crate::mesh::structured::{CellShape, SolidShape, rectangle};
 use crate::mesh::{Element, Mesh};
 use crate::problem::ContactProblem;
-use crate::reference::{self, CASE_B, Geometry, MATERIAL};
+use crate::reference::{self, CASE_B, CASE_C, Geometry, MATERIAL};
 use crate::sparse::{dot, norm};
 use crate::stiffness::pcg::Pcg;
 use std::sync::Arc;
@@ -179,6 +179,32 @@ fn iterations_on_the_reference_problems() {
         assert!(solve.residual < 2e-8, "{geometry:?} {k}: {solve:?}");
         assert!(k < 13 || m.operator_complexity() < 1.5, "{m}");
     }
+}
+
+/// Hexahedra and tetrahedra of a clamped block: the last numbers bound the iterations and the complexity.
+#[test]
+fn iterations_in_space() {
+    let mut small = None;
+    for (q, shape, limit, complexity) in [
+        (8, SolidShape::Hexahedron, 14, 1.15),
+        (16, SolidShape::Hexahedron, 15, 1.2),
+        (24, SolidShape::Hexahedron, 16, 1.2),
+        (8, SolidShape::Tetrahedron, 21, 1.6),
+        (16, SolidShape::Tetrahedron, 22, 1.6),
+    ] {
+        let problem = (CASE_C.problem(q, shape)).unwrap_or_else(|error| panic!("{error}"));
+        let k = problem.stiffness();
+        let m = Hierarchy::<f32>::new(k, problem.coordinates(), &Settings::of_dimension(3))
+            .unwrap_or_else(|error| panic!("{error}"));
+        let solve = pcg(k, problem.load(), &m);
+        println!("{shape:?} {q}: {solve:?}, {:.3}", m.operator_complexity());
+        assert!(solve.iterations <= limit, "{shape:?} {q}: {solve:?}");
+        assert!(solve.residual < 2e-8, "{shape:?} {q}: {solve:?}");
+        assert!(m.operator_complexity() < complexity, "{shape:?} {q}: {m}");
+        small.get_or_insert((problem, m));
+    }
+    let (problem, m) = small.expect("there is one");
+    check_symmetric_definite(problem.stiffness(), &m, 1e-3);
 }
 
 #[test]
