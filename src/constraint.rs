@@ -439,6 +439,58 @@ mod tests {
         check::<3>();
     }
 
+    /// What is free of a node and what is held are all directions, at right angles to each other.
+    #[test]
+    fn free_and_held_directions_make_a_frame() {
+        fn check<const D: usize>() {
+            let dot = |x: [f64; D], y: [f64; D]| (0..D).map(|a| x[a] * y[a]).sum::<f64>();
+            for seed in 0..100 {
+                let z = arbitrary::<D>(seed);
+                for g in [0.0, 0.4, 9.0] {
+                    let sets = Disc { g }.predict(z);
+                    assert_eq!(sets.turns, D == 3 && g == 0.4 && sets.slip.is_some());
+                    let normal: [f64; D] = from_fn(|a| f64::from(u8::from(a == 0)));
+                    let mut free: Vec<[f64; D]> = sets.tangents().collect();
+                    let mut held: Vec<[f64; D]> = sets.held_tangents().collect();
+                    if sets.contact { &mut free } else { &mut held }.push(normal);
+                    assert_eq!((sets.n_free(), free.len() + held.len()), (free.len(), D));
+                    let all: Vec<[f64; D]> = free.iter().chain(&held).copied().collect();
+                    for (i, a) in all.iter().enumerate() {
+                        for (j, b) in all.iter().enumerate() {
+                            let expected = f64::from(u8::from(i == j));
+                            assert!((dot(*a, *b) - expected).abs() < 1e-15);
+                        }
+                    }
+                    let x = arbitrary::<D>(seed + 500);
+                    let part: [f64; D] = from_fn(|a| free.iter().map(|v| v[a] * dot(*v, x)).sum());
+                    let found = sets.free_part(x);
+                    assert!((0..D).all(|a| (found[a] - part[a]).abs() < 1e-15));
+                }
+            }
+        }
+        check::<2>();
+        check::<3>();
+    }
+
+    #[test]
+    fn slip_goes_on_in_its_direction_until_it_turns_back() {
+        let disc = Disc { g: 2.0 };
+        let on_circle = [1.0, 2.0 * 0.6, 2.0 * 0.8];
+        let slip = |lambda: [f64; 3], z: [f64; 3]| {
+            let s = disc.predict_from(lambda, z).slip.expect("z is outside");
+            [s[1], s[2]]
+        };
+        assert_eq!(slip(on_circle, [1.0, 3.0, 0.0]), [0.6, 0.8]);
+        assert_eq!(slip(on_circle, [1.0, -3.0, 0.0]), [-1.0, 0.0]);
+        assert_eq!(slip([1.0, 1.0, 0.0], [1.0, 0.0, 3.0]), [0.0, 1.0]);
+        // Slip in a direction that has turned is the same set, slip back is another one.
+        let of = |z: [f64; 3]| disc.predict(z);
+        let ahead = of([1.0, 3.0, 0.0]);
+        assert_eq!(ahead.differences(&of([1.0, 2.0, 2.0])), 0);
+        assert_eq!(ahead.differences(&of([1.0, -2.0, 2.0])), 1);
+        assert_eq!(ahead.differences(&of([-1.0, 0.0, 1.0])), 2);
+    }
+
     #[test]
     fn tangents_of_a_node_lie_side_by_side() {
         let mut x: Vec<f64> = (0..6).map(f64::from).collect();

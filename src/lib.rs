@@ -12,11 +12,13 @@
 //!      |λτ,i| = gᵢ ⇒ (T u)ᵢ = cᵢ λτ,i with cᵢ ≥ 0             slip at it
 //! ```
 //!
+//! In space λτ has two components for each contact node, and |λτ,i| is their Euclidean length.
+//!
 //! K is the stiffness matrix, the rows of N and T measure the displacement of a contact node towards the
 //! obstacle and along the boundary, d is the initial gap and g the slip bound. Eliminating u leaves the
-//! minimisation of a quadratic function over simple bounds in 2m unknowns, which the inexact semi-smooth
-//! Newton method of Kučera, Motyčková and Markopoulos solves in few products with A = B K⁻¹ Bᵀ,
-//! B = (N; T).
+//! minimisation of a quadratic function over simple bounds (in space also discs) in the multipliers alone, which the
+//! inexact semi-smooth Newton method of Kučera, Motyčková and Markopoulos solves in few products with
+//! A = B K⁻¹ Bᵀ, B = (N; T).
 //!
 //! Bodies that can move as a whole make K singular; their rigid motions R are found from the coordinates
 //! ([`problem::FreeBodies`]), u = K⁺(f − Bᵀλ) + Rα, and λ has to balance them: Rᵀ(f − Bᵀλ) = 0.

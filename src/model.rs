@@ -3,6 +3,34 @@
 //! A [`Model`] says on a mesh, in the plane or in space, what a case file says in its tables, and case files are built by it. [`Model::build`]
 //! checks it, assembles K, f, N, T, d and g, and finds the bodies that nothing but contact holds; [`Elastic::step`]
 //! gives the load of each step.
+//!
+//! A block of steel, held at one end, pressed on a rigid floor and pushed along it:
+//!
+//! ```
+//! use signorini::contact::Obstacle;
+//! use signorini::elasticity::Material;
+//! use signorini::mesh::structured::{SolidShape, block};
+//! use signorini::model::{Model, Pair, Support, Traction};
+//! use signorini::ssnm::Status;
+//!
+//! let floor = Obstacle::HalfPlane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+//! let mesh = block([0.0; 3], [3.0, 1.0, 1.0], [6, 2, 2], SolidShape::Hexahedron, "steel", "");
+//! let built = Model::on(mesh)
+//!     .material(Material { young: 2.1e11, poisson: 0.3, density: 0.0 })
+//!     .support(Support::on("left").fixed())
+//!     .traction(Traction::on("top").z(|x: [f64; 3]| -1e7 * (1.0 + x[0])))
+//!     .traction(Traction::on("right").y(3e6))
+//!     .contact(Pair::obstacle("bottom", floor).tresca(3e6))
+//!     .build()?;
+//! let solution = built.solve(&Default::default())?.remove(0);
+//! assert_eq!(solution.status, Status::Converged);
+//! // λ = (λν, λτ): what each contact node presses with, then along both tangents of each.
+//! let m = built.problem.m();
+//! assert_eq!((m, solution.lambda.len()), (18, 3 * m));
+//! let pressed: f64 = solution.lambda[..m].iter().sum();
+//! assert!(pressed > 5e7 && pressed < 7.5e7);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod build;
 mod contacts;

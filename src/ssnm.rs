@@ -1,7 +1,7 @@
 //! The semi-smooth Newton method in dual form: Algorithms SSNM and ISSNM of the paper, with a safeguard.
 //!
 //! The contact problem (1)–(3) is the minimisation of q(λ) = ½ λᵀAλ − λᵀb (8) over
-//! Λ = {λν ≥ 0, |λτ| ≤ g}. Each outer step predicts the active sets from λ − ρr (Step 2), minimises q
+//! Λ = {λν ≥ 0, |λτ| ≤ g}, in space with discs: ‖λτ,i‖ ≤ gᵢ. Each outer step predicts the active sets from λ − ρr (Step 2), minimises q
 //! with the inactive multipliers on their bounds by conjugate gradients (Step 3), and measures the
 //! reduced gradient (10) at the projection of the result (Step 3.4).
 //!
@@ -17,8 +17,12 @@
 //! | q (8) and its gradient r (9) | `point` (`Point::q_change`), `products` |
 //! | λ⁰, err⁰, ρ = β/σ_max | `setup` |
 //!
-//! Seven things go beyond the text of the paper, none of which changes the limit:
+//! Eight things go beyond the text of the paper, none of which changes the limit:
 //!
+//! - **Discs.** In space λτ of a node that slips moves along the tangent of its circle. Complementarity there is
+//!   rτ + κλτ = 0, so that (11) becomes min ½ zᵀ(A + diag κ)z + zᵀr over one tangent per slipping node (`face`), κ costs no
+//!   product, and CG is preconditioned by diag(c + κ), c the mean of diag(A). P_Λ takes λτ back to the circle. In the
+//!   plane there are no tangents, and nothing of this is left.
 //! - **Products are carried.** r = Aλ − b is updated along with λ, so a product with A is spent only on
 //!   a direction of CG, on the jump of the multipliers that change to a bound, and on P_Λ(λ) − λ. Where
 //!   products are a matter of iterations they are as accurate as need be (`products`).
@@ -42,7 +46,8 @@
 //!   projected gradient step with ρ = 1/σ_max < 2/σ_max lowers q by at least a fixed part of ‖r̃‖²
 //!   (Kučera 2008, reference 2 of the paper), minimising over the face of Λ reached lowers it further,
 //!   and the set prediction uses no more than that ρ from then on. Each time it acts it stays for twice
-//!   as many steps, hence q decreases to its minimum whatever β was.
+//!   as many steps, hence q decreases to its minimum whatever β was. In space faces are visited with circles linearised,
+//!   and what has left Λ along the tangents goes back in the end, as far as q falls on the chord.
 
 mod cg;
 mod check;

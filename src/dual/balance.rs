@@ -396,18 +396,21 @@ fn unknowns<const D: usize>(node: &NodeSets<D>, follows: f64) -> Vec<[f64; D]> {
     normal.into_iter().chain(node.tangents()).collect()
 }
 
+/// The columns of F or of Z, node by node.
+type Columns<const D: usize> = Vec<Vec<[f64; D]>>;
+
 /// G on the free multipliers of a face of Λ.
 ///
 /// A multiplier moves as F y for free y: Z y but for slipping nodes under Coulomb's law, whose tangential
 /// multipliers follow the normal one.
 pub(crate) struct FaceBalance<const D: usize> {
     balance: Rc<Balance>,
-    /// The columns of F, node by node.
-    moving: Vec<Vec<[f64; D]>>,
+    /// The columns of F.
+    moving: Columns<D>,
     /// (G F Fᵀ Gᵀ)⁺.
     inverse: Mat<f64>,
     /// (G Z Zᵀ Gᵀ)⁺, with the columns of Z, where Z differs from F.
-    residuals: Option<(Mat<f64>, Vec<Vec<[f64; D]>>)>,
+    residuals: Option<(Mat<f64>, Columns<D>)>,
 }
 
 impl<const D: usize> FaceBalance<D> {

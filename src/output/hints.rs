@@ -10,8 +10,13 @@ use crate::quasistatic::StepSolution;
 /// So many nodes in contact at least, for a peak on one or two of them to be called unresolved.
 const RESOLVED: usize = 5;
 
-/// So many nodes without friction are corners and nothing to speak of.
-const CORNERS: usize = 2;
+/// So many nodes without friction are the ends of a boundary in the plane, in space its rim, and nothing to speak of.
+fn rim<const D: usize>(nodes: usize) -> usize {
+    match D {
+        2 => 2,
+        _ => (4.0 * (nodes as f64).sqrt()).ceil() as usize,
+    }
+}
 
 /// In the order of the contacts.
 pub(super) fn hints<const D: usize>(
@@ -58,7 +63,7 @@ where
                  are taken to be small"
             ));
         }
-        if pair.kept > CORNERS {
+        if pair.kept > rim::<D>(pair.nodes) {
             hints.push(format!(
                 "{name}: {} nodes get no friction, as supports keep them from sliding freely; what they would carry is \
                  missing in the forces of the contact and of the supports",

@@ -13,7 +13,7 @@ use crate::mesh::{Kind, Topology};
 use crate::model::{Elastic, StepData, Units};
 use crate::problem::Kkt;
 use crate::quasistatic::{Round, StepSolution};
-use crate::ssnm::{self, SetSizes, Status};
+use crate::ssnm::{self, SetSizes, SlipSizes, Status};
 use serde::Serialize;
 
 /// Seconds of the phases of a solve.
@@ -263,7 +263,10 @@ impl Report {
             v_cycles_linear: None,
             work_ratio: None,
             path: EnginePath::default(),
-            sets: SetSizes::default(),
+            sets: SetSizes {
+                slip: SlipSizes::none::<D>(),
+                ..SetSizes::default()
+            },
             kkt: Kkt::default(),
             steps: Vec::new(),
             timings: Timings::default(),

@@ -9,6 +9,9 @@ use std::array::from_fn;
 use std::borrow::Cow;
 use std::rc::Rc;
 
+/// What counts as nothing across a direction, relative to it.
+const ROUNDING: f64 = 1e-13;
+
 /// The unknowns y of a step: λ moves by F y.
 ///
 /// F y has y on the free multipliers. On a node in contact that slips under Coulomb's law, λτ = μλν s: there the
@@ -161,7 +164,16 @@ impl<const D: usize> Face<D> {
                 // λτ = μλν s along a direction that is held.
                 let slope = mu * (1..D).map(|a| held[a] * s[a]).sum::<f64>();
                 let own = |d: [f64; D]| match node.turns {
-                    true => (1..D).map(|a| held[a] * d[a]).sum::<f64>() - slope * d[0],
+                    true => {
+                        let along = (1..D).map(|a| held[a] * d[a]).sum::<f64>() - slope * d[0];
+                        let size = d.iter().fold(0.0, |size: f64, v| size.max(v.abs()));
+                        // What is left of a direction along the tangent is rounding.
+                        if along.abs() > ROUNDING * size {
+                            along
+                        } else {
+                            0.0
+                        }
+                    }
                     false => {
                         let a = held.iter().position(|&v| v != 0.0).unwrap_or(1);
                         d[a] - slope * d[0]
@@ -297,5 +309,97 @@ impl Curvature {
             origin: point.lambda.clone(),
             mean,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::constraint::Disc;
+
+    /// Two nodes, one that slips and one that sticks, and a full A.
+    fn gradient(lambda: &[f64]) -> Vec<f64> {
+        (0..6)
+            .map(|i| {
+                let entry = |j: usize| {
+                    if i == j {
+                        3.0
+                    } else {
+                        1.0 / (1.0 + (i + j) as f64)
+                    }
+                };
+                (0..6).map(|j| entry(j) * lambda[j]).sum::<f64>() - 2.0 - 0.3 * i as f64
+            })
+            .collect()
+    }
+
+    fn point(lambda: Vec<f64>) -> Point {
+        Point {
+            r: gradient(&lambda),
+            lambda,
+            motion: Vec::new(),
+        }
+    }
+
+    /// Back on the circle after a step along the tangent, q is that of the model but for the third order.
+    #[test]
+    fn the_model_is_q_along_the_circle() {
+        let g = [0.5, 9.0];
+        let start = point(vec![0.4, 0.2, 0.3, 0.4, 0.1, -0.2]);
+        let sets = Sets::<3>::binding(&start.lambda, &start.r, &g);
+        assert!(sets.turns(0) && !sets.turns(1));
+        let mut face = Face {
+            sets,
+            follows: Vec::new(),
+            curvature: None,
+            balance: None,
+        };
+        face.set_curvature(None, &start, 1.0);
+        let kappa = face.curvature.as_ref().map(|c| c.kappa[0]);
+        assert!(kappa.is_some_and(|kappa| kappa > 0.1), "{kappa:?}");
+
+        let mut along = vec![0.3, -0.7, 1.0, -0.2, 0.6, 0.5];
+        face.direction(&mut along);
+        // Within the face nothing moves across the circle.
+        assert!((0.6 * along[2] + 0.8 * along[3]).abs() < 1e-15);
+        let off = |t: f64| {
+            let moved = |back: bool| {
+                let mut lambda = start.lambda.clone();
+                lambda.iter_mut().zip(&along).for_each(|(l, a)| *l += t * a);
+                if back {
+                    let projected = Disc { g: 0.5 }.project::<3>(at(&lambda, 0));
+                    put(&mut lambda, 0, projected);
+                }
+                point(lambda)
+            };
+            (start.q_change(&moved(true)) - face.q_change(&start, &moved(false))).abs()
+        };
+        let (coarse, fine) = (off(1e-2), off(1e-3));
+        assert!(coarse < 1e-5 && fine < 2e-3 * coarse, "{coarse:e} {fine:e}");
+    }
+
+    #[test]
+    fn curving_and_back_is_nothing() {
+        let start = point(vec![0.4, 0.2, 0.3, 0.4, 0.1, -0.2]);
+        let mut face = Face {
+            sets: Sets::<3>::binding(&start.lambda, &start.r, &[0.5, 9.0]),
+            follows: Vec::new(),
+            curvature: None,
+            balance: None,
+        };
+        face.set_curvature(None, &start, 1.0);
+        let p = vec![0.1, 0.2, -0.8, 0.6, 0.3, 0.4];
+        let mut image = vec![1.0; 6];
+        face.curve(&p, &mut image);
+        assert!((image[2] - 1.0).abs() > 0.01 && image[4] == 1.0);
+        face.straighten(&p, &mut image);
+        assert!(image.iter().all(|v| (v - 1.0).abs() < 1e-15));
+
+        let mut there = point(vec![0.5, 0.1, 0.3 - 0.08, 0.4 + 0.06, 0.2, 0.2]);
+        let r = there.r.clone();
+        face.to_model(&mut there);
+        assert!(there.r[2] < r[2] && there.r[3] > r[3] && there.r[0] == r[0]);
+        face.from_model(&mut there);
+        assert!(there.r.iter().zip(&r).all(|(a, b)| (a - b).abs() < 1e-14));
     }
 }

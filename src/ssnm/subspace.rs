@@ -130,6 +130,10 @@ impl Subspace {
         if n_rows == 0 {
             return std::iter::zip(self.directions.clone(), self.images.clone()).collect();
         }
+        // Directions of other tangents fit only by chance.
+        if face.sets.turn() && n_rows >= count {
+            return Vec::new();
+        }
         let rows = Mat::from_fn(n_rows, count, |i, j| match held.get(i) {
             Some(row) => row[j],
             None => moved[j][i - held.len()],

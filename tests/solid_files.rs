@@ -1,0 +1,326 @@
+//! Cases of solids in the program: what it says, what it writes, and problems in space from matrices.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+#[track_caller]
+fn close(values: &[f64], expected: &[f64], tolerance: f64) {
+    assert_eq!(values.len(), expected.len());
+    for (value, expected) in values.iter().zip(expected) {
+        assert!(
+            (value - expected).abs() <= tolerance,
+            "{value:e}, not {expected:e}"
+        );
+    }
+}
+
+fn run(arguments: &[&str], directory: &Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_signorini"))
+        .args(arguments)
+        .current_dir(directory)
+        .output()
+        .unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn directory() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn write(directory: &Path, name: &str, text: &str) {
+    std::fs::write(directory.join(name), text).unwrap_or_else(|error| panic!("{error}"));
+}
+
+fn read(directory: &Path, name: &str) -> String {
+    std::fs::read_to_string(directory.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+const PRESSED: &str = "title = \"block\"\n[units]\nlength = \"mm\"\n[mesh.box]\nsize = [2, 1, 1]\ncells = [4, 2, 2]\n\
+    [[material]]\nyoung = 3000\npoisson = 0.3\n\
+    [[support]]\nboundary = \"left\"\nx = 0\ny = 0\nz = \"-1e-4 * z\"\n\
+    [[traction]]\nboundary = \"top\"\npressure = 2\ny = 1\nfactors = [1, 2]\n\
+    [[contact]]\nboundary = \"bottom\"\nfriction = { tresca = 0.5 }\n\
+    obstacle = { half_space = { point = [0, 0, 0], normal = [0, 0, 1] } }\n\
+    [steps]\nfactors = [0.5, 1]\n";
+
+#[test]
+fn the_program_describes_a_solid() {
+    let directory = directory();
+    write(directory.path(), "block.toml", PRESSED);
+    let output = run(&["check", "block.toml"], directory.path());
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(
+        output.status.code(),
+        Some(0),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    for line in [
+        "mesh          45 nodes, 16 hexahedra, 1 body; [0.0000e0, 2.0000e0] × [0.0000e0, 1.0000e0] × [0.0000e0, 1.0000e0] mm",
+        "region        \"body\": volume 2.0000e0 mm³, E = 3.0000e3 MPa, ν = 0.3, density 0",
+        "boundary      \"top\": 8 faces, 2.0000e0 mm²",
+        "analysis      solid",
+        "total load    (0.000000e0, 4.000000e0, -8.000000e0) N, step 2",
+        "support       \"left\": x = 0, y = 0, z = -1e-4 * z",
+        "contact       \"bottom\" / rigid half-space: 12 nodes, 1.7500e0 mm²",
+        "size          108 unknowns, 12 contact nodes",
+    ] {
+        assert!(text.contains(line), "{line}\n{text}");
+    }
+}
+
+/// The columns of a CSV file by name; texts as they are.
+fn columns(text: &str) -> (Vec<&str>, Vec<Vec<&str>>) {
+    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    (lines.next().unwrap_or_default(), lines.collect())
+}
+
+#[test]
+fn the_program_writes_all_of_a_solid() {
+    let directory = directory();
+    write(directory.path(), "block.toml", PRESSED);
+    let output = run(&["solve", "block.toml", "--plots"], directory.path());
+    let (out, log) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
+    assert_eq!(output.status.code(), Some(0), "{log}");
+    if cfg!(feature = "plots") {
+        assert_eq!(
+            log.matches("pictures of solids are not there yet").count(),
+            1,
+            "{log}"
+        );
+    }
+    assert!(
+        out.contains("contact bottom / rigid half-space: force on the first ("),
+        "{out}"
+    );
+    let results = directory.path().join("block-out");
+    let report: serde_json::Value = serde_json::from_str(&read(&results, "report.json"))
+        .unwrap_or_else(|error| panic!("{error}"));
+    let step = &report["steps"][1];
+    let numbers = |value: &serde_json::Value| -> Vec<f64> {
+        let all = value.as_array().into_iter().flatten();
+        all.filter_map(serde_json::Value::as_f64).collect()
+    };
+    close(&numbers(&step["total_load"]), &[0.0, 4.0, -8.0], 1e-9);
+    let (contact, support) = (
+        numbers(&step["contacts"][0]["force"]),
+        numbers(&step["supports"][0]["force"]),
+    );
+    let sum: Vec<f64> = (0..3)
+        .map(|c| contact[c] + support[c] + [0.0, 4.0, -8.0][c])
+        .collect();
+    close(&sum, &[0.0; 3], 1e-6);
+    let sets = &report["sets"];
+    assert!(
+        sets["slip"].is_u64() && sets["slip_plus"].is_null(),
+        "{sets}"
+    );
+    let nodes = ["separated", "stick", "slip", "frictionless"];
+    assert!(nodes.iter().all(|name| sets[name].is_u64()), "{sets}");
+
+    // contact.csv says the same: the pressures and tractions of its nodes, and their columns along the axes.
+    let text = read(&results, "contact-002.csv");
+    let (head, rows) = columns(&text);
+    assert_eq!(
+        head,
+        [
+            "x [mm]",
+            "y [mm]",
+            "z [mm]",
+            "gap [mm]",
+            "normal_pressure [MPa]",
+            "tangential_traction_1 [MPa]",
+            "tangential_traction_2 [MPa]",
+            "slip_1 [mm]",
+            "slip_2 [mm]",
+            "status",
+            "contact",
+            "traction_x [MPa]",
+            "traction_y [MPa]",
+            "traction_z [MPa]",
+        ]
+    );
+    assert_eq!(rows.len(), 12);
+    let number = |row: &[&str], column: usize| -> f64 {
+        row[column]
+            .parse()
+            .unwrap_or_else(|error| panic!("{}: {error}", row[column]))
+    };
+    for row in &rows {
+        assert_eq!((number(row, 2), row[10]), (0.0, "bottom"));
+        assert!(
+            ["stick", "slip", "separated"].contains(&row[9]),
+            "{}",
+            row[9]
+        );
+        // On the ground the tangents are the axes x and y.
+        close(
+            &[number(row, 11), number(row, 12), number(row, 13)],
+            &[number(row, 5), number(row, 6), number(row, 4)],
+            1e-12,
+        );
+        assert!(number(row, 5).hypot(number(row, 6)) <= 0.5 * (1.0 + 1e-9));
+    }
+    let places: Vec<(f64, f64)> = rows
+        .iter()
+        .map(|row| (number(row, 0), number(row, 1)))
+        .collect();
+    assert!(places.is_sorted_by(|a, b| a < b));
+
+    let grid = read(&results, "solution-002.vtu");
+    for array in [
+        "Name=\"displacement\" NumberOfComponents=\"3\"",
+        "Name=\"stress\" NumberOfComponents=\"6\"",
+        "Name=\"von_mises\" NumberOfComponents=\"1\"",
+        "Name=\"contact_pressure\" NumberOfComponents=\"1\"",
+        "Name=\"tangential_traction\" NumberOfComponents=\"3\"",
+        "Name=\"contact_traction\" NumberOfComponents=\"3\"",
+        "Name=\"contact_status\" NumberOfComponents=\"1\"",
+        "NumberOfPoints=\"45\" NumberOfCells=\"16\"",
+    ] {
+        assert!(grid.contains(array), "{array}");
+    }
+    if cfg!(feature = "plots") {
+        let page = read(&results, "report.html");
+        assert!(
+            page.contains("<th>force z (N)</th>") && page.contains("<svg"),
+            "no forces"
+        );
+        assert!(
+            results.join("convergence.svg").exists() && !results.join("deformed-001.svg").exists()
+        );
+    }
+}
+
+/// The Matrix Market text of a dense matrix.
+fn matrix(rows: &[&[f64]]) -> String {
+    let columns = rows.first().map_or(0, |row| row.len());
+    let mut text = format!(
+        "%%MatrixMarket matrix array real general\n{} {columns}\n",
+        rows.len()
+    );
+    for column in 0..columns {
+        for row in rows {
+            text += &format!("{:e}\n", row[column]);
+        }
+    }
+    text
+}
+
+const ALGEBRAIC: &str = "[algebraic]\nstiffness = \"K.mtx\"\nload = \"f.mtx\"\nnormal = \"N.mtx\"\n\
+    tangential = \"T.mtx\"\ngap = \"d.mtx\"\nslip_bound = \"g.mtx\"\n";
+
+/// A point on springs of 2, 2 and 1 along x, y and z, pushed on the ground and along it by (6, 8); a fourth unknown
+/// that nothing touches. Friction holds 5 of the 10.
+fn point_on_springs(directory: &Path) {
+    let k: [&[f64]; 4] = [
+        &[2.0, 0.0, 0.0, 0.0],
+        &[0.0, 2.0, 0.0, 0.0],
+        &[0.0, 0.0, 1.0, 0.0],
+        &[0.0, 0.0, 0.0, 4.0],
+    ];
+    write(directory, "K.mtx", &matrix(&k));
+    write(
+        directory,
+        "f.mtx",
+        &matrix(&[&[6.0], &[8.0], &[-3.0], &[2.0]]),
+    );
+    write(directory, "N.mtx", &matrix(&[&[0.0, 0.0, -1.0, 0.0]]));
+    write(
+        directory,
+        "T.mtx",
+        &matrix(&[&[1.0, 0.0, 0.0, 0.0], &[0.0, 1.0, 0.0, 0.0]]),
+    );
+    write(directory, "d.mtx", &matrix(&[&[1.0]]));
+    write(directory, "g.mtx", &matrix(&[&[5.0]]));
+    write(directory, "case.toml", ALGEBRAIC);
+}
+
+/// The numbers of a Matrix Market array file with one column.
+fn vector(directory: &Path, name: &str) -> Vec<f64> {
+    let text = read(directory, name);
+    let numbers = text.lines().skip(2).map(str::parse);
+    numbers
+        .collect::<Result<_, _>>()
+        .unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+#[test]
+fn matrices_with_two_tangents_a_node_are_a_problem_in_space() {
+    let directory = directory();
+    point_on_springs(directory.path());
+    let output = run(
+        &["solve", "case.toml", "--set", "solver.tolerance=1e-12"],
+        directory.path(),
+    );
+    let log = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{log}");
+    let results = directory.path().join("case-out");
+    // 2 u = (6, 8) (1 − 5/10), u_z = −1, and 2 of 3 on the ground.
+    close(&vector(&results, "u.mtx"), &[1.5, 2.0, -1.0, 0.5], 1e-9);
+    close(&vector(&results, "lambda_normal.mtx"), &[2.0], 1e-9);
+    close(
+        &vector(&results, "lambda_tangential.mtx"),
+        &[3.0, 4.0],
+        1e-9,
+    );
+    let report: serde_json::Value = serde_json::from_str(&read(&results, "report.json"))
+        .unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(
+        (report["n"].as_u64(), report["m"].as_u64()),
+        (Some(4), Some(1))
+    );
+    assert_eq!(report["sets"]["slip"].as_u64(), Some(1));
+    // The unit of length has a name that fits into the tables.
+    let text = format!("{ALGEBRAIC}[units]\nforce = \"k N\"\n");
+    write(directory.path(), "case.toml", &text);
+    let output = run(&["check", "case.toml"], directory.path());
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        told.contains("line 8: force = \"k N\" is not the short name"),
+        "{told}"
+    );
+}
+
+#[test]
+fn matrices_of_neither_dimension_are_refused() {
+    let directory = directory();
+    let place = directory.path();
+    let told = || {
+        let output = run(&["solve", "case.toml"], place);
+        assert_eq!(output.status.code(), Some(1));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    point_on_springs(place);
+    let row: &[f64] = &[1.0, 0.0, 0.0, 0.0];
+    write(place, "T.mtx", &matrix(&[row; 3]));
+    let text = told();
+    assert!(text.contains("T is 3 × 4, expected 1 × 4"), "{text}");
+
+    point_on_springs(place);
+    write(place, "x.mtx", &matrix(&[&[0.0, 0.0], &[1.0, 0.0]]));
+    write(
+        place,
+        "case.toml",
+        &format!("{ALGEBRAIC}coordinates = \"x.mtx\"\n"),
+    );
+    let text = told();
+    assert!(
+        text.contains("this is a problem in space, but the coordinates have two columns"),
+        "{text}"
+    );
+
+    write(place, "T.mtx", &matrix(&[&[1.0, 0.0, 0.0, 0.0]]));
+    write(
+        place,
+        "x.mtx",
+        &matrix(&[&[0.0, 0.0, 0.0], &[1.0, 0.0, 0.0]]),
+    );
+    let text = told();
+    assert!(
+        text.contains("T has 1 rows like N: there it has two for each contact node, 2 in all"),
+        "{text}"
+    );
+}
