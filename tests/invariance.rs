@@ -249,7 +249,12 @@ fn turning_the_problem_turns_the_answer() {
         };
         let off_friction = distance(&friction(&turned, &UPRIGHT), &friction(&upright, &turn));
         assert!(off_friction < 1e-6, "{off_friction:e}");
-        assert_eq!(turned.solution.sets.differences(&upright.solution.sets), 0);
+        // Other tangents: each node is in the same sets, wherever it slips to.
+        let sets = |answer: &Answer<3>, i| {
+            let sets = &answer.solution.sets;
+            (sets.is_separated(i), sets.slips(i))
+        };
+        assert!((0..m).all(|i| sets(&turned, i) == sets(&upright, i)));
         println!(
             "turned by {angle} about {axis:?}: u off by {off:.1e}, λν by {off_normal:.1e}, friction by {off_friction:.1e}; \
              steps, products {:?}, upright {:?}",
@@ -411,7 +416,7 @@ fn patch_test_with_friction_that_sticks() {
             let sets = answer.solution.sets.sizes(|_| true);
             assert_eq!(
                 (sets.stick, sets.separated),
-                (2 * answer.m(), 0),
+                (answer.m(), 0),
                 "{sets:?}"
             );
             patch.compare(&answer, &turn, |_| true);
