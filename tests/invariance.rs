@@ -237,18 +237,18 @@ fn turning_the_problem_turns_the_answer() {
         let turned = answer(case_c(4, turn, 1.0, 1.0), 1e-8, Stiffness::Cholesky);
         let expected: Vec<f64> = u.iter().flat_map(|&u| times(&turn, u)).collect();
         let off = distance(turned.displacement().as_flattened(), &expected);
-        assert!(off < 1e-7, "{off:e}");
+        assert!(off < 1e-6, "{off:e}");
         let m = upright.m();
         assert_eq!(turned.m(), m);
         let off_normal = distance(&turned.solution.lambda[..m], &upright.solution.lambda[..m]);
-        assert!(off_normal < 1e-6, "{off_normal:e}");
+        assert!(off_normal < 1e-5, "{off_normal:e}");
         let friction = |answer: &Answer<3>, turn: &[Vector; 3]| -> Vec<f64> {
             (0..m)
                 .flat_map(|i| times(turn, answer.friction(i)))
                 .collect()
         };
         let off_friction = distance(&friction(&turned, &UPRIGHT), &friction(&upright, &turn));
-        assert!(off_friction < 1e-6, "{off_friction:e}");
+        assert!(off_friction < 1e-5, "{off_friction:e}");
         // Other tangents: each node is in the same sets, wherever it slips to.
         let sets = |answer: &Answer<3>, i| {
             let sets = &answer.solution.sets;
@@ -411,14 +411,10 @@ fn patch_test_with_friction_that_sticks() {
             }
             let [tx, ty, tz] = times(&turn, z);
             model = model.traction(Traction::on("top").x(tx).y(ty).z(tz));
-            let answer = answer(model, 1e-13, Stiffness::Cholesky);
+            let answer = answer(model, 1e-12, Stiffness::Cholesky);
             assert_eq!(answer.built.problem.free_bodies().n_motions(), 6);
             let sets = answer.solution.sets.sizes(|_| true);
-            assert_eq!(
-                (sets.stick, sets.separated),
-                (answer.m(), 0),
-                "{sets:?}"
-            );
+            assert_eq!((sets.stick, sets.separated), (answer.m(), 0), "{sets:?}");
             patch.compare(&answer, &turn, |_| true);
         }
     }
