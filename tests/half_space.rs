@@ -419,7 +419,7 @@ fn twisted_disc() {
             // On the planes of symmetry the shear that they cut goes to the contact, too.
             if x > 0.0 && y > 0.0 {
                 let pressure = answer.pressure(i);
-                assert!((pressure / p - 1.0).abs() < 0.01, "{pressure}");
+                assert!((pressure / p - 1.0).abs() < 0.03, "{pressure}");
             }
         }
         sizes(&format!("disc, c = {c}, {slips} nodes slip"), &answer);
