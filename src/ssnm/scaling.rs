@@ -6,13 +6,17 @@ use crate::dual::{DualError, DualOperator};
 use crate::problem::ContactProblem;
 use crate::sparse::norm_max;
 
+/// Half of a power of two, less what rounding does to one.
+const BEYOND: f64 = 0.5 * (1.0 - 1e-9);
+
 /// The dual operator in scaled multipliers λ̂ with λ = S λ̂: Â = S A S, b̂ = S b, ĝ = S⁻¹ g.
 ///
 /// One ρ for all multipliers suits contact nodes of similar stiffness. Where materials differ, the
 /// diagonal of A varies as much, and the sets that one ρ predicts are wild on one side or slow to move
 /// on the other. S evens out the estimate Σⱼ Bᵢⱼ²/Kⱼⱼ of Aᵢᵢ, in powers of two, so that scaling back
 /// and forth is exact, and only beyond a factor of four from the median: a homogeneous problem is left
-/// exactly as it is.
+/// exactly as it is. Corners of a block are that factor away on the dot (one cell meets there, four on a face), and
+/// rounding must not decide what becomes of them.
 pub(super) struct Scaled<'a, O: ?Sized> {
     dual: &'a mut O,
     /// S, or None for the identity.
@@ -36,7 +40,7 @@ impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
             .iter()
             .map(|&e| {
                 if e > 0.0 {
-                    (0.5 * (median / e).log2())
+                    (BEYOND * (median / e).log2())
                         .trunc()
                         .clamp(-60.0, 60.0)
                         .exp2()

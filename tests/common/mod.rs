@@ -3,6 +3,7 @@
 
 pub mod cases;
 pub mod checker;
+pub mod models;
 pub mod runs;
 
 use signorini::backend::cpu::Cpu;

@@ -1,0 +1,399 @@
+//! Rigid bodies on an elastic half-space, for which there are closed forms: Hertz's sphere, the flat punch, and a disc
+//! that is twisted and slips from its edge inwards.
+//!
+//! A quarter of the half-space z < 0 is meshed up to some ten radii of the contact; beyond, it is what a point force
+//! (a point torque) on its surface makes of it, which is prescribed there. What that neglects is of the order of
+//! (a/L)² of the displacement at L, 10⁻⁴ of that of the contact.
+
+mod common;
+
+use common::models::{Answer, answer};
+use signorini::contact::Obstacle;
+use signorini::elasticity::Material;
+use signorini::engine::Stiffness;
+use signorini::mesh::structured::{SolidShape, block};
+use signorini::mesh::{Mesh, facet_nodes};
+use signorini::model::{Model, Pair, Support, Traction};
+use std::f64::consts::PI;
+
+type Vector = [f64; 3];
+
+const STEEL: Material = Material {
+    young: 2e11,
+    poisson: 0.3,
+    density: 0.0,
+};
+
+/// E/(1 − ν²) against a rigid body.
+fn modulus(material: Material) -> f64 {
+    material.young / (1.0 - material.poisson.powi(2))
+}
+
+fn shear_modulus(material: Material) -> f64 {
+    0.5 * material.young / (1.0 + material.poisson)
+}
+
+/// Prints a row of the table and refuses a value that is off by more than `limit`.
+#[track_caller]
+fn compare(what: &str, computed: f64, reference: f64, limit: f64) {
+    let off = computed / reference - 1.0;
+    println!(
+        "| {what} | {computed:.6e} | {reference:.6e} | {:+.3} % |",
+        100.0 * off
+    );
+    assert!(
+        off.abs() <= limit,
+        "{what}: {computed:e} instead of {reference:e}"
+    );
+}
+
+/// The displacement of the half-space z < 0 under a force P down at the origin (Boussinesq 1885).
+fn under_a_force(material: Material, force: f64, [x, y, z]: Vector) -> Vector {
+    let depth = -z;
+    let r = (x * x + y * y + depth * depth).sqrt();
+    let factor = force / (4.0 * PI * shear_modulus(material));
+    let nu = material.poisson;
+    let outwards = factor * (depth / r.powi(3) - (1.0 - 2.0 * nu) / (r * (r + depth)));
+    let down = factor * (2.0 * (1.0 - nu) / r + depth * depth / r.powi(3));
+    [outwards * x, outwards * y, -down]
+}
+
+/// The same under a torque about z: twice what it is in the whole space.
+fn under_a_torque(material: Material, torque: f64, [x, y, z]: Vector) -> Vector {
+    let r = (x * x + y * y + z * z).sqrt();
+    let factor = torque / (4.0 * PI * shear_modulus(material) * r.powi(3));
+    [-factor * y, factor * x, 0.0]
+}
+
+/// Places from 0 on: those of `inner`, then `n` more at distances that grow geometrically from `first`, up to `end`.
+fn growing(inner: &[f64], first: f64, n: usize, end: f64) -> Vec<f64> {
+    let start = inner.last().copied().unwrap_or(0.0);
+    let sum = |ratio: f64| first * (0..n as i32).map(|k| ratio.powi(k)).sum::<f64>();
+    let (mut low, mut high) = (0.5, 10.0);
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        if start + sum(middle) < end {
+            low = middle
+        } else {
+            high = middle
+        }
+    }
+    let mut places = inner.to_vec();
+    let mut step = first;
+    for _ in 0..n {
+        places.push(places.last().copied().unwrap_or(0.0) + step);
+        step *= low;
+    }
+    places
+}
+
+/// A block of the quarter x, y > 0 of z < 0 with its nodes where `place` says for their numbers along the axes, the
+/// third from the surface down; the faces of its top with all corners within `reach` of the z axis are "contact".
+fn quarter(
+    cells: [usize; 3],
+    shape: SolidShape,
+    reach: f64,
+    place: impl Fn([usize; 3]) -> Vector,
+) -> Mesh<3> {
+    let size = cells.map(|n| n as f64);
+    let mut mesh = block([0.0, 0.0, -size[2]], size, cells, shape, "body", "");
+    for node in &mut mesh.nodes {
+        let [i, j, k] = node.map(|x| x.abs().round() as usize);
+        *node = place([i, j, k]);
+    }
+    let inside = |node: &u32| {
+        let [x, y, _] = mesh.nodes[*node as usize];
+        x.hypot(y) <= reach * (1.0 + 1e-9)
+    };
+    let mut faces = mesh.boundaries["top"].clone();
+    faces.retain(|face| facet_nodes(face).iter().all(inside));
+    mesh.boundaries.insert("contact".to_owned(), faces);
+    mesh
+}
+
+/// The quarter of the half-space with what is prescribed far away.
+fn half_space(
+    mesh: Mesh<3>,
+    material: Material,
+    far: impl Fn(Vector) -> Vector + Copy + Send + Sync + 'static,
+) -> Model<3> {
+    let along = move |c: usize| move |x: Vector| far(x)[c];
+    Model::on(mesh).material(material).support(
+        Support::on(["right", "back", "bottom"])
+            .x(along(0))
+            .y(along(1))
+            .z(along(2)),
+    )
+}
+
+/// Prints what an answer took.
+fn sizes(name: &str, answer: &Answer<3>) {
+    let (nodes, solution) = (answer.built.elastic.mesh.nodes.len(), &answer.solution);
+    println!(
+        "{name}: {nodes} nodes, {} contact nodes, {} steps, {} products",
+        answer.m(),
+        solution.iter(),
+        solution.n_a()
+    );
+}
+
+/// Nothing is lost: contact and supports hold each other.
+fn balanced(answer: &Answer<3>, force: f64) {
+    let [load, contact, support] = answer.resultants();
+    for c in 0..3 {
+        let rest = load[c] + contact[c] + support[c];
+        assert!(rest.abs() < 1e-9 * force, "{contact:?} {support:?}");
+    }
+}
+
+/// The radius and the peak of p = p₀ √(1 − r²/a²): p² over r² is a line, fitted with the areas of the nodes as weights.
+fn hertz_fit(answer: &Answer<3>) -> (f64, f64) {
+    let top = (0..answer.m())
+        .map(|i| answer.pressure(i))
+        .fold(0.0, f64::max);
+    let [mut n, mut x, mut y, mut xx, mut xy] = [0.0; 5];
+    for i in (0..answer.m()).filter(|&i| answer.pressure(i) > 0.2 * top) {
+        let (w, p) = (answer.area(i), answer.pressure(i));
+        let place = answer.place(i);
+        let (r2, p2) = (place[0].powi(2) + place[1].powi(2), p * p);
+        n += w;
+        x += w * r2;
+        y += w * p2;
+        xx += w * r2 * r2;
+        xy += w * r2 * p2;
+    }
+    let slope = (xy - x * y / n) / (xx - x * x / n);
+    let peak = (y - slope * x) / n;
+    ((-peak / slope).sqrt(), peak.sqrt())
+}
+
+/// A rigid sphere on a block of so many elements across the radius of contact, with a Tresca bound if it is not zero.
+fn hertz(name: &str, shape: SolidShape, across: usize, bound: f64) {
+    let (r, a, size) = (10.0, 0.1f64, 1.0);
+    let (approach, modulus) = (a * a / r, modulus(STEEL));
+    let force = 4.0 / 3.0 * modulus * a.powi(3) / r;
+    let p0 = 1.5 * force / (PI * a * a);
+    let h = a / across as f64;
+    let inner: Vec<f64> = (0..=across + across / 5).map(|k| h * k as f64).collect();
+    let flat = growing(&inner, 1.3 * h, 8, size);
+    let deep = growing(&[0.0], h, 11, size);
+    let cells = [flat.len() - 1, flat.len() - 1, deep.len() - 1];
+    let place = |[i, j, k]: [usize; 3]| [flat[i], flat[j], -deep[k]];
+    let mesh = quarter(cells, shape, 1.2 * a * 2f64.sqrt(), place);
+    let sphere = Obstacle::Circle {
+        center: [0.0, 0.0, r],
+        radius: r,
+    };
+    let mut pair = Pair::obstacle("contact", sphere);
+    if bound > 0.0 {
+        // In Hertz's contact the gap was up to a²/(2R).
+        pair = pair.tresca(bound * p0).search_distance(0.5 * a * a / r);
+    }
+    // The force is in 4 quarters. Far away the block comes towards the sphere.
+    let far = move |x: Vector| {
+        let u = under_a_force(STEEL, force, x);
+        [u[0], u[1], u[2] + approach]
+    };
+    let model = half_space(mesh, STEEL, far)
+        .support(Support::on(["left", "front"]).symmetry())
+        .contact(pair);
+    let answer = answer(model, 1e-8, Stiffness::Cholesky);
+    let [_, contact, _] = answer.resultants();
+    balanced(&answer, force);
+    sizes(name, &answer);
+    let found = -4.0 * contact[2];
+    compare(
+        &format!("{name}, force at the approach a²/R"),
+        found,
+        force,
+        0.02,
+    );
+    let (radius, peak) = hertz_fit(&answer);
+    let expected = (0.75 * found * r / modulus).cbrt();
+    compare(&format!("{name}, a"), radius, expected, 0.02);
+    compare(
+        &format!("{name}, p₀"),
+        peak,
+        1.5 * found / (PI * expected.powi(2)),
+        0.02,
+    );
+    compare(&format!("{name}, a at the approach"), radius, a, 0.02);
+    compare(&format!("{name}, p₀ at the approach"), peak, p0, 0.02);
+    if bound > 0.0 {
+        let mut slipping = 0;
+        for i in 0..answer.m() {
+            let rubbing = answer.friction(i).map(|f| f / answer.area(i));
+            let size = rubbing.iter().map(|f| f * f).sum::<f64>().sqrt();
+            assert!(size <= bound * p0 * (1.0 + 1e-9));
+            slipping += usize::from(size > bound * p0 * (1.0 - 1e-6));
+        }
+        assert!(slipping > 20, "{slipping}");
+    }
+}
+
+#[test]
+fn hertz_sphere() {
+    hertz("sphere, hexahedra", SolidShape::Hexahedron, 10, 0.0);
+    hertz(
+        "sphere, hexahedra, Tresca bound p₀/200",
+        SolidShape::Hexahedron,
+        10,
+        0.005,
+    );
+}
+
+#[test]
+fn hertz_sphere_on_tetrahedra() {
+    hertz("sphere, tetrahedra", SolidShape::Tetrahedron, 10, 0.0);
+}
+
+/// A quarter whose grid follows the circle of radius 1: squares bent into circles there and left alone far away and
+/// near the axis; fine on both sides of the circle.
+fn disc_mesh(across: usize, size: f64) -> Mesh<3> {
+    let radii: Vec<f64> = (0..=across)
+        .map(|k| (0.5 * PI * k as f64 / across as f64).sin())
+        .collect();
+    let last = 1.0 - radii[across - 1];
+    let radii = growing(&radii, last, 11, size);
+    let deep = growing(&[0.0], last, 12, size);
+    let n = radii.len() - 1;
+    quarter(
+        [n, n, deep.len() - 1],
+        SolidShape::Hexahedron,
+        1.0,
+        |[i, j, k]| {
+            let shell = i.max(j);
+            let rho = radii[shell];
+            let [s, t] = [i, j].map(|i| i as f64 / shell.max(1) as f64);
+            let round = if rho <= 1.0 {
+                rho
+            } else {
+                (size - rho) / (size - 1.0)
+            };
+            let square = if rho <= 1.0 { 0.7 } else { 1.0 } * (1.0 - round);
+            let bent = [
+                s * (1.0 - 0.5 * t * t).sqrt(),
+                t * (1.0 - 0.5 * s * s).sqrt(),
+            ];
+            let at = |c: usize| rho * (square * [s, t][c] + round * bent[c]);
+            [at(0), at(1), -deep[k]]
+        },
+    )
+}
+
+fn floor() -> Obstacle<3> {
+    Obstacle::HalfPlane {
+        point: [0.0; 3],
+        normal: [0.0, 0.0, -1.0],
+    }
+}
+
+/// Radius 1: δ = F/(2E*a).
+#[test]
+fn flat_punch() {
+    let (approach, modulus) = (1e-3, modulus(STEEL));
+    let force = 2.0 * modulus * approach;
+    let far = move |x: Vector| {
+        let u = under_a_force(STEEL, force, x);
+        [u[0], u[1], u[2] + approach]
+    };
+    let model = half_space(disc_mesh(10, 10.0), STEEL, far)
+        .support(Support::on(["left", "front"]).symmetry())
+        .contact(Pair::obstacle("contact", floor()));
+    let answer = answer(model, 1e-8, Stiffness::Cholesky);
+    let [_, contact, _] = answer.resultants();
+    balanced(&answer, force);
+    assert!((0..answer.m()).all(|i| answer.pressure(i) > 0.0));
+    let area: f64 = (0..answer.m()).map(|i| answer.area(i)).sum();
+    sizes("punch", &answer);
+    compare("punch, area of its base", 4.0 * area, PI, 0.005);
+    compare(
+        "punch, F/(2 E* δ)",
+        -4.0 * contact[2] / (2.0 * modulus * approach),
+        1.0,
+        0.01,
+    );
+    // p = F/(2π √(1 − r²)) away from the edge.
+    for i in 0..answer.m() {
+        let [x, y, _] = answer.place(i);
+        let r2 = x * x + y * y;
+        let expected = force / (2.0 * PI * (1.0 - r2).sqrt());
+        if r2 < 0.25 {
+            assert!((answer.pressure(i) / expected - 1.0).abs() < 0.02);
+        }
+    }
+}
+
+/// A disc that turns on the half-space and slips outside of the radius c under Tresca's bound g. By superposition of
+/// the rigid discs of Reissner and Sagoci (1944) of all radii from c to 1, whose tractions have to add up to g there
+/// (Abel's equation): θ = g/(2G) arcosh(1/c), M = 4g/3 (arccos c + c √(1 − c²)), which is 16Gθ/3 without slip and
+/// 2πg/3 where all slips. Nothing moves along z but under a uniform pressure, which keeps the disc in contact.
+#[test]
+fn twisted_disc() {
+    let (g, p, shear) = (1e6, 2e6, shear_modulus(STEEL));
+    let nu = STEEL.poisson;
+    // Of a uniform pressure where nothing moves aside.
+    let strain = p * (1.0 + nu) * (1.0 - 2.0 * nu) / ((1.0 - nu) * STEEL.young);
+    for c in [0.3, 0.6, 0.9] {
+        let angle = 0.5 * g / shear * f64::acosh(1.0 / c);
+        let torque = 4.0 / 3.0 * g * (f64::acos(c) + c * (1.0 - c * c).sqrt());
+        // The disc is at rest and all else turns back.
+        let far = move |x: Vector| {
+            let u = under_a_torque(STEEL, torque, x);
+            [u[0] + angle * x[1], u[1] - angle * x[0], -strain * x[2]]
+        };
+        let mut mesh = disc_mesh(10, 10.0);
+        let disc = mesh.boundaries["contact"].clone();
+        let touches = |node: &u32| disc.iter().any(|face| facet_nodes(face).contains(node));
+        for (name, whole) in [
+            ("around", "top"),
+            ("below-left", "left"),
+            ("below-front", "front"),
+        ] {
+            let mut faces = mesh.boundaries[whole].clone();
+            match name {
+                "around" => faces.retain(|face| !disc.contains(face)),
+                // The disc alone says what becomes of its normal displacement.
+                _ => faces.retain(|face| !facet_nodes(face).iter().any(touches)),
+            }
+            mesh.boundaries.insert(name.to_owned(), faces);
+        }
+        // Torsion turns the planes of symmetry out of themselves, and moves nothing in them.
+        let model = half_space(mesh, STEEL, far)
+            .support(Support::on("left").y(0.0))
+            .support(Support::on("front").x(0.0))
+            .support(Support::on(["below-left", "below-front"]).z(move |x: Vector| far(x)[2]))
+            .traction(Traction::on("around").pressure(p))
+            .contact(Pair::obstacle("contact", floor()).tresca(g));
+        let answer = answer(model, 1e-8, Stiffness::Cholesky);
+        let (mut found, mut within, mut slips) = (0.0, 0.0, 0);
+        for i in 0..answer.m() {
+            assert!(
+                (answer.pressure(i) / p - 1.0).abs() < 0.1,
+                "{}",
+                answer.pressure(i)
+            );
+            let ([x, y, _], [fx, fy, _]) = (answer.place(i), answer.friction(i));
+            let r = x.hypot(y);
+            found -= 4.0 * (x * fy - y * fx);
+            if answer.solution.sets.slips(i) {
+                slips += 1;
+                assert!(r > c - 0.1, "{r}");
+                // Around the axis.
+                let along = (x * fx + y * fy) / r;
+                assert!(along.abs() < 0.02 * fx.hypot(fy), "{along}");
+            } else {
+                within += 4.0 * answer.area(i);
+            }
+        }
+        sizes(&format!("disc, c = {c}, {slips} nodes slip"), &answer);
+        compare(
+            &format!("disc that slips from c = {c}, torque"),
+            found,
+            torque,
+            0.01,
+        );
+        let radius = (within / PI).sqrt();
+        compare(&format!("disc that slips from c = {c}, c"), radius, c, 0.05);
+    }
+}
