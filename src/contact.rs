@@ -254,7 +254,9 @@ pub enum ContactError {
     },
     /// Prescribed displacements make a node slide in one direction, while it is free in another one.
     #[error(
-        "supports move the node at {place} along what it is in contact with, in one direction, and leave it free in the other:          friction would have to follow both. Prescribe both (or hold other nodes than those of the contact), or state no          friction there"
+        "supports move the node at {place} along what it is in contact with, in one direction, and leave it free in \
+         the other: friction would have to follow both. Prescribe both (or hold other nodes than those of the \
+         contact), or state no friction there"
     )]
     DrivenAlong {
         /// The node.
