@@ -186,14 +186,26 @@ impl Disc {
     }
 
     /// The sets at a solution λ ∈ Λ with gradient r: by the multipliers themselves; where g = 0 by the direction of
-    /// slip, r = −Tu.
-    pub fn at_solution<const D: usize>(self, lambda: [f64; D], r: [f64; D]) -> NodeSets<D> {
+    /// slip, r = −Tu. In space points within the disc are as good as those on the circle, but for the tolerance, and what
+    /// z = λ − ρr predicts says where λτ belongs.
+    pub fn at_solution<const D: usize>(
+        self,
+        lambda: [f64; D],
+        r: [f64; D],
+        z: [f64; D],
+    ) -> NodeSets<D> {
+        if D > 2 && self.g > 0.0 {
+            let mut sets = self.predict(z);
+            sets.contact &= lambda[0] > 0.0;
+            return sets;
+        }
         let slip = if self.g == 0.0 {
             (tangential(r) > 0.0).then(|| direction(r.map(|r| -r), 1.0))
         } else {
             self.at_bound(lambda).then(|| direction(lambda, 1.0))
         };
-        self.sets(lambda[0] > 0.0, slip)
+        let pressed = if D > 2 { z[0] >= 0.0 } else { true };
+        self.sets(lambda[0] > 0.0 && pressed, slip)
     }
 
     fn sets<const D: usize>(self, contact: bool, slip: Option<[f64; D]>) -> NodeSets<D> {

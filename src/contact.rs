@@ -252,6 +252,16 @@ pub enum ContactError {
         /// How deep.
         depth: f64,
     },
+    /// Prescribed displacements make a node slide in one direction, while it is free in another one.
+    #[error(
+        "supports move the node at {place} along what it is in contact with, in one direction, and leave it free in \
+         the other: friction would have to follow both. Prescribe both (or hold other nodes than those of the \
+         contact), or state no friction there"
+    )]
+    DrivenAlong {
+        /// The node.
+        place: Place,
+    },
     /// A node on both sides.
     #[error("the node at {place} belongs to both boundaries of the contact")]
     Shared {

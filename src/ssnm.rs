@@ -149,7 +149,7 @@ pub fn solve<const D: usize>(
     };
 
     let bounds = newton.law.bounds(&way.point.lambda);
-    let sets = Sets::at_solution(&way.point.lambda, &way.point.r, &bounds);
+    let sets = Sets::at_solution(&way.point.lambda, &way.point.r, newton.alpha, &bounds);
     let err_relative = newton.relative(&mut way.point, way.err0);
     let (lambda, r) = newton.unscaled(&way.point);
     // However it came about: what meets all conditions is a solution.
@@ -162,7 +162,11 @@ pub fn solve<const D: usize>(
     }
     if !imbalance.is_empty() {
         kkt = problem.kkt(&u, &lambda);
-        if status == Status::Converged {
+        // What no λ ∈ Λ balances is known before the first step, however far the rest was solved.
+        if matches!(
+            status,
+            Status::Converged | Status::Stagnated | Status::IterationLimit
+        ) {
             status = Status::NotHeld;
         }
     }

@@ -289,3 +289,57 @@ fn round_obstacles_stop_a_block() {
         }
     }
 }
+
+/// A cube pressed on a floor, with what is to be added to the traction on its top, and at the end.
+fn cube(top: &str, end: &str) -> String {
+    format!(
+        "[mesh.box]\nsize = [1, 1, 1]\ncells = [4, 4, 4]\nshape = \"wedge\"\n\
+         [[material]]\nyoung = 2.1e5\npoisson = 0.3\n\
+         [[traction]]\nboundary = \"top\"\npressure = 10\n{top}\n\
+         [[contact]]\nboundary = \"bottom\"\n\
+         obstacle = {{ half_space = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n{end}\n"
+    )
+}
+
+/// The states of contact nodes do not depend on the tolerance: nodes within their disc by less than that slip.
+#[test]
+fn states_are_those_of_a_finer_solution() {
+    let text = cube("x = 1.246\ny = 0.626", "friction = { coulomb = 0.2 }");
+    let case = Case::parse(Path::new("tests/case.toml"), text.clone(), &[]);
+    let case = case.unwrap_or_else(|error| panic!("{error}"));
+    let fine = solve(&text);
+    let start = State::at_rest(&fine.build.problem);
+    let mut dual = DirectDual::new(&fine.build.problem).unwrap_or_else(|error| panic!("{error}"));
+    let coarse = quasistatic::solve_step(
+        &fine.build.problem,
+        &fine.data().load,
+        &start,
+        &mut dual,
+        &case.settings(),
+        |_| ControlFlow::Continue(()),
+    )
+    .unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(coarse.status, Status::Converged);
+    let m = fine.build.problem.m();
+    let slips = |solution: &StepSolution<3>| (0..m).filter(|&i| solution.sets.slips(i)).count();
+    assert_eq!((slips(&coarse), slips(&fine.solution)), (23, 23));
+}
+
+#[test]
+fn a_floor_that_supports_move_a_body_along_is_refused_where_friction_would_turn() {
+    let moved = |support: &str| {
+        let friction = "friction = { coulomb = 0.2 }\n[[support]]\nboundary = \"bottom\"\n";
+        let text = cube("", &format!("{friction}{support}"));
+        let case = Case::parse(Path::new("tests/case.toml"), text, &[]);
+        let case = case.unwrap_or_else(|error| panic!("{error}"));
+        case.build_any().err().map(|error| error.to_string())
+    };
+    let error = moved("x = 1e-5").expect("it is refused");
+    assert!(
+        error.contains("line 16") && error.contains("leave it free in the other"),
+        "{error}"
+    );
+    for support in ["x = 0", "x = 1e-5\ny = 0"] {
+        assert_eq!(moved(support), None);
+    }
+}

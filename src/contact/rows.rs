@@ -34,6 +34,8 @@ pub struct ContactRows<const D: usize = 2> {
     held: [Vec<Vec<Held>>; 2],
     /// Candidates whose normal motion is prescribed altogether: their place, gap, and that motion.
     fixed: Vec<(Place, f64, Vec<Held>)>,
+    /// In space: nodes with friction along one tangent only, and what supports prescribe along the other.
+    along_one: Vec<(Place, Vec<Held>)>,
 }
 
 /// Writes the rows of the contact nodes.
@@ -82,8 +84,14 @@ where
     }
     make_independent(&mut rows, &nodes, unknowns, &times, place)?;
 
-    let (mut slip_bound, mut coefficient) = (Vec::new(), Vec::new());
-    for (rows, node) in rows[1].chunks(D - 1).zip(&nodes) {
+    let (mut slip_bound, mut coefficient, mut along_one) = (Vec::new(), Vec::new(), Vec::new());
+    for (i, (rows, node)) in rows[1].chunks(D - 1).zip(&nodes).enumerate() {
+        let empty: Vec<usize> = (0..D - 1).filter(|&a| rows[a].is_empty()).collect();
+        if let (3, [a]) = (D, &empty[..])
+            && node.slip_bound.is_any()
+        {
+            along_one.push((place(node.node), held[1][(D - 1) * i + a].clone()));
+        }
         let (given, mu) = match node.slip_bound {
             _ if rows.iter().all(Vec::is_empty) => (0.0, 0.0),
             SlipBound::Given(bound) => (bound, 0.0),
@@ -107,6 +115,7 @@ where
         coefficient,
         held,
         fixed,
+        along_one,
     })
 }
 
@@ -276,10 +285,12 @@ impl<const D: usize> ContactRows<D> {
             .collect()
     }
 
-    /// Checks the nodes that have no row, since supports prescribe their whole normal motion.
+    /// Checks the nodes that have no row, since supports prescribe their whole normal motion, and those that can slide
+    /// along one direction only.
     ///
     /// # Errors
-    /// [`ContactError::Driven`] if the prescribed displacements of `unknowns` push one of them into what it meets.
+    /// [`ContactError::Driven`] if the prescribed displacements of `unknowns` push one of them into what it meets,
+    /// [`ContactError::DrivenAlong`] if they drive one across the direction in which it can slide.
     pub fn check(&self, unknowns: &Unknowns<D>) -> Result<(), ContactError> {
         for (place, gap, held) in &self.fixed {
             let moved = motion(held, unknowns);
@@ -289,7 +300,13 @@ impl<const D: usize> ContactRows<D> {
                 return Err(ContactError::Driven { place, depth });
             }
         }
-        Ok(())
+        let mut driven = self.along_one.iter();
+        match driven.find(|(_, held)| motion(held, unknowns) != 0.0) {
+            Some((place, _)) => Err(ContactError::DrivenAlong {
+                place: place.clone(),
+            }),
+            None => Ok(()),
+        }
     }
 
     /// Whether a law of friction is stated for a contact node that supports or another contact keep from sliding.

@@ -218,9 +218,11 @@ where
                 unknowns.prescribed(node)[c].unwrap_or(0.0).abs()
             };
             let driving = match &error {
-                ContactError::Driven { place, .. } => (held(prescriptions).into_iter())
-                    .filter(|(node, ..)| place.0 == mesh.nodes[*node as usize])
-                    .max_by(|a, b| by(a).total_cmp(&by(b))),
+                ContactError::Driven { place, .. } | ContactError::DrivenAlong { place } => {
+                    (held(prescriptions).into_iter())
+                        .filter(|(node, ..)| place.0 == mesh.nodes[*node as usize])
+                        .max_by(|a, b| by(a).total_cmp(&by(b)))
+                }
                 _ => None,
             };
             let entity = match driving {

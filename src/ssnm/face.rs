@@ -206,12 +206,12 @@ impl<const D: usize> Face<D> {
     }
 
     /// From r to the gradient of the model.
-    pub fn to_model(&self, point: &mut Point) {
+    pub fn curve_gradient(&self, point: &mut Point) {
         self.change_gradient(point, 1.0);
     }
 
     /// From the gradient of the model back to r.
-    pub fn from_model(&self, point: &mut Point) {
+    pub fn straighten_gradient(&self, point: &mut Point) {
         self.change_gradient(point, -1.0);
     }
 
@@ -225,7 +225,7 @@ impl<const D: usize> Face<D> {
     pub fn lowest_towards(&self, from: &Point, to: &Point) -> Point {
         let [from, to] = self.as_modelled([from, to]);
         let mut lowest = from.lowest_towards(&to);
-        self.from_model(&mut lowest);
+        self.straighten_gradient(&mut lowest);
         lowest
     }
 
@@ -233,7 +233,7 @@ impl<const D: usize> Face<D> {
         points.map(|point| {
             let mut point = Cow::Borrowed(point);
             if self.is_curved() {
-                self.to_model(point.to_mut());
+                self.curve_gradient(point.to_mut());
             }
             point
         })
@@ -397,9 +397,9 @@ mod tests {
 
         let mut there = point(vec![0.5, 0.1, 0.3 - 0.08, 0.4 + 0.06, 0.2, 0.2]);
         let r = there.r.clone();
-        face.to_model(&mut there);
+        face.curve_gradient(&mut there);
         assert!(there.r[2] < r[2] && there.r[3] > r[3] && there.r[0] == r[0]);
-        face.from_model(&mut there);
+        face.straighten_gradient(&mut there);
         assert!(there.r.iter().zip(&r).all(|(a, b)| (a - b).abs() < 1e-14));
     }
 }

@@ -87,9 +87,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             Span::Gcr(Gcr::on(&face, known))
         } else {
             let span = known.fitting(&face);
-            face.to_model(point);
+            face.curve_gradient(point);
             span.minimise(&mut point.lambda, &mut point.r);
-            face.from_model(point);
+            face.straighten_gradient(point);
             Span::Cg(span)
         };
         Inner { face, span }
@@ -108,15 +108,15 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         // On the way r is the gradient of the model.
         let enough = |newton: &Self, point: &Point, residual: f64| {
             let mut point = point.clone();
-            face.from_model(&mut point);
+            face.straighten_gradient(&mut point);
             enough(newton, &point, residual)
         };
-        face.to_model(point);
+        face.curve_gradient(point);
         let iterations = match span {
             Span::Cg(span) => self.cg(point, face, span, target, &enough),
             Span::Gcr(gcr) => self.gcr(point, face, gcr, target, &enough),
         }?;
-        face.from_model(point);
+        face.straighten_gradient(point);
         Ok(iterations)
     }
 

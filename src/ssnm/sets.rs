@@ -96,9 +96,12 @@ impl<const D: usize> Sets<D> {
         Self::of(g, |disc, i| disc.binding(at(lambda, i), at(r, i)))
     }
 
-    /// The sets at a solution λ ∈ Λ.
-    pub(super) fn at_solution(lambda: &[f64], r: &[f64], g: &[f64]) -> Self {
-        Self::of(g, |disc, i| disc.at_solution(at(lambda, i), at(r, i)))
+    /// The sets at a solution λ ∈ Λ with gradient r.
+    pub(super) fn at_solution(lambda: &[f64], r: &[f64], rho: f64, g: &[f64]) -> Self {
+        let z: Vec<f64> = lambda.iter().zip(r).map(|(l, r)| l - rho * r).collect();
+        Self::of(g, |disc, i| {
+            disc.at_solution(at(lambda, i), at(r, i), at(&z, i))
+        })
     }
 
     /// Holds the free multipliers that lie on a bound; says whether there were any.
