@@ -296,7 +296,7 @@ fn units_do_not_matter_in_space() {
 fn distorted(shape: SolidShape) -> Mesh<3> {
     let (size, cells) = ([2.0, 1.5, 1.0], [5, 4, 3]);
     let mut mesh = block([0.0; 3], size, cells, shape, "body", "");
-    let mut random = Random(0x5eed_0f_0b1e);
+    let mut random = Random(0x5eed_0f0b);
     for node in &mut mesh.nodes {
         for c in 0..3 {
             let edge = size[c] / cells[c] as f64;
