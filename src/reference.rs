@@ -11,9 +11,9 @@ pub use solid::{BEAM, CASE_C, Solid};
 
 use crate::contact::{ContactError, ContactNode, Friction, Obstacle, PairOptions};
 use crate::contact::{contact_rows, mortar_contact, obstacle_contact};
-use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
-use crate::mesh::Mesh;
+use crate::elasticity::{Body, Elements, Material, Plane, Unknowns, assemble};
 use crate::mesh::structured::{CellShape, join, rectangle};
+use crate::mesh::{Kind, Mesh};
 use crate::problem::{ContactData, ContactProblem, ProblemError};
 
 /// The material of all reference problems.
@@ -129,8 +129,6 @@ pub fn problem(
         |x, _| (loads.right)(x[1] - base),
         &mut forces,
     );
-    let (stiffness, load) = assemble(&body, &unknowns, &forces);
-
     let tresca = |_: [f64; 2]| loads.tresca;
     let options = PairOptions {
         friction: Friction::Tresca(&tresca),
@@ -148,16 +146,29 @@ pub fn problem(
             mortar_contact(&body, bottom, &mesh.boundaries["lower-top"], &options)?
         }
     };
-    let rows = contact_rows(&body, &unknowns, &candidates)?;
-    let n_free = unknowns.n_free();
+    contact_problem(&body, &unknowns, &forces, &candidates)
+}
+
+/// The problem of a body with given slip bounds, from its nodal forces and contact nodes.
+fn contact_problem<const D: usize>(
+    body: &Body<D>,
+    unknowns: &Unknowns<D>,
+    forces: &[[f64; D]],
+    candidates: &[ContactNode<D>],
+) -> Result<ContactProblem<D>, ReferenceError>
+where
+    Kind: Elements<D>,
+{
+    let (stiffness, load) = assemble(body, unknowns, forces);
+    let rows = contact_rows(body, unknowns, candidates)?;
     Ok(ContactProblem::new(ContactData {
         stiffness,
         load,
-        gap: rows.gap(&unknowns),
+        gap: rows.gap(unknowns),
         normal: rows.normal,
         tangential: rows.tangential,
         slip_bound: rows.slip_bound,
-        coordinates: Some(unknowns.coordinates(mesh)),
+        coordinates: Some(unknowns.coordinates(body.mesh)),
     })?
-    .with_free_unknowns(n_free))
+    .with_free_unknowns(unknowns.n_free()))
 }

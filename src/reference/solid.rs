@@ -1,10 +1,10 @@
 //! Reference problems in space.
 
-use super::{MATERIAL, ReferenceError};
-use crate::contact::{Friction, Obstacle, PairOptions, contact_rows, obstacle_contact};
-use crate::elasticity::{Body, Plane, Unknowns, assemble};
+use super::{MATERIAL, ReferenceError, contact_problem};
+use crate::contact::{Friction, Obstacle, PairOptions, obstacle_contact};
+use crate::elasticity::{Body, Plane, Unknowns};
 use crate::mesh::structured::{SolidShape, block};
-use crate::problem::{ContactData, ContactProblem};
+use crate::problem::ContactProblem;
 
 /// A block on a rigid plane, clamped on x = 0.
 #[derive(Clone, Copy, Debug)]
@@ -68,7 +68,6 @@ impl Solid {
         let mut forces = vec![[0.0; 3]; mesh.nodes.len()];
         body.add_traction(&mesh.boundaries["top"], |x, _| (self.top)(x), &mut forces);
         body.add_traction(&mesh.boundaries["right"], |_, _| self.end, &mut forces);
-        let (stiffness, load) = assemble(&body, &unknowns, &forces);
         let tresca = |_: [f64; 3]| self.tresca;
         let options = PairOptions {
             friction: Friction::Tresca(&tresca),
@@ -79,17 +78,6 @@ impl Solid {
             normal: [0.0, 0.0, 1.0],
         };
         let candidates = obstacle_contact(&body, &mesh.boundaries["bottom"], &floor, &options)?;
-        let rows = contact_rows(&body, &unknowns, &candidates)?;
-        let n_free = unknowns.n_free();
-        Ok(ContactProblem::new(ContactData {
-            stiffness,
-            load,
-            gap: rows.gap(&unknowns),
-            normal: rows.normal,
-            tangential: rows.tangential,
-            slip_bound: rows.slip_bound,
-            coordinates: Some(unknowns.coordinates(&mesh)),
-        })?
-        .with_free_unknowns(n_free))
+        contact_problem(&body, &unknowns, &forces, &candidates)
     }
 }

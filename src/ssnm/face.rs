@@ -87,11 +87,6 @@ impl<const D: usize> Face<D> {
         self.curvature = Some(curvature);
     }
 
-    /// Whether there are circles on it.
-    pub fn turns(&self) -> bool {
-        self.sets.turn()
-    }
-
     /// μ where the tangential multipliers of node i (of m) follow the normal one.
     fn follows(&self, i: usize) -> Option<f64> {
         self.follows.get(i).copied().filter(|&mu| mu != 0.0)
@@ -200,8 +195,7 @@ impl<const D: usize> Face<D> {
     /// From (A + diag κ) p to A p.
     pub fn straighten(&self, p: &[f64], image: &mut [f64]) {
         if let Some(Curvature { kappa, .. }) = &self.curvature {
-            let back = |i: usize| -> [f64; D] { at(p, i) };
-            self.add_curved(kappa, |i| back(i).map(|v| -v), image);
+            self.add_curved(kappa, |i| at::<D>(p, i).map(|v| -v), image);
         }
     }
 

@@ -57,7 +57,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         point: &mut Point,
     ) -> Result<Inner<D>, DualError> {
         // Earlier directions rarely fit the tangents of circles, and those of the last face nearly all do.
-        if !face.turns() {
+        if !face.sets.turn() {
             return self.inner_on(face, point);
         }
         self.linearise(&mut face, Some(&last.face), point)?;
@@ -75,7 +75,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         earlier: Option<&Face<D>>,
         point: &Point,
     ) -> Result<(), DualError> {
-        if face.turns() {
+        if face.sets.turn() {
             let mean = self.products.mean(point.lambda.len())?;
             face.set_curvature(earlier, point, mean);
         }
