@@ -3,6 +3,7 @@
 pub mod chart;
 mod curves;
 mod html;
+mod legend;
 mod picture;
 mod raster;
 
