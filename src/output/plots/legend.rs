@@ -51,9 +51,7 @@ where
 }
 
 /// What contact nodes may do in this case, and the colours of it.
-pub(super) fn states<const D: usize>(
-    contact: &ContactFields<D>,
-) -> Vec<(NodeStatus, &'static str)>
+pub(super) fn states<const D: usize>(contact: &ContactFields<D>) -> Vec<(NodeStatus, &'static str)>
 where
     Kind: Topology<D>,
 {
@@ -104,10 +102,7 @@ impl ColourBar<'_> {
     /// Adds it to a picture, with its left upper corner at a place.
     pub fn draw(&self, svg: &mut String, [x, y]: [f64; 2]) {
         let (name, top, bar) = (&self.name, self.top, self.height);
-        put(
-            svg,
-            format_args!("<g transform=\"translate({x:.1} {y})\">"),
-        );
+        put(svg, format_args!("<g transform=\"translate({x:.1} {y})\">"));
         let stops: String = (0..=10)
             .map(|k| {
                 let [r, g, b] = viridis(f64::from(k) / 10.0);
