@@ -2,14 +2,17 @@
 
 mod camera;
 pub mod chart;
+mod contact_surface;
 mod curves;
 mod html;
 mod legend;
 mod obstacles;
 mod picture;
 mod raster;
+mod sheet;
 mod solid;
 mod surface;
+mod view;
 mod zbuffer;
 
 use super::files::write;
@@ -20,6 +23,7 @@ use crate::mesh::{Kind, Topology};
 use crate::model::{Elastic, StepData};
 use crate::quasistatic::StepSolution;
 use std::path::{Path, PathBuf};
+pub use view::View;
 
 /// A picture of a solve.
 #[derive(Clone, Debug)]
@@ -32,6 +36,8 @@ pub struct Picture {
     pub title: String,
     /// The picture itself.
     pub svg: String,
+    /// What can be turned beside it in `report.html`.
+    pub view: Option<View>,
 }
 
 /// Implemented by [`Kind`] for both dimensions: what can be drawn of bodies there.
@@ -124,6 +130,7 @@ impl<'a> Names<'a> {
             step: Some(self.step),
             title: format!("Deformed bodies{}", self.of_step),
             svg,
+            view: None,
         }
     }
 
@@ -143,6 +150,7 @@ impl<'a> Names<'a> {
             step: Some(self.step),
             title: format!("Contact {} / {}{of_step}", pair.boundary, pair.against),
             svg,
+            view: None,
         }
     }
 }
@@ -186,7 +194,17 @@ fn of_space(
     let fields = StepFields::new(elastic, data, solution);
     let contact = ContactFields::new(build, elastic, data, solution);
     let solids = solid::Solids::new(elastic, &fields, &contact);
-    vec![names.deformed(solids.svg(&names.title(), names.step))]
+    let mut deformed = names.deformed(solids.svg(&names.title(), names.step));
+    deformed.view = Some(View::new(&solids, names.step));
+    let mut pictures = vec![deformed];
+    for (number, pair) in elastic.pairs.iter().enumerate() {
+        let of_step = &names.of_step;
+        let title = format!("{} / {}{of_step}", pair.boundary, pair.against);
+        let id = format!("p{number}t{}", names.step);
+        let drawn = contact_surface::svg(&title, &id, elastic, &contact, number);
+        pictures.push(names.contact(elastic, number, drawn));
+    }
+    pictures
 }
 
 /// The pictures of the whole: the convergence, and the contact forces where there are several steps.
@@ -202,6 +220,7 @@ pub fn pictures(report: &Report) -> Vec<Picture> {
             step: None,
             title: chart.title.clone(),
             svg: chart.svg(),
+            view: None,
         })
         .collect()
 }

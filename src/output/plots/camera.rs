@@ -64,12 +64,12 @@ impl Camera {
         [dot(self.right, x), dot(self.up, x)]
     }
 
-    /// How bright a surface with this normal is, lit from the left above the viewer.
+    /// How bright a surface with this normal is, from 0 to 1, lit from the left above the viewer.
     pub fn shade(&self, normal: [f64; 3]) -> f64 {
         let light = unit(std::array::from_fn(|c| {
             self.back[c] - 0.35 * self.right[c] + 0.45 * self.up[c]
         }));
-        0.62 + 0.38 * dot(normal, light).max(0.0)
+        dot(normal, light).max(0.0)
     }
 
     /// The axes that point to the viewer.
@@ -95,6 +95,6 @@ mod tests {
         assert_eq!(camera.name(), "+x, −y, +z");
         // What looks away is dark, and nothing brighter than the light.
         assert!(camera.shade(camera.back) > camera.shade(camera.right));
-        assert!(camera.shade([0.0, 1.0, 0.0]) >= 0.62 && camera.shade(camera.back) <= 1.0);
+        assert!(camera.shade([0.0, 1.0, 0.0]) >= 0.0 && camera.shade(camera.back) <= 1.0);
     }
 }

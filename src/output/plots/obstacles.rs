@@ -5,8 +5,10 @@ use crate::mesh::vector::{cross, dot, length, minus, unit};
 use crate::model::Elastic;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// How far it is drawn beyond the contact, as a part of the size of the mesh.
+/// How far it is drawn beyond what is near it, as a part of the size of the mesh.
 const AROUND: f64 = 0.07;
+/// What is near, as a part of that size.
+const NEAR: f64 = 0.02;
 /// Facets along a half circle.
 const ROUND: f64 = 48.0;
 
@@ -47,17 +49,18 @@ impl Patch {
 /// Those of the rigid obstacles of a case.
 pub(super) fn patches(elastic: &Elastic<3>) -> Vec<Patch> {
     let (low, high) = elastic.mesh.bounding_box();
-    let margin = AROUND * length(minus(high, low));
+    let size = length(minus(high, low));
     (elastic.pairs.iter().enumerate())
         .filter_map(|(number, pair)| {
-            let places: Vec<[f64; 3]> = (elastic.contact.nodes.iter().zip(&elastic.pair_of))
+            let obstacle = pair.obstacle?;
+            let mut places: Vec<[f64; 3]> = (elastic.contact.nodes.iter().zip(&elastic.pair_of))
                 .filter(|&(_, &owner)| owner as usize == number)
                 .map(|(node, _)| elastic.mesh.nodes[node.node as usize])
                 .collect();
-            match places.is_empty() {
-                true => None,
-                false => Some(patch(&pair.obstacle?, &places, margin)),
-            }
+            let distance = |x: &[f64; 3]| obstacle.distance(*x).0;
+            let nearest = places.iter().map(distance).fold(f64::INFINITY, f64::min);
+            places.retain(|x| distance(x) <= nearest + NEAR * size);
+            (!places.is_empty()).then(|| patch(&obstacle, &places, AROUND * size))
         })
         .collect()
 }

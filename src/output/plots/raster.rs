@@ -1,7 +1,7 @@
 //! Fields as images: the colours and the pixels of triangles.
 
 /// Stops of the colour map viridis (Smith and van der Walt 2015), evenly spaced.
-const VIRIDIS: [[f64; 3]; 11] = [
+pub(super) const VIRIDIS: [[f64; 3]; 11] = [
     [68.0, 1.0, 84.0],
     [72.0, 36.0, 117.0],
     [65.0, 68.0, 135.0],

@@ -17,11 +17,11 @@ use base64::Engine as _;
 const WIDTH: f64 = 780.0;
 const HEIGHT: f64 = 620.0;
 /// Between them, and around.
-const GAP: f64 = 36.0;
+const GAP: f64 = 40.0;
 const MARGIN: f64 = 26.0;
 const LEGEND: f64 = 110.0;
 const HEAD: f64 = 70.0;
-const FOOT: f64 = 34.0;
+const FOOT: f64 = 50.0;
 /// Pixels per unit of the picture.
 const FINE: f64 = 2.0;
 /// Edges of elements are drawn where these are longer than this on average.
@@ -88,7 +88,9 @@ impl<'a> Solids<'a> {
                 .map(|vertex| vertex.node as usize)
         };
         let boxes = cameras.map(|camera| {
-            let places = nodes().flat_map(|i| [mesh.nodes[i], moved[i]]);
+            let bodies = nodes().flat_map(|i| [mesh.nodes[i], moved[i]]);
+            let around = self.obstacles.iter().flat_map(|patch| patch.rows.iter());
+            let places = bodies.chain(around.flatten().copied());
             bounds(places.map(|x| camera.flat(x)))
         });
         let layout = Layout::new(boxes.map(|(low, high)| minus(high, low)));
@@ -166,14 +168,14 @@ impl Layout {
         let positive = |v: f64| v.max(f64::MIN_POSITIVE);
         let (widest, highest) = (positive(a[0].max(b[0])), positive(a[1].max(b[1])));
         let beside = ((WIDTH - GAP) / positive(a[0] + b[0])).min(0.75 * HEIGHT / highest);
-        let below = (WIDTH / widest).min((HEIGHT - GAP) / positive(a[1] + b[1]));
+        let below = (WIDTH / widest).min((HEIGHT - 2.0 * GAP) / positive(a[1] + b[1]));
         let is_beside = beside > 0.85 * below;
         let unit = if is_beside { beside } else { below };
         let sizes = [a, b].map(|size| size.map(|v| unit * v));
         let (width, height) = if is_beside {
             (sizes[0][0] + GAP + sizes[1][0], unit * highest)
         } else {
-            (unit * widest, sizes[0][1] + GAP + sizes[1][1])
+            (unit * widest, sizes[0][1] + 2.0 * GAP + sizes[1][1])
         };
         let height = height.max(190.0);
         // Narrow bodies stand in the middle under a long title.
@@ -181,7 +183,7 @@ impl Layout {
         let second = if is_beside {
             [left + sizes[0][0] + GAP, HEAD + 10.0]
         } else {
-            [left, HEAD + 10.0 + sizes[0][1] + GAP]
+            [left, HEAD + 10.0 + sizes[0][1] + 2.0 * GAP]
         };
         Self {
             unit,
@@ -218,8 +220,8 @@ impl View<'_> {
 
     /// The whole view.
     fn draw(&self) -> String {
-        // A little room around for obstacles.
-        const ROOM: f64 = 14.0;
+        // For what is on the border of the field.
+        const ROOM: f64 = 4.0;
         let pixels = |size: f64| (FINE * (size + 2.0 * ROOM)).ceil().max(1.0) as usize;
         let mut buffer = ZBuffer::new(pixels(self.size[0]), pixels(self.size[1]));
         let in_pixels = |x: [f64; 3]| {
@@ -282,7 +284,7 @@ impl View<'_> {
                 .iter()
                 .filter(|e| !e.sharp)
                 .map(|e| of_edges(e.ends));
-            let thin = "stroke=\"#000000\" stroke-opacity=\"0.25\" stroke-width=\"0.6\"";
+            let thin = "stroke=\"#000000\" stroke-opacity=\"0.2\" stroke-width=\"0.6\"";
             style(seen(&mut all), thin, &mut svg);
         }
         let contours = self.contours();
@@ -365,7 +367,7 @@ impl View<'_> {
     /// The directions of the axes, in the lower left corner.
     fn axes(&self, svg: &mut String) {
         const LENGTH: f64 = 26.0;
-        let origin = [-4.0, self.size[1] + 4.0];
+        let origin = [8.0, self.size[1] + 30.0];
         // Those that point away from the viewer first.
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| self.camera.back[a].total_cmp(&self.camera.back[b]));

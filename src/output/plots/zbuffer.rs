@@ -10,6 +10,9 @@ const BEHIND: f32 = 2.0;
 const VEIL: [f32; 3] = [205.0, 208.0, 212.0];
 const IN_FRONT: f32 = 0.22;
 const BESIDE: f32 = 0.62;
+/// How far the best lit faces are brightened, and those without light darkened.
+const BRIGHT: f32 = 0.26;
+const DARK: f32 = 0.36;
 
 /// What is seen at a sample.
 #[derive(Clone, Copy)]
@@ -30,7 +33,8 @@ pub(super) struct ZBuffer {
     samples: Vec<Sample>,
 }
 
-/// A corner of a triangle: its place in pixels, to the right, down and towards the viewer, its value and how bright it is.
+/// A corner of a triangle: its place in pixels, to the right, down and towards the viewer, its value, and how
+/// bright it is: 0.5 leaves the colour of the value as it is.
 #[derive(Clone, Copy)]
 pub(super) struct Corner {
     pub at: [f64; 3],
@@ -131,13 +135,17 @@ impl Sample {
             return (VEIL, if beside { BESIDE } else { 0.0 });
         }
         let full = viridis(f64::from(self.value) / top);
-        let veiled = if self.veil > self.depth {
-            IN_FRONT
-        } else {
-            0.0
+        // What touches the bodies does not veil them.
+        let is_veiled = self.veil > self.depth + BEHIND / SAMPLES as f32;
+        let veiled = if is_veiled { IN_FRONT } else { 0.0 };
+        // Towards white or black, so that dark colours are lit, too.
+        let (to, part) = match 2.0 * self.shade - 1.0 {
+            bright if bright > 0.0 => (255.0, BRIGHT * bright),
+            dark => (0.0, DARK * -dark),
         };
         let colour = std::array::from_fn(|c| {
-            let lit = f32::from(full[c]) * self.shade;
+            let plain = f32::from(full[c]);
+            let lit = plain + part * (to - plain);
             (lit + veiled * (VEIL[c] - lit)).clamp(0.0, 255.0)
         });
         (colour, 1.0)
@@ -152,7 +160,7 @@ mod tests {
         corners.map(|[x, y]| Corner {
             at: [x, y, depth],
             value,
-            shade: 1.0,
+            shade: 0.5,
         })
     }
 
