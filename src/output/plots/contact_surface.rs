@@ -1,13 +1,16 @@
 //! The contact surfaces of solids: pressures, tractions, what sticks and slips, and profiles of them.
 
-use super::chart::{Axis, Chart, Mark, STYLE, Scale, Series, Zone, colour, escape};
+mod profile;
+
+use super::chart::{Axis, STYLE, Scale, colour, escape};
 use super::legend::{self, ColourBar, short};
-use super::raster::{Raster, largest, viridis};
+use super::raster::{Raster, viridis};
 use super::sheet::{Sheet, sheets};
 use crate::mesh::vector::bounds;
 use crate::model::Elastic;
 use crate::output::{ContactFields, NodeStatus, put};
 use base64::Engine as _;
+use profile::profile;
 use std::collections::HashMap;
 
 const WIDTH: f64 = 900.0;
@@ -17,8 +20,8 @@ const AXIS: f64 = 62.0;
 const BELOW: f64 = 56.0;
 const BAR: f64 = 96.0;
 /// The largest a panel gets.
-const PANEL: [f64; 2] = [330.0, 330.0];
-const WIDE: [f64; 2] = [690.0, 250.0];
+const PANEL: [f64; 2] = [300.0, 330.0];
+const WIDE: [f64; 2] = [690.0, 300.0];
 /// Pixels per unit of the picture.
 const FINE: f64 = 2.0;
 /// The longest arrow, and how far arrows stand apart.
@@ -462,7 +465,7 @@ impl Scene<'_> {
         let width = 0.5 * (WIDTH - 2.0 * MARGIN - GAP);
         let height = if self.has_friction { 320.0 } else { 280.0 };
         for axis in 0..2 {
-            let chart = self.profile(sheet, axis).sized(width, height);
+            let chart = profile(self, sheet, axis).sized(width, height);
             let x = MARGIN - 10.0 + axis as f64 * (width + GAP);
             let y = self.y;
             self.put(format_args!(
@@ -470,61 +473,6 @@ impl Scene<'_> {
             ));
         }
         self.y += height;
-    }
-
-    /// One of them: along the first or the second coordinate.
-    fn profile(&self, sheet: &Sheet, axis: usize) -> Chart {
-        let peak = self.peak(sheet);
-        let line = Line::new(self, sheet, axis, peak[1 - axis]);
-        let series = |name: &str, colour, mark, value: &dyn Fn(&[f64; 3]) -> f64| Series {
-            name: name.to_owned(),
-            colour,
-            mark,
-            points: line.points.iter().map(|(s, v)| (*s, value(v))).collect(),
-        };
-        let mut all = Vec::new();
-        if self.has_friction {
-            all.push(series("slip bound", colour::GREY, Mark::Dashed, &|v| v[2]));
-            all.push(series(
-                "tangential traction",
-                colour::ORANGE,
-                Mark::Line,
-                &|v| v[1],
-            ));
-        }
-        all.push(series("contact pressure", colour::BLUE, Mark::Line, &|v| {
-            v[0]
-        }));
-        let unit = &self.elastic.units.length;
-        let other = &sheet.labels[1 - axis];
-        Chart {
-            title: format!(
-                "Along {}, at {other} = {} {unit}",
-                sheet.labels[axis],
-                short(peak[1 - axis])
-            )
-            .replace("along along", "along")
-            .replace("Along along", "Along"),
-            x: Axis::new(&sheet.labels[axis], unit),
-            y: Axis::new("contact stress", &self.elastic.units.stress()),
-            series: all,
-            zones: line.zones,
-            rules: Vec::new(),
-        }
-    }
-
-    /// The place of the largest pressure.
-    fn peak(&self, sheet: &Sheet) -> [f64; 2] {
-        let mut best = (f64::NEG_INFINITY, [0.0; 2]);
-        for (at, nodes) in &sheet.triangles {
-            for (x, node) in at.iter().zip(nodes) {
-                let value = self.rows.get(node).map(|&i| self.contact.pressure[i]);
-                if let Some(value) = value.filter(|value| *value > best.0) {
-                    best = (value, *x);
-                }
-            }
-        }
-        best.1
     }
 
     /// The file.
@@ -580,85 +528,6 @@ fn arrow([x, y]: [f64; 2], [a, b]: [f64; 2]) -> String {
     };
     let ([px, py], [qx, qy]) = (side(1.0), side(-1.0));
     format!("M{x:.1} {y:.1}L{tx:.1} {ty:.1}M{px:.1} {py:.1}L{tx:.1} {ty:.1}L{qx:.1} {qy:.1}")
-}
-
-/// What is met along a line of a sheet.
-struct Line {
-    /// Places with pressure, tangential traction and slip bound; NaN between parts.
-    points: Vec<(f64, [f64; 3])>,
-    zones: Vec<Zone>,
-}
-
-impl Line {
-    /// Along a coordinate, where the other one has this value.
-    fn new(scene: &Scene, sheet: &Sheet, axis: usize, value: f64) -> Self {
-        let contact = scene.contact;
-        let of = |i: usize| [contact.pressure[i], along(contact, i), contact.bound[i]];
-        // Where the line goes in and out of a triangle.
-        let mut parts: Vec<[(f64, [f64; 3], usize); 2]> = Vec::new();
-        // A line along the upper border has no triangle above it.
-        let (low, high) = bounds(sheet.triangles.iter().flat_map(|(at, _)| *at));
-        let across = 1 - axis;
-        let value = value.min(high[across] - 1e-9 * (high[across] - low[across]));
-        for (at, nodes) in &sheet.triangles {
-            let [Some(a), Some(b), Some(c)] = nodes.map(|node| scene.rows.get(&node).copied())
-            else {
-                continue;
-            };
-            let rows = [a, b, c];
-            let off = at.map(|x| x[1 - axis] - value);
-            let mut cuts: Vec<(f64, [f64; 3], usize)> = Vec::new();
-            for [p, q] in [[0, 1], [1, 2], [2, 0]] {
-                if (off[p] > 0.0) == (off[q] > 0.0) {
-                    continue;
-                }
-                let t = off[p] / (off[p] - off[q]);
-                let mut weights = [0.0; 3];
-                (weights[p], weights[q]) = (1.0 - t, t);
-                let s = (1.0 - t) * at[p][axis] + t * at[q][axis];
-                let [u, v] = [p, q].map(|k| of(rows[k]));
-                let mean = std::array::from_fn(|k| (1.0 - t) * u[k] + t * v[k]);
-                cuts.push((s, mean, rows[largest(weights)]));
-            }
-            if let [p, q] = cuts[..] {
-                parts.push(if p.0 <= q.0 { [p, q] } else { [q, p] });
-            }
-        }
-        parts.sort_by(|a, b| a[0].0.total_cmp(&b[0].0));
-        let mut line = Self {
-            points: Vec::new(),
-            zones: Vec::new(),
-        };
-        let span = parts.iter().map(|part| part[1].0 - part[0].0).sum::<f64>();
-        for [from, to] in parts {
-            if (line.points.last()).is_some_and(|last| from.0 > last.0 + 1e-6 * span) {
-                line.points.push((f64::NAN, [f64::NAN; 3]));
-            }
-            line.points.extend([(from.0, from.1), (to.0, to.1)]);
-            let middle = 0.5 * (from.0 + to.0);
-            line.zone(from.0, middle, contact.status(from.2));
-            line.zone(middle, to.0, contact.status(to.2));
-        }
-        line
-    }
-
-    /// Adds a zone, or goes on with the last.
-    fn zone(&mut self, from: f64, to: f64, state: NodeStatus) {
-        let Some((_, name, colour)) = STATES.into_iter().find(|(s, ..)| *s == state) else {
-            return;
-        };
-        match self.zones.last_mut() {
-            Some(zone) if zone.name == name && (from - zone.to).abs() <= 1e-9 * to.abs() => {
-                zone.to = to;
-            }
-            _ => self.zones.push(Zone {
-                from,
-                to,
-                name,
-                colour,
-            }),
-        }
-    }
 }
 
 #[cfg(test)]

@@ -367,7 +367,7 @@ impl View<'_> {
     /// The directions of the axes, in the lower left corner.
     fn axes(&self, svg: &mut String) {
         const LENGTH: f64 = 26.0;
-        let origin = [8.0, self.size[1] + 30.0];
+        let origin = [14.0, self.size[1] + 30.0];
         // Those that point away from the viewer first.
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| self.camera.back[a].total_cmp(&self.camera.back[b]));

@@ -31,7 +31,7 @@
       if (plain.a > 0.5) colour = plain.rgb;
       else if (defined > 0.999) colour = texture2D(colours, vec2(clamp(shown, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
       float light = 2.0 * max(dot(normalize(facing), normalize(vec3(-0.35, 0.45, 1.0))), 0.0) - 1.0;
-      gl_FragColor = vec4(light > 0.0 ? mix(colour, vec3(1.0), 0.26 * light) : colour * (1.0 + 0.36 * light), 1.0);
+      gl_FragColor = vec4(light > 0.0 ? mix(colour, vec3(1.0), 0.20 * light) : colour * (1.0 + 0.33 * light), 1.0);
     }`;
 
   const LINES = `

@@ -11,8 +11,8 @@ const VEIL: [f32; 3] = [205.0, 208.0, 212.0];
 const IN_FRONT: f32 = 0.22;
 const BESIDE: f32 = 0.62;
 /// How far the best lit faces are brightened, and those without light darkened.
-const BRIGHT: f32 = 0.26;
-const DARK: f32 = 0.36;
+const BRIGHT: f32 = 0.2;
+const DARK: f32 = 0.33;
 
 /// What is seen at a sample.
 #[derive(Clone, Copy)]
