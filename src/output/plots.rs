@@ -45,9 +45,6 @@ pub trait Draw<const D: usize>: Space<D>
 where
     Kind: Space<D>,
 {
-    /// Whether bodies and what happens along their contacts are drawn; charts of the whole solve always are.
-    const BODIES: bool;
-
     /// The pictures at the end of the step that was added to the report last. `several` says whether there are more
     /// steps, which goes into the names.
     fn step_pictures(
@@ -61,8 +58,6 @@ where
 
 /// The deformed bodies, and a chart for each contact.
 impl Draw<2> for Kind {
-    const BODIES: bool = true;
-
     fn step_pictures(
         report: &Report,
         build: &Build,
@@ -76,8 +71,6 @@ impl Draw<2> for Kind {
 
 /// The deformed bodies from two sides, and each contact surface.
 impl Draw<3> for Kind {
-    const BODIES: bool = true;
-
     fn step_pictures(
         report: &Report,
         build: &Build<3>,

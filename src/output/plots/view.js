@@ -8,12 +8,12 @@
     uniform mat3 camera;
     uniform vec3 centre;
     uniform vec4 fit;
-    uniform float magnified, nearer;
+    uniform float magnified, depth, lift;
     varying vec3 facing;
     varying float shown, defined;
     void main() {
       vec3 seen = camera * (place + magnified * displacement - centre);
-      gl_Position = vec4(seen.xy * fit.xy + fit.zw, -seen.z * nearer, 1.0);
+      gl_Position = vec4(seen.xy * fit.xy + fit.zw, -seen.z * depth - lift, 1.0);
       facing = camera * normal;
       shown = value;
       defined = known;
@@ -133,6 +133,25 @@
     return { name: data.name, displacement, fields, magnified: data.magnified };
   }
 
+  // The directions to the right, up and to the viewer; z is upright.
+  function axesOf(look) {
+    const [s, c] = [Math.sin(look.azimuth), Math.cos(look.azimuth)];
+    const [t, d] = [Math.sin(look.elevation), Math.cos(look.elevation)];
+    return { right: [-s, c, 0], up: [-t * c, -t * s, d], back: [d * c, d * s, t] };
+  }
+
+  // How far the surface reaches around its middle, to the right and up, in both directions together.
+  function extents(shape, size, { right, up }) {
+    const most = [0, 0];
+    for (let i = 0; i < shape.count; i++) {
+      const x = [0, 1, 2].map((c) => shape.places[3 * i + c] - 0.5 * size[c]);
+      [right, up].forEach((axis, k) => {
+        most[k] = Math.max(most[k], 2 * Math.abs(axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2]));
+      });
+    }
+    return most.map((v) => v || 1);
+  }
+
   function program(gl, fragment) {
     const made = gl.createProgram();
     for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, fragment]]) {
@@ -146,7 +165,7 @@
     gl.linkProgram(made);
     if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
     const at = {};
-    for (const name of ["camera", "centre", "fit", "magnified", "nearer", "colours", "plain"]) at[name] = gl.getUniformLocation(made, name);
+    for (const name of ["camera", "centre", "fit", "magnified", "depth", "lift", "colours", "plain"]) at[name] = gl.getUniformLocation(made, name);
     return { made, at };
   }
 
@@ -176,7 +195,7 @@
     const canvas = element("canvas", stage, { tabIndex: 0 });
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", "The deformed bodies; drag or use the arrow keys to turn them");
-    const gl = canvas.getContext("webgl", { antialias: true });
+    const gl = canvas.getContext("webgl", { antialias: true, alpha: false });
     if (!gl || !gl.getExtension("OES_element_index_uint")) return false;
     const shape = surface(data.surface);
     const parts = data.surface.parts;
@@ -190,10 +209,13 @@
     const finer = parts.map(() => null);
     palette(gl, data.colours);
     gl.enable(gl.DEPTH_TEST);
+    // Of lines in one place the later is seen.
+    gl.depthFunc(gl.LEQUAL);
 
     const size = data.surface.size, radius = 0.5 * Math.hypot(size[0], size[1], size[2]);
     const home = { azimuth: Math.atan2(data.back[1], data.back[0]), elevation: Math.asin(data.back[2]), zoom: 1, pan: [0, 0] };
     const look = { ...home, pan: [0, 0] };
+    const extent = extents(shape, size, axesOf(home));
     const shown = { step: null, field: 0, factor: 1, elements: shape.corners.length / 4 <= 6000, obstacles: true,
       byPart: false, hidden: parts.map(() => false) };
     const decoded = data.steps.map(() => null);
@@ -201,6 +223,8 @@
     // ---- what is set beside the view
     const bar = element("div", root, { className: "controls" });
     root.appendChild(stage);
+    element("p", root, { className: "note", textContent:
+      "Drag to turn, with Shift or the right button to move; the wheel or two fingers zoom; with the view in focus also arrow keys, + and −." });
     const overlay = element("canvas", stage, { className: "axes" });
     const legend = element("div", stage, { className: "legend" });
     const label = (text) => element("label", bar, { textContent: text + " " });
@@ -282,11 +306,6 @@
       waiting = true;
     }
 
-    function camera() {
-      const [s, c, t, d] = [Math.sin(look.azimuth), Math.cos(look.azimuth), Math.sin(look.elevation), Math.cos(look.elevation)];
-      return { right: [-s, c, 0], up: [-t * c, -t * s, d], back: [d * c, d * s, t] };
-    }
-
     function attributes(place) {
       [[place, 3], [moved, 3], [turned, 3], [valued, 1], [defined, 1]].forEach(([from, length], k) => {
         gl.bindBuffer(gl.ARRAY_BUFFER, from);
@@ -295,15 +314,16 @@
       });
     }
 
-    function use(which, nearer) {
-      const { right, up, back } = camera(), { width, height } = canvas, least = Math.min(width, height);
-      const unit = (0.92 * look.zoom * least) / radius;
+    function use(which, lift) {
+      const { right, up, back } = axesOf(look), { width, height } = canvas;
+      const unit = look.zoom * Math.min((0.8 * width) / extent[0], (0.86 * height) / extent[1]);
       gl.useProgram(which.made);
       gl.uniformMatrix3fv(which.at.camera, false, [0, 1, 2].flatMap((k) => [right[k], up[k], back[k]]));
       gl.uniform3fv(which.at.centre, size.map((v) => 0.5 * v));
-      gl.uniform4f(which.at.fit, unit / width, unit / height, look.pan[0], look.pan[1]);
+      gl.uniform4f(which.at.fit, (2 * unit) / width, (2 * unit) / height, look.pan[0], look.pan[1]);
       gl.uniform1f(which.at.magnified, shown.factor);
-      gl.uniform1f(which.at.nearer, nearer / (3 * radius));
+      gl.uniform1f(which.at.depth, 1 / (3 * radius));
+      gl.uniform1f(which.at.lift, lift);
       gl.uniform4f(which.at.plain, 0, 0, 0, 0);
       return which.at;
     }
@@ -318,17 +338,15 @@
       gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
       attributes(placed);
       const visible = parts.map((part, k) => ({ part, k })).filter(({ k }) => !shown.hidden[k]);
-      // Faces a little farther away than the lines on them.
-      let at = use(faces, 1);
-      gl.enable(gl.POLYGON_OFFSET_FILL);
-      gl.polygonOffset(1, 2);
+      let at = use(faces, 0);
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, indices);
       for (const { part, k } of visible) {
         if (shown.byPart) gl.uniform4f(at.plain, ...PARTS[k % PARTS.length], 1);
         const [from, to] = part.facets.map((f) => shape.begin[f]);
         gl.drawElements(gl.TRIANGLES, to - from, gl.UNSIGNED_INT, 4 * from);
       }
-      at = use(lines, 1);
+      // Lines lie a little nearer than the faces that they are on.
+      at = use(lines, 0.003 / look.zoom);
       gl.enable(gl.BLEND);
       gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
       if (shown.elements) {
@@ -350,6 +368,8 @@
         gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
         for (let k = 1; k < 5; k++) gl.disableVertexAttribArray(k);
         gl.uniform4f(at.plain, 0.6, 0.62, 0.65, 0.3);
+        // What touches the bodies does not veil them.
+        gl.uniform1f(at.lift, -0.004 / look.zoom);
         gl.depthMask(false);
         gl.drawArrays(gl.TRIANGLES, 0, obstacles.length / 3);
         gl.depthMask(true);
@@ -361,7 +381,7 @@
 
     // The directions of the axes, in the lower left corner.
     function axes(ratio) {
-      const { right, up, back } = camera(), pen = overlay.getContext("2d"), long = 30 * ratio;
+      const { right, up, back } = axesOf(look), pen = overlay.getContext("2d"), long = 30 * ratio;
       const [x, y] = [48 * ratio, overlay.height - 48 * ratio];
       pen.clearRect(0, 0, overlay.width, overlay.height);
       pen.strokeStyle = pen.fillStyle = "#444";
