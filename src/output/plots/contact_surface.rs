@@ -438,12 +438,15 @@ impl Scene<'_> {
             }
         }
         let (border, ground) = ("#ffffff", "#2a788e");
-        entries.push((
+        let touching = rows.iter().filter(|&&i| self.contact.pressure[i] > 0.0);
+        if ![0, rows.len()].contains(&touching.count()) {
+            entries.push((
             format!(
                 "<rect y=\"-11\" width=\"26\" height=\"13\" fill=\"{ground}\"/><path d=\"M2 -4.5h22\" stroke=\"{border}\" stroke-width=\"1.4\"/>"
             ),
             "border of the contact".to_owned(),
         ));
+        }
         let (mut x, mut y) = (MARGIN, self.y + 8.0);
         for (sample, name) in entries {
             let wide = 56.0 + 7.0 * name.chars().count() as f64;

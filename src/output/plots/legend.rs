@@ -29,11 +29,16 @@ where
     }
     // A gap d that becomes g is drawn as d + s (g − d).
     let room = FALSE_OVERLAP * size;
+    // Nor may bodies with an interference come apart.
+    let pressed = (elastic.contact.nodes.iter().zip(&contact.gap))
+        .filter(|(node, gap)| node.gap < 0.0 && **gap > node.gap)
+        .map(|(node, gap)| 1.0 + room / (gap - node.gap))
+        .fold(f64::INFINITY, f64::min);
     let wanted = (elastic.contact.nodes.iter().zip(&contact.gap))
         .map(|(node, gap)| (node.gap, node.gap - gap))
         .filter(|&(before, closed)| closed > 1e-9 * before)
         .map(|(before, closed)| (before + room) / closed)
-        .fold(SHOWN * size / largest, f64::min);
+        .fold((SHOWN * size / largest).min(pressed), f64::min);
     if wanted < 1.0 {
         return 1.0;
     }
@@ -135,6 +140,9 @@ impl ColourBar<'_> {
                     short(value)
                 ),
             );
+            if !(self.largest > 0.0) {
+                break;
+            }
             value += step;
         }
         put(svg, format_args!("</g>"));

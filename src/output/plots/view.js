@@ -190,234 +190,49 @@
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
   }
 
-  function start(root, data) {
-    const stage = element("div", null, { className: "stage" });
-    const canvas = element("canvas", stage, { tabIndex: 0 });
-    canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", "The deformed bodies; drag or use the arrow keys to turn them");
-    const gl = canvas.getContext("webgl", { antialias: true, alpha: false });
-    if (!gl || !gl.getExtension("OES_element_index_uint")) return false;
-    const shape = surface(data.surface);
-    const parts = data.surface.parts;
-    const faces = program(gl, FACES), lines = program(gl, LINES);
-    const indices = buffer(gl, gl.ELEMENT_ARRAY_BUFFER, shape.triangles);
-    const sharp = buffer(gl, gl.ELEMENT_ARRAY_BUFFER, shape.edges);
-    const obstacles = new Float32Array(bytes(data.surface.obstacles));
-    const placed = buffer(gl, gl.ARRAY_BUFFER, shape.places), turned = buffer(gl, gl.ARRAY_BUFFER, shape.normals);
-    const around = buffer(gl, gl.ARRAY_BUFFER, obstacles);
-    const moved = gl.createBuffer(), valued = gl.createBuffer(), defined = gl.createBuffer();
-    const finer = parts.map(() => null);
-    palette(gl, data.colours);
-    gl.enable(gl.DEPTH_TEST);
-    // Of lines in one place the later is seen.
-    gl.depthFunc(gl.LEQUAL);
+  // What the colours of a field mean.
+  function colourBar(legend, field, colours) {
+    legend.textContent = "";
+    element("div", legend, { textContent: field.unit });
+    const strip = element("div", legend, { className: "strip" });
+    strip.style.background = `linear-gradient(to top, ${colours.map((c) => `rgb(${c})`).join()})`;
+    const apart = round(field.top / 6), end = field.largest > 0 ? field.top * (1 + 1e-9) : 0;
+    for (let v = 0; v <= end; v += apart) {
+      element("span", strip, { textContent: number(v) }).style.bottom = `calc(${(100 * v) / field.top}% - .6em)`;
+    }
+    if (field.largest > field.top) element("div", legend, { textContent: `largest ${number(field.largest)}` });
+  }
 
-    const size = data.surface.size, radius = 0.5 * Math.hypot(size[0], size[1], size[2]);
-    const home = { azimuth: Math.atan2(data.back[1], data.back[0]), elevation: Math.asin(data.back[2]), zoom: 1, pan: [0, 0] };
-    const look = { ...home, pan: [0, 0] };
-    const extent = extents(shape, size, axesOf(home));
-    const shown = { step: null, field: 0, factor: 1, elements: shape.corners.length / 4 <= 6000, obstacles: true,
-      byPart: false, hidden: parts.map(() => false) };
-    const decoded = data.steps.map(() => null);
-
-    // ---- what is set beside the view
-    const bar = element("div", root, { className: "controls" });
-    root.appendChild(stage);
-    element("p", root, { className: "note", textContent:
-      "Drag to turn, with Shift or the right button to move; the wheel or two fingers zoom; with the view in focus also arrow keys, + and −." });
-    const overlay = element("canvas", stage, { className: "axes" });
-    const legend = element("div", stage, { className: "legend" });
-    const label = (text) => element("label", bar, { textContent: text + " " });
-    const choice = (parent, names, chosen, then) => {
-      const list = element("select", parent);
-      names.forEach((name, k) => element("option", list, { textContent: name, value: k }));
-      list.value = chosen;
-      list.onchange = () => then(Number(list.value));
-    };
-    if (data.steps.length > 1) choice(label("Load step"), data.steps.map((s) => s.name), data.steps.length - 1, toStep);
-    const names = data.steps[0].fields.map((f) => f.name).concat(["displacement"], parts.length > 1 ? ["parts"] : []);
-    choice(label("Colours"), names, 0, (k) => {
-      shown.byPart = names[k] === "parts";
-      shown.field = shown.byPart ? shown.field : k;
-      fill();
+  function nameParts(legend, parts) {
+    legend.textContent = "";
+    parts.forEach((part, k) => {
+      const row = element("div", legend, { className: "part" });
+      element("i", row).style.background = `rgb(${PARTS[k % PARTS.length].map((v) => 255 * v)})`;
+      row.append(part.name);
     });
-    const slide = label("Displacements ×");
-    const slider = element("input", slide, { type: "range", min: 0, max: 200, value: 100 });
-    const factor = element("span", slide, { className: "number" });
-    slider.oninput = () => {
-      shown.factor = (slider.value / 100) * decoded[shown.step].magnified;
-      draw();
-    };
-    const box = (text, on, then) => {
-      const made = element("label", bar), input = element("input", made, { type: "checkbox", checked: on });
-      made.append(" " + text);
-      input.onchange = () => {
-        then(input.checked);
-        draw();
-      };
-    };
-    box("elements", shown.elements, (on) => (shown.elements = on));
-    if (obstacles.length) box("obstacles", true, (on) => (shown.obstacles = on));
-    if (parts.length > 1 && parts.length <= 16) parts.forEach((part, k) => box(part.name, true, (on) => (shown.hidden[k] = !on)));
-    element("button", bar, { type: "button", textContent: "Reset" }).onclick = () => {
-      Object.assign(look, home, { pan: [0, 0] });
-      draw();
-    };
+  }
 
-    function toStep(k) {
-      decoded[k] = decoded[k] || step(data.steps[k], shape, data);
-      shown.step = k;
-      shown.factor = (slider.value / 100) * decoded[k].magnified;
-      gl.bindBuffer(gl.ARRAY_BUFFER, moved);
-      gl.bufferData(gl.ARRAY_BUFFER, decoded[k].displacement, gl.STATIC_DRAW);
-      fill();
+  // The directions of the axes, in the lower left corner.
+  function triad(overlay, { right, up, back }, ratio) {
+    const pen = overlay.getContext("2d"), long = 30 * ratio;
+    const [x, y] = [48 * ratio, overlay.height - 48 * ratio];
+    pen.clearRect(0, 0, overlay.width, overlay.height);
+    pen.strokeStyle = pen.fillStyle = "#444";
+    pen.lineWidth = 1.6 * ratio;
+    pen.font = `${13 * ratio}px system-ui, sans-serif`;
+    pen.textAlign = "center";
+    pen.textBaseline = "middle";
+    for (const k of [0, 1, 2].sort((a, b) => back[a] - back[b])) {
+      pen.beginPath();
+      pen.moveTo(x, y);
+      pen.lineTo(x + long * right[k], y - long * up[k]);
+      pen.stroke();
+      pen.fillText("xyz"[k], x + 1.35 * long * right[k], y - 1.35 * long * up[k]);
     }
+  }
 
-    // Moves the field to the GPU, and says what its colours mean.
-    function fill() {
-      const field = decoded[shown.step].fields[shown.field];
-      gl.bindBuffer(gl.ARRAY_BUFFER, valued);
-      gl.bufferData(gl.ARRAY_BUFFER, field.values, gl.STATIC_DRAW);
-      gl.bindBuffer(gl.ARRAY_BUFFER, defined);
-      gl.bufferData(gl.ARRAY_BUFFER, field.known, gl.STATIC_DRAW);
-      legend.textContent = "";
-      if (shown.byPart) {
-        parts.forEach((part, k) => {
-          const row = element("div", legend, { className: "part" });
-          element("i", row).style.background = `rgb(${PARTS[k % PARTS.length].map((v) => 255 * v)})`;
-          row.append(part.name);
-        });
-      } else {
-        element("div", legend, { textContent: field.unit });
-        const strip = element("div", legend, { className: "strip" });
-        strip.style.background = `linear-gradient(to top, ${data.colours.map((c) => `rgb(${c})`).join()})`;
-        const apart = round(field.top / 6);
-        for (let v = 0; v <= field.top * (1 + 1e-9); v += apart) {
-          element("span", strip, { textContent: number(v) }).style.bottom = `calc(${(100 * v) / field.top}% - .6em)`;
-        }
-        if (field.largest > field.top) element("div", legend, { textContent: `largest ${number(field.largest)}` });
-      }
-      draw();
-    }
-
-    let waiting = false;
-    function draw() {
-      if (!waiting) requestAnimationFrame(paint);
-      waiting = true;
-    }
-
-    function attributes(place) {
-      [[place, 3], [moved, 3], [turned, 3], [valued, 1], [defined, 1]].forEach(([from, length], k) => {
-        gl.bindBuffer(gl.ARRAY_BUFFER, from);
-        gl.enableVertexAttribArray(k);
-        gl.vertexAttribPointer(k, length, gl.FLOAT, false, 0, 0);
-      });
-    }
-
-    function use(which, lift) {
-      const { right, up, back } = axesOf(look), { width, height } = canvas;
-      const unit = look.zoom * Math.min((0.8 * width) / extent[0], (0.86 * height) / extent[1]);
-      gl.useProgram(which.made);
-      gl.uniformMatrix3fv(which.at.camera, false, [0, 1, 2].flatMap((k) => [right[k], up[k], back[k]]));
-      gl.uniform3fv(which.at.centre, size.map((v) => 0.5 * v));
-      gl.uniform4f(which.at.fit, (2 * unit) / width, (2 * unit) / height, look.pan[0], look.pan[1]);
-      gl.uniform1f(which.at.magnified, shown.factor);
-      gl.uniform1f(which.at.depth, 1 / (3 * radius));
-      gl.uniform1f(which.at.lift, lift);
-      gl.uniform4f(which.at.plain, 0, 0, 0, 0);
-      return which.at;
-    }
-
-    function paint() {
-      waiting = false;
-      const ratio = window.devicePixelRatio || 1;
-      canvas.width = overlay.width = Math.round(stage.clientWidth * ratio);
-      canvas.height = overlay.height = Math.round(stage.clientHeight * ratio);
-      gl.viewport(0, 0, canvas.width, canvas.height);
-      gl.clearColor(1, 1, 1, 1);
-      gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-      attributes(placed);
-      const visible = parts.map((part, k) => ({ part, k })).filter(({ k }) => !shown.hidden[k]);
-      let at = use(faces, 0);
-      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, indices);
-      for (const { part, k } of visible) {
-        if (shown.byPart) gl.uniform4f(at.plain, ...PARTS[k % PARTS.length], 1);
-        const [from, to] = part.facets.map((f) => shape.begin[f]);
-        gl.drawElements(gl.TRIANGLES, to - from, gl.UNSIGNED_INT, 4 * from);
-      }
-      // Lines lie a little nearer than the faces that they are on.
-      at = use(lines, 0.003 / look.zoom);
-      gl.enable(gl.BLEND);
-      gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
-      if (shown.elements) {
-        gl.uniform4f(at.plain, 0, 0, 0, 0.25);
-        for (const { part, k } of visible) {
-          if (!finer[k]) {
-            const ends = wires(shape, part, shape.count);
-            finer[k] = { buffer: buffer(gl, gl.ELEMENT_ARRAY_BUFFER, ends), length: ends.length };
-          }
-          gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, finer[k].buffer);
-          gl.drawElements(gl.LINES, finer[k].length, gl.UNSIGNED_INT, 0);
-        }
-      }
-      gl.uniform4f(at.plain, 0.1, 0.1, 0.1, 1);
-      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, sharp);
-      for (const { part } of visible) gl.drawElements(gl.LINES, 2 * (part.edges[1] - part.edges[0]), gl.UNSIGNED_INT, 8 * part.edges[0]);
-      if (shown.obstacles && obstacles.length) {
-        gl.bindBuffer(gl.ARRAY_BUFFER, around);
-        gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
-        for (let k = 1; k < 5; k++) gl.disableVertexAttribArray(k);
-        gl.uniform4f(at.plain, 0.6, 0.62, 0.65, 0.3);
-        // What touches the bodies does not veil them.
-        gl.uniform1f(at.lift, -0.004 / look.zoom);
-        gl.depthMask(false);
-        gl.drawArrays(gl.TRIANGLES, 0, obstacles.length / 3);
-        gl.depthMask(true);
-      }
-      gl.disable(gl.BLEND);
-      factor.textContent = number(shown.factor);
-      axes(ratio);
-    }
-
-    // The directions of the axes, in the lower left corner.
-    function axes(ratio) {
-      const { right, up, back } = axesOf(look), pen = overlay.getContext("2d"), long = 30 * ratio;
-      const [x, y] = [48 * ratio, overlay.height - 48 * ratio];
-      pen.clearRect(0, 0, overlay.width, overlay.height);
-      pen.strokeStyle = pen.fillStyle = "#444";
-      pen.lineWidth = 1.6 * ratio;
-      pen.font = `${13 * ratio}px system-ui, sans-serif`;
-      pen.textAlign = "center";
-      pen.textBaseline = "middle";
-      for (const k of [0, 1, 2].sort((a, b) => back[a] - back[b])) {
-        pen.beginPath();
-        pen.moveTo(x, y);
-        pen.lineTo(x + long * right[k], y - long * up[k]);
-        pen.stroke();
-        pen.fillText("xyz"[k], x + 1.35 * long * right[k], y - 1.35 * long * up[k]);
-      }
-    }
-
-    // ---- mouse, touch, wheel, keys
-    function turn(right, down) {
-      look.azimuth -= right;
-      look.elevation = Math.max(-Math.PI / 2, Math.min(Math.PI / 2, look.elevation + down));
-      draw();
-    }
-    function shift(right, down) {
-      look.pan[0] += (2 * right) / stage.clientWidth;
-      look.pan[1] -= (2 * down) / stage.clientHeight;
-      draw();
-    }
-    // About a point of the stage.
-    function zoom(by, x, y) {
-      const before = look.zoom;
-      look.zoom = Math.max(0.3, Math.min(60, look.zoom * by));
-      const at = [(2 * x) / stage.clientWidth - 1, 1 - (2 * y) / stage.clientHeight];
-      for (let c = 0; c < 2; c++) look.pan[c] = at[c] + (look.pan[c] - at[c]) * (look.zoom / before);
-      draw();
-    }
-    const middle = () => [stage.clientWidth / 2, stage.clientHeight / 2];
+  // Mouse, fingers, wheel and keys.
+  function listen(canvas, turn, shift, zoom) {
     const held = new Map();
     canvas.onpointerdown = (event) => {
       canvas.setPointerCapture(event.pointerId);
@@ -432,8 +247,8 @@
       held.set(event.pointerId, now);
       if (other) {
         const distance = (p) => Math.hypot(p[0] - other[1][0], p[1] - other[1][1]) || 1;
-        const frame = canvas.getBoundingClientRect();
-        zoom(distance(now) / distance(before), 0.5 * (now[0] + other[1][0]) - frame.left, 0.5 * (now[1] + other[1][1]) - frame.top);
+        const frame = canvas.getBoundingClientRect(), middle = [0, 1].map((c) => 0.5 * (now[c] + other[1][c]));
+        zoom(distance(now) / distance(before), middle[0] - frame.left, middle[1] - frame.top);
         shift(0.5 * right, 0.5 * down);
       } else if (event.shiftKey || event.buttons & 6) shift(right, down);
       else turn(0.01 * right, 0.01 * down);
@@ -444,12 +259,247 @@
       zoom(Math.exp(-0.0015 * event.deltaY), event.offsetX, event.offsetY);
     }, { passive: false });
     canvas.onkeydown = (event) => {
+      const larger = (by) => zoom(by, 0.5 * canvas.clientWidth, 0.5 * canvas.clientHeight);
       const keys = { ArrowLeft: () => turn(-0.1, 0), ArrowRight: () => turn(0.1, 0), ArrowUp: () => turn(0, -0.1),
-        ArrowDown: () => turn(0, 0.1), "+": () => zoom(1.2, ...middle()), "-": () => zoom(1 / 1.2, ...middle()) };
-      if (!keys[event.key]) return;
+        ArrowDown: () => turn(0, 0.1), "+": () => larger(1.2), "-": () => larger(1 / 1.2) };
+      if (!keys[event.key] || event.ctrlKey || event.metaKey) return;
       event.preventDefault();
       keys[event.key]();
     };
+  }
+
+  // What the GPU holds, and how it is drawn.
+  class Painter {
+    constructor(gl, data, shape) {
+      Object.assign(this, { gl, shape, parts: data.surface.parts, size: data.surface.size });
+      this.radius = 0.5 * Math.hypot(...this.size);
+      this.obstacles = new Float32Array(bytes(data.surface.obstacles));
+      this.faces = program(gl, FACES);
+      this.lines = program(gl, LINES);
+      this.triangles = buffer(gl, gl.ELEMENT_ARRAY_BUFFER, shape.triangles);
+      this.sharp = buffer(gl, gl.ELEMENT_ARRAY_BUFFER, shape.edges);
+      this.places = buffer(gl, gl.ARRAY_BUFFER, shape.places);
+      this.normals = buffer(gl, gl.ARRAY_BUFFER, shape.normals);
+      this.around = buffer(gl, gl.ARRAY_BUFFER, this.obstacles);
+      for (const name of ["moved", "values", "known"]) this[name] = gl.createBuffer();
+      // The edges of the elements of each part, made when they are first drawn.
+      this.wires = this.parts.map(() => null);
+      palette(gl, data.colours);
+      gl.enable(gl.DEPTH_TEST);
+      // Of lines in one place the later is seen.
+      gl.depthFunc(gl.LEQUAL);
+      gl.clearColor(1, 1, 1, 1);
+      gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    }
+
+    fill(which, array) {
+      this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this[which]);
+      this.gl.bufferData(this.gl.ARRAY_BUFFER, array, this.gl.STATIC_DRAW);
+    }
+
+    // Turns to a program, with lines lifted a little towards the viewer.
+    use(which, look, shown, lift) {
+      const { gl } = this, { right, up, back } = axesOf(look), { width, height } = gl.canvas;
+      const unit = look.zoom * Math.min((0.8 * width) / look.extent[0], (0.86 * height) / look.extent[1]);
+      gl.useProgram(which.made);
+      gl.uniformMatrix3fv(which.at.camera, false, [0, 1, 2].flatMap((k) => [right[k], up[k], back[k]]));
+      gl.uniform3fv(which.at.centre, this.size.map((v) => 0.5 * v));
+      gl.uniform4f(which.at.fit, (2 * unit) / width, (2 * unit) / height, look.pan[0], look.pan[1]);
+      gl.uniform1f(which.at.magnified, shown.factor);
+      gl.uniform1f(which.at.depth, 1 / (3 * this.radius));
+      gl.uniform1f(which.at.lift, lift / look.zoom);
+      gl.uniform4f(which.at.plain, 0, 0, 0, 0);
+      return which.at;
+    }
+
+    paint(look, shown) {
+      const { gl } = this;
+      gl.viewport(0, 0, gl.canvas.width, gl.canvas.height);
+      gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+      [["places", 3], ["moved", 3], ["normals", 3], ["values", 1], ["known", 1]].forEach(([name, length], k) => {
+        gl.bindBuffer(gl.ARRAY_BUFFER, this[name]);
+        gl.enableVertexAttribArray(k);
+        gl.vertexAttribPointer(k, length, gl.FLOAT, false, 0, 0);
+      });
+      const visible = this.parts.map((part, k) => ({ part, k })).filter(({ k }) => !shown.hidden[k]);
+      this.paintFaces(this.use(this.faces, look, shown, 0), visible, shown);
+      gl.enable(gl.BLEND);
+      const at = this.use(this.lines, look, shown, 0.003);
+      if (shown.elements) this.paintElements(at, visible);
+      gl.uniform4f(at.plain, 0.1, 0.1, 0.1, 1);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.sharp);
+      for (const { part } of visible) {
+        gl.drawElements(gl.LINES, 2 * (part.edges[1] - part.edges[0]), gl.UNSIGNED_INT, 8 * part.edges[0]);
+      }
+      if (shown.obstacles && this.obstacles.length) this.paintObstacles(this.use(this.lines, look, shown, -0.004));
+      gl.disable(gl.BLEND);
+    }
+
+    paintFaces(at, visible, shown) {
+      const { gl } = this;
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.triangles);
+      for (const { part, k } of visible) {
+        if (shown.byPart) gl.uniform4f(at.plain, ...PARTS[k % PARTS.length], 1);
+        const [from, to] = part.facets.map((f) => this.shape.begin[f]);
+        gl.drawElements(gl.TRIANGLES, to - from, gl.UNSIGNED_INT, 4 * from);
+      }
+    }
+
+    paintElements(at, visible) {
+      const { gl } = this;
+      gl.uniform4f(at.plain, 0, 0, 0, 0.25);
+      for (const { part, k } of visible) {
+        if (!this.wires[k]) {
+          const ends = wires(this.shape, part, this.shape.count);
+          this.wires[k] = { buffer: buffer(gl, gl.ELEMENT_ARRAY_BUFFER, ends), length: ends.length };
+        }
+        gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.wires[k].buffer);
+        gl.drawElements(gl.LINES, this.wires[k].length, gl.UNSIGNED_INT, 0);
+      }
+    }
+
+    // Behind the faces that they touch, so that they do not veil them.
+    paintObstacles(at) {
+      const { gl } = this;
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.around);
+      gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+      for (let k = 1; k < 5; k++) gl.disableVertexAttribArray(k);
+      gl.uniform4f(at.plain, 0.6, 0.62, 0.65, 0.3);
+      gl.depthMask(false);
+      gl.drawArrays(gl.TRIANGLES, 0, this.obstacles.length / 3);
+      gl.depthMask(true);
+    }
+  }
+
+  // What is set above the view: a line of lists, boxes and a slider.
+  class Controls {
+    constructor(root) {
+      this.bar = element("div", root, { className: "controls" });
+    }
+
+    label(text) {
+      return element("label", this.bar, { textContent: text + " " });
+    }
+
+    choice(text, names, chosen, then) {
+      const list = element("select", this.label(text));
+      names.forEach((name, k) => element("option", list, { textContent: name, value: k }));
+      list.value = chosen;
+      list.onchange = () => then(Number(list.value));
+    }
+
+    slider(text, then) {
+      const label = this.label(text);
+      const input = element("input", label, { type: "range", min: 0, max: 200, value: 100 });
+      const told = element("span", label, { className: "number" });
+      input.oninput = then;
+      return { part: () => input.value / 100, tell: (value) => (told.textContent = value) };
+    }
+
+    box(text, on, then) {
+      const label = element("label", this.bar), input = element("input", label, { type: "checkbox", checked: on });
+      label.append(" " + text);
+      input.onchange = () => then(input.checked);
+    }
+
+    button(text, then) {
+      element("button", this.bar, { type: "button", textContent: text }).onclick = then;
+    }
+  }
+
+  // Begins the view; false where there is no WebGL that can draw it.
+  function start(root, data) {
+    const stage = element("div", null, { className: "stage" });
+    const canvas = element("canvas", stage, { tabIndex: 0 });
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", "The deformed bodies; drag or use the arrow keys to turn them");
+    const gl = canvas.getContext("webgl", { antialias: true, alpha: false });
+    if (!gl || !gl.getExtension("OES_element_index_uint")) return false;
+    const shape = surface(data.surface), parts = data.surface.parts, painter = new Painter(gl, data, shape);
+    const home = { azimuth: Math.atan2(data.back[1], data.back[0]), elevation: Math.asin(data.back[2]), zoom: 1 };
+    home.extent = extents(shape, data.surface.size, axesOf(home));
+    const look = { ...home, pan: [0, 0] };
+    const shown = { step: null, field: 0, factor: 1, elements: shape.corners.length / 4 <= 6000, obstacles: true,
+      byPart: false, hidden: parts.map(() => false) };
+    const decoded = data.steps.map(() => null);
+
+    const controls = new Controls(root);
+    root.appendChild(stage);
+    element("p", root, { className: "note", textContent:
+      "Drag to turn, with Shift or the right button to move; the wheel or two fingers zoom; with the view in focus also arrow keys, + and −." });
+    const overlay = element("canvas", stage, { className: "axes" });
+    const legend = element("div", stage, { className: "legend" });
+    if (data.steps.length > 1) controls.choice("Load step", data.steps.map((s) => s.name), data.steps.length - 1, toStep);
+    const names = data.steps[0].fields.map((f) => f.name).concat(["displacement"], parts.length > 1 ? ["parts"] : []);
+    controls.choice("Colours", names, 0, (k) => {
+      shown.byPart = names[k] === "parts";
+      if (!shown.byPart) shown.field = k;
+      fill();
+    });
+    const slider = controls.slider("Displacements ×", draw);
+    const set = (what) => (on) => {
+      what(on);
+      draw();
+    };
+    controls.box("elements", shown.elements, set((on) => (shown.elements = on)));
+    if (painter.obstacles.length) controls.box("obstacles", true, set((on) => (shown.obstacles = on)));
+    if (parts.length > 1 && parts.length <= 16) {
+      parts.forEach((part, k) => controls.box(part.name, true, set((on) => (shown.hidden[k] = !on))));
+    }
+    controls.button("Reset", set(() => Object.assign(look, home, { pan: [0, 0] })));
+
+    function toStep(k) {
+      decoded[k] = decoded[k] || step(data.steps[k], shape, data);
+      shown.step = k;
+      painter.fill("moved", decoded[k].displacement);
+      fill();
+    }
+
+    // Moves the field to the GPU, and says what its colours mean.
+    function fill() {
+      const field = decoded[shown.step].fields[shown.field];
+      painter.fill("values", field.values);
+      painter.fill("known", field.known);
+      if (shown.byPart) nameParts(legend, parts);
+      else colourBar(legend, field, data.colours);
+      draw();
+    }
+
+    let waiting = false;
+    function draw() {
+      if (!waiting) requestAnimationFrame(paint);
+      waiting = true;
+    }
+
+    function paint() {
+      waiting = false;
+      const ratio = window.devicePixelRatio || 1;
+      canvas.width = overlay.width = Math.round(stage.clientWidth * ratio);
+      canvas.height = overlay.height = Math.round(stage.clientHeight * ratio);
+      shown.factor = slider.part() * decoded[shown.step].magnified;
+      slider.tell(number(shown.factor));
+      painter.paint(look, shown);
+      triad(overlay, axesOf(look), ratio);
+    }
+
+    function turn(right, down) {
+      look.azimuth -= right;
+      look.elevation = Math.max(-Math.PI / 2, Math.min(Math.PI / 2, look.elevation + down));
+      draw();
+    }
+    function shift(right, down) {
+      look.pan = [look.pan[0] + (2 * right) / stage.clientWidth, look.pan[1] - (2 * down) / stage.clientHeight];
+      draw();
+    }
+    // About a point of the stage.
+    function zoom(by, x, y) {
+      const before = look.zoom;
+      look.zoom = Math.max(0.3, Math.min(60, look.zoom * by));
+      const at = [(2 * x) / stage.clientWidth - 1, 1 - (2 * y) / stage.clientHeight];
+      look.pan = look.pan.map((v, c) => at[c] + (v - at[c]) * (look.zoom / before));
+      draw();
+    }
+    listen(canvas, turn, shift, zoom);
     // The GPU may be taken away: the still picture is there again.
     canvas.addEventListener("webglcontextlost", () => {
       root.hidden = true;

@@ -179,6 +179,30 @@ fn scaled(value: f64, largest: f64, steps: f64) -> f64 {
     }
 }
 
+/// The contact pressure at each node of the mesh, and whether it has one: contact nodes, and those that they meet, with
+/// the mean of what presses on them.
+fn pressures(solids: &Solids) -> (Vec<f64>, Vec<bool>) {
+    let count = solids.elastic.mesh.nodes.len();
+    let (mut pressure, mut known) = (vec![0.0_f64; count], vec![false; count]);
+    let (mut sums, mut weights) = (vec![0.0; count], vec![0.0; count]);
+    for (node, &value) in (solids.elastic.contact.nodes.iter()).zip(&solids.contact.pressure) {
+        let held = &mut pressure[node.node as usize];
+        *held = held.max(value);
+        known[node.node as usize] = true;
+        for &(partner, weight) in node.partners.iter().filter(|(_, weight)| *weight > 0.0) {
+            sums[partner as usize] += weight * value;
+            weights[partner as usize] += weight;
+        }
+    }
+    for node in 0..count {
+        if !known[node] && weights[node] > 0.0 {
+            pressure[node] = sums[node] / weights[node];
+            known[node] = true;
+        }
+    }
+    (pressure, known)
+}
+
 /// Displacements, stresses and pressures of a step.
 fn fields(solids: &Solids, step: usize) -> Step {
     let vertices = &solids.surface.vertices;
@@ -207,13 +231,7 @@ fn fields(solids: &Solids, step: usize) -> Step {
     );
     let mut all = vec![mises];
     if !solids.elastic.contact.nodes.is_empty() {
-        let count = solids.elastic.mesh.nodes.len();
-        let (mut pressure, mut known) = (vec![0.0_f64; count], vec![false; count]);
-        for (node, value) in (solids.elastic.contact.nodes.iter()).zip(&solids.contact.pressure) {
-            let held = &mut pressure[node.node as usize];
-            *held = held.max(*value);
-            known[node.node as usize] = true;
-        }
+        let (pressure, known) = pressures(solids);
         let top = legend::top(&solids.contact.pressure);
         let largest = pressure.iter().copied().fold(0.0, f64::max);
         all.push(field(

@@ -31,8 +31,15 @@ pub(super) fn profile(scene: &Scene, sheet: &Sheet, axis: usize) -> Chart {
         &sheet.labels[1 - axis],
     );
     let along = label.trim_start_matches("along ");
+    // Without the rounding of coordinates.
+    let extent = high[1 - axis] - low[1 - axis];
+    let place = if peak.abs() < 1e-9 * extent {
+        0.0
+    } else {
+        peak
+    };
     Chart {
-        title: format!("Along {along}, at {other} = {} {unit}", short(peak)),
+        title: format!("Along {along}, at {other} = {} {unit}", short(place)),
         x: Axis::new(label, unit),
         y: Axis::new("contact stress", &scene.elastic.units.stress()),
         series: all,
