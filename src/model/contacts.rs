@@ -6,7 +6,7 @@ use super::loads::outer_facets;
 use super::supports::Prescriptions;
 use super::{Definition, Pair, Units};
 use crate::contact::{
-    BodyContact, ContactError, ContactNode, ContactRows, Friction, Obstacle, PairOptions, Space,
+    ContactError, ContactNode, ContactRows, Friction, Obstacle, PairOptions, Space, mortar_contact,
     obstacle_contact,
 };
 use crate::elasticity::{Body, Unknowns};
@@ -43,7 +43,7 @@ where
     pub kept: usize,
     /// The area that may come into contact, in m².
     pub area: f64,
-    /// The least and the largest initial gap, in m.
+    /// The least and the largest initial gap, in m; negative under an interference.
     pub gap: [f64; 2],
 }
 
@@ -73,6 +73,7 @@ where
             Law::Tresca(figure) | Law::Coulomb(figure) => figure.at(x),
         };
         let gap = |x| self.gap.as_ref().map_or(0.0, |gap| gap.at(x));
+        let overlap = |x| (self.interference.as_ref()).map_or(0.0, |overlap| overlap.at(x));
         let mut options = PairOptions {
             friction: match &self.law {
                 Law::None => Friction::None,
@@ -80,6 +81,7 @@ where
                 Law::Coulomb(_) => Friction::Coulomb(&law),
             },
             gap: self.gap.is_some().then_some(&gap),
+            interference: self.interference.is_some().then_some(&overlap),
             adjust: self.adjust,
             search_distance: self.search_distance,
         };
@@ -89,8 +91,7 @@ where
                 others = outer_facets(body.mesh, names.all())?;
                 let distance = options.distance_between(body, &facets, &others);
                 options.search_distance = Some(distance);
-                let found =
-                    <ElementKind as BodyContact<D>>::body_contact(body, &facets, &others, &options);
+                let found = mortar_contact(body, &facets, &others, &options);
                 (found, names.to_string(), distance)
             }
             Against::Obstacle(obstacle) => {
@@ -117,7 +118,7 @@ where
             kept: 0,
             nodes: 0,
             area: 0.0,
-            gap: [f64::INFINITY, 0.0],
+            gap: [f64::INFINITY, f64::NEG_INFINITY],
         };
         Ok((found.map_err(Fault::Contact)?, data))
     }
