@@ -222,7 +222,7 @@ fn errors_speak_of_space() {
         ),
         (
             sound().contact(Pair::new("right", "top")),
-            "contact between two bodies in space is not there yet",
+            "belongs to both boundaries of the contact",
         ),
         (
             sound().support(Support::on("rihgt").fixed()),
