@@ -480,10 +480,10 @@ mod tests {
     use super::*;
     use crate::mesh::structured::{SolidShape, block};
 
-    /// A box of 32 × 2 × 3 cells.
+    /// A box of 33 × 2 × 3 cells.
     fn cells() -> Mesh<3> {
         let hexahedra = SolidShape::Hexahedron;
-        block([0.0; 3], [1.0; 3], [32, 2, 3], hexahedra, "body", "")
+        block([0.0; 3], [1.0; 3], [33, 2, 3], hexahedra, "body", "")
     }
 
     fn area(sheet: &Sheet) -> f64 {
@@ -505,7 +505,7 @@ mod tests {
             "seen through the body along the normal −z"
         );
         assert!((area(&bottom[0]) - 1.0).abs() < 1e-12);
-        assert_eq!(bottom[0].edges.iter().filter(|e| e.1).count(), 2 * (32 + 2));
+        assert_eq!(bottom[0].edges.iter().filter(|e| e.1).count(), 2 * (33 + 2));
         assert_eq!(bottom[0].vector([0.3; 3], [1.0, 2.0, 3.0]), [1.0, 2.0]);
         // Two faces of the box: one after the other, that with the forces first.
         let both = [&mesh.boundaries["left"][..], &mesh.boundaries["top"]].concat();
