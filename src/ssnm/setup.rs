@@ -185,6 +185,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
                 // So that Step 3.1 starts from r_tol.
                 tol: settings.r_tol / settings.c_fact,
                 kept: None,
+                predicted: None,
                 sets: None,
                 history: Vec::new(),
                 first_met: None,
