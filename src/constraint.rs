@@ -84,7 +84,7 @@ impl<const D: usize> NodeSets<D> {
 
     /// Holds λτ where its bound will be 0.
     pub fn hold_tangents(&mut self) {
-        self.slip = self.slip.or(Some(direction([0.0; D], 1.0)));
+        self.slip = Some(direction([0.0; D], 1.0));
         self.turns = false;
     }
 

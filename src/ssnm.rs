@@ -131,11 +131,13 @@ pub fn solve<const D: usize>(
     } = SetUp::new(held, dual, start, settings, begin);
 
     let outcome = outcome.and_then(|()| newton.run(&mut way, settings, &mut observer));
-    if let Some(memory) = settings.memory
-        && newton.products.are_exact()
-    {
-        let known = std::mem::take(&mut newton.products.known);
-        memory.replace(Memory(known.latest(REMEMBERED)));
+    if let Some(memory) = settings.memory {
+        let mut memory = memory.borrow_mut();
+        memory.mean = newton.products.mean;
+        if newton.products.are_exact() {
+            let known = std::mem::take(&mut newton.products.known);
+            memory.known = known.latest(REMEMBERED);
+        }
     }
     let (mut status, u, mut kkt) = match newton.end(&mut way.point, outcome) {
         Ok(ended) => ended,

@@ -131,10 +131,12 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         let mut products = Products::new(dual, exact, stop);
         let made = set
             .and_then(|()| products.set_up(offsets.clone(), &lambda, settings.sigma_max, project));
-        if let Some(memory) = settings.memory
-            && products.are_exact()
-        {
-            products.known = memory.take().0;
+        if let Some(memory) = settings.memory {
+            let mut memory = memory.borrow_mut();
+            products.mean = products.mean.or(memory.mean);
+            if products.are_exact() {
+                products.known = std::mem::take(&mut memory.known);
+            }
         }
         let seconds = begin.elapsed().as_secs_f64();
         let mut outcome = Ok(());
