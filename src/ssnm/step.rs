@@ -26,6 +26,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         target: f64,
     ) -> Result<(Sets<D>, usize), DualError> {
         match plan {
+            Plan::Gradient { faces } if self.law.is_coulomb() => {
+                self.frozen_step(way, target, faces)
+            }
             Plan::Gradient { faces } => self.safeguarded_step(way, target, faces),
             Plan::Newton { rho, search: false } if self.law.is_coulomb() => {
                 self.newton_step(way, rho, target)
@@ -153,6 +156,23 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         sets.set_bounds(&mut target, &self.law);
         self.project(&mut target);
         Ok((self.move_to(point, target)?, sets))
+    }
+
+    /// A safeguarded step of the problem with the slip bounds of this point, and back to the law.
+    fn frozen_step(
+        &mut self,
+        way: &mut Way<D>,
+        target: f64,
+        faces: usize,
+    ) -> Result<(Sets<D>, usize), DualError> {
+        way.start_anew();
+        let frozen = self.law.frozen(&way.point.lambda);
+        let law = std::mem::replace(&mut self.law, frozen);
+        let made = self.safeguarded_step(way, target, faces);
+        self.law = law;
+        let made = made?;
+        self.move_into_bounds(&mut way.point, self.alpha)?;
+        Ok(made)
     }
 
     /// A step that lowers q: projected gradient, then the minimum over the face of Λ that it has reached, over the
