@@ -1,8 +1,8 @@
 //! Contact: from boundaries to the rows of N and T, the gaps d and the slip bounds g.
 //!
 //! A boundary meets a rigid [`Obstacle`] node by node ([`obstacle_contact`]), or the boundary of another body
-//! through a mortar coupling of meshes that need not match ([`mortar_contact`]). That is one of the plane; all else is
-//! written for any dimension ([`Space`]).
+//! through a mortar coupling of meshes that need not match ([`mortar_contact`]). What boundaries have in common is
+//! geometry of the plane or of space ([`Mortar`]); all else is written for any dimension ([`Space`]).
 
 mod mortar;
 mod obstacle;
@@ -11,7 +11,7 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-pub use mortar::mortar_contact;
+pub use mortar::{Mortar, mortar_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
 pub use rows::{ContactRows, contact_rows};
 
@@ -60,6 +60,9 @@ pub struct PairOptions<'a, const D: usize = 2> {
     pub friction: Friction<'a, D>,
     /// The initial gap as a function of the place, instead of the distance of the meshes.
     pub gap: Option<Field<'a, D>>,
+    /// How far the boundaries overlap where they touch, as a function of the place: what is pressed or shrunk on. It
+    /// stands instead of a gap, and whatever the meshes overlap.
+    pub interference: Option<Field<'a, D>>,
     /// Gaps and overlaps up to this distance count as touching.
     pub adjust: f64,
     /// What lies farther apart is no candidate for contact between bodies, and Tresca's bound does not act there
@@ -72,6 +75,7 @@ impl<const D: usize> Default for PairOptions<'_, D> {
         Self {
             friction: Friction::None,
             gap: None,
+            interference: None,
             adjust: 0.0,
             search_distance: None,
         }
@@ -79,8 +83,12 @@ impl<const D: usize> Default for PairOptions<'_, D> {
 }
 
 impl<const D: usize> PairOptions<'_, D> {
-    /// The gap that counts at x, where the geometry says `distance`.
+    /// The gap that counts at x, where the geometry says `distance`; NaN where what is said of it is no length.
     fn gap_at(&self, x: [f64; D], distance: f64, rounding: f64) -> f64 {
+        if let Some(interference) = self.interference {
+            let overlap = interference(x);
+            return if overlap >= 0.0 { -overlap } else { f64::NAN };
+        }
         let gap = self.gap.map_or(distance, |gap| gap(x));
         if gap.abs() <= rounding.max(self.adjust) {
             0.0
@@ -154,48 +162,10 @@ impl SlipBound {
     }
 }
 
-/// Contact between two boundaries, for the dimensions that have it.
-pub trait BodyContact<const D: usize>: Topology<D> {
-    /// The contact nodes of the boundary `facets` against the boundary `others` of another body.
-    ///
-    /// # Errors
-    /// What is wrong with the boundaries or what is said of them; in space [`ContactError::BodiesInSpace`].
-    fn body_contact(
-        body: &Body<D>,
-        facets: &[Facet<D>],
-        others: &[Facet<D>],
-        options: &PairOptions<D>,
-    ) -> Result<Vec<ContactNode<D>>, ContactError>
-    where
-        Kind: Topology<D>;
-}
-
-impl BodyContact<2> for Kind {
-    fn body_contact(
-        body: &Body,
-        facets: &[Facet],
-        others: &[Facet],
-        options: &PairOptions,
-    ) -> Result<Vec<ContactNode>, ContactError> {
-        mortar_contact(body, facets, others, options)
-    }
-}
-
-impl BodyContact<3> for Kind {
-    fn body_contact(
-        _: &Body<3>,
-        _: &[Facet<3>],
-        _: &[Facet<3>],
-        _: &PairOptions<3>,
-    ) -> Result<Vec<ContactNode<3>>, ContactError> {
-        Err(ContactError::BodiesInSpace)
-    }
-}
-
 /// What elastic bodies in contact need of D dimensions: `where Kind: Space<D>` says it all.
-pub trait Space<const D: usize>: Elements<D> + BodyContact<D> {}
+pub trait Space<const D: usize>: Elements<D> + Mortar<D> {}
 
-impl<const D: usize, T: Elements<D> + BodyContact<D>> Space<D> for T {}
+impl<const D: usize, T: Elements<D> + Mortar<D>> Space<D> for T {}
 
 /// What is wrong with a contact definition.
 #[derive(Debug, thiserror::Error)]
@@ -298,9 +268,6 @@ pub enum ContactError {
         /// What the obstacle is called.
         obstacle: &'static str,
     },
-    /// Two bodies in space.
-    #[error("contact between two bodies in space is not there yet: use a rigid obstacle")]
-    BodiesInSpace,
     /// The averaged normal of a node vanishes.
     #[error("the boundary turns back on itself at {place}, so its normal is undefined")]
     Folded {

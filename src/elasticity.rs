@@ -24,9 +24,10 @@ mod wedge;
 
 pub use assembly::{assemble, internal_forces, load_vector};
 pub use element::Elements;
+pub(crate) use quad::Quad;
 pub use stress::{Stress, stresses};
 pub use surface::FacetPoint;
-pub(crate) use surface::edge_points;
+pub(crate) use surface::{edge_points, triangle_points};
 pub use unknowns::Unknowns;
 
 use crate::mesh::{Kind, Mesh, Topology};

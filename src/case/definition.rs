@@ -219,6 +219,7 @@ impl ContactTable {
             FrictionTable::Coulomb(coefficient) => pair.coulomb(quantity(coefficient)?),
         };
         pair = with_figure(pair, &self.gap, Pair::gap)?;
+        pair = with_figure(pair, &self.interference, Pair::interference)?;
         pair = with(pair, &self.adjust, Pair::adjust);
         Ok(with(pair, &self.search_distance, Pair::search_distance))
     }

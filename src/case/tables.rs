@@ -234,6 +234,8 @@ pub struct ContactTable {
     pub friction: FrictionTable,
     /// The initial gap in m, instead of the distance of the meshes.
     pub gap: Option<Spanned<Figure>>,
+    /// How far the sides overlap where they meet, in m, instead of a gap.
+    pub interference: Option<Spanned<Figure>>,
     /// Gaps and overlaps up to this distance in m count as touching.
     pub adjust: Option<f64>,
     /// What is farther apart is no candidate with `against`, and not rubbed by Tresca's bound on an obstacle; in m.

@@ -165,7 +165,9 @@ where
                 });
             }
             let gap = options.gap_at(place, distance, rounding);
-            if options.gap.is_some() {
+            if options.interference.is_some() {
+                checked("interference", place, -gap)?;
+            } else if options.gap.is_some() {
                 checked("gap", place, gap)?;
             } else if gap < 0.0 {
                 return Err(ContactError::Overlap {

@@ -1,7 +1,9 @@
 //! Which facets of a boundary may be near to another one.
 
-use crate::mesh::vector::length;
+use crate::mesh::vector::{dot, length};
 use crate::mesh::{Facet, Kind, Mesh, Topology, bounds};
+use rstar::primitives::{GeomWithData, Rectangle};
+use rstar::{AABB, RTree, RTreeObject, SelectionFunction};
 
 /// The box around a facet.
 #[derive(Clone, Copy)]
@@ -29,16 +31,65 @@ impl<const D: usize> Bounds<D> {
     }
 }
 
-/// The facets of a boundary along the axis in which they extend most: what may be near to a place is a range of them.
+/// A box with axes of its own: all that a facet can meet along its normals.
+#[derive(Clone, Copy, Debug)]
+pub struct Beam<const D: usize> {
+    /// Orthonormal directions.
+    pub(super) axes: [[f64; D]; D],
+    /// Where it begins along each.
+    pub(super) low: [f64; D],
+    /// Where it ends.
+    pub(super) high: [f64; D],
+}
+
+impl<const D: usize> Beam<D> {
+    /// The least one along these axes that holds some points, each with what is within a distance of it along each
+    /// axis.
+    pub(super) fn around(
+        axes: [[f64; D]; D],
+        points: impl IntoIterator<Item = [f64; D]>,
+        distance: [f64; D],
+    ) -> Self {
+        let local = |x| axes.map(|axis| dot(axis, x));
+        let (low, high) = bounds(points.into_iter().map(local));
+        Self {
+            axes,
+            low: std::array::from_fn(|a| low[a] - distance[a]),
+            high: std::array::from_fn(|a| high[a] + distance[a]),
+        }
+    }
+
+    /// Whether a box along the axes of space may meet it: whether their shadows on all its axes do.
+    fn may_meet(&self, low: [f64; D], high: [f64; D]) -> bool {
+        (0..D).all(|a| {
+            let axis = self.axes[a];
+            let [mut from, mut to] = [0.0; 2];
+            for c in 0..D {
+                let ends = [axis[c] * low[c], axis[c] * high[c]];
+                from += ends[0].min(ends[1]);
+                to += ends[0].max(ends[1]);
+            }
+            // Only what rounding cannot tell from touching is let in beside that.
+            let slack = 1e-12 * (from.abs() + to.abs());
+            from <= self.high[a] + slack && to >= self.low[a] - slack
+        })
+    }
+}
+
+/// The facets of a boundary, in an R-tree of the boxes around them.
+///
+/// They are numbered along the axis in which the boundary extends most, so that the order of what is found does not
+/// depend on how the tree came about.
 pub(super) struct Search<const D: usize>
 where
     Kind: Topology<D>,
 {
-    sorted: Vec<(Bounds<D>, Facet<D>)>,
-    axis: usize,
-    /// The largest extent of a facet along the axis.
-    longest: f64,
+    facets: Vec<(Bounds<D>, Facet<D>)>,
+    tree: RTree<Numbered<D>>,
 }
+
+/// The box around a facet with its number.
+type Numbered<const D: usize> = GeomWithData<Rectangle<[f64; D]>, usize>;
 
 impl<const D: usize> Search<D>
 where
@@ -46,36 +97,40 @@ where
 {
     pub fn new(mesh: &Mesh<D>, facets: &[Facet<D>]) -> Self {
         let boxes = facets.iter().map(|facet| Bounds::around(mesh, facet));
-        let mut sorted: Vec<_> = boxes.zip(facets.iter().copied()).collect();
-        let (low, high) = bounds(sorted.iter().flat_map(|(b, _)| [b.low, b.high]));
+        let mut facets: Vec<_> = boxes.zip(facets.iter().copied()).collect();
+        let (low, high) = bounds(facets.iter().flat_map(|(b, _)| [b.low, b.high]));
         let extent = |c: usize| high[c] - low[c];
         let axis = (1..D).fold(0, |most, c| if extent(c) > extent(most) { c } else { most });
-        sorted.sort_by(|a, b| a.0.low[axis].total_cmp(&b.0.low[axis]));
-        let longest = (sorted.iter())
-            .map(|(b, _)| b.high[axis] - b.low[axis])
-            .fold(0.0, f64::max);
-        Self {
-            sorted,
-            axis,
-            longest,
-        }
+        facets.sort_by(|a, b| a.0.low[axis].total_cmp(&b.0.low[axis]));
+        let numbered = (facets.iter().enumerate())
+            .map(|(number, (b, _))| Numbered::new(Rectangle::from_corners(b.low, b.high), number))
+            .collect();
+        let tree = RTree::bulk_load(numbered);
+        Self { facets, tree }
     }
 
-    /// The facets whose boxes are within the distance of a box.
-    pub fn near(&self, here: Bounds<D>, distance: f64) -> impl Iterator<Item = Facet<D>> {
-        let axis = self.axis;
-        let begin = here.low[axis] - distance - self.longest;
-        let first = self.sorted.partition_point(|(b, _)| b.low[axis] < begin);
-        (self.sorted[first..].iter())
-            .take_while(move |(b, _)| b.low[axis] <= here.high[axis] + distance)
-            .filter(move |(b, _)| b.distance(&here) <= distance)
-            .map(|&(_, facet)| facet)
+    /// The facets whose boxes a beam may meet, in the order of their numbers.
+    pub fn near(&self, beam: Beam<D>) -> impl Iterator<Item = Facet<D>> {
+        let found = self.tree.locate_with_selection_function(beam);
+        let mut numbers: Vec<usize> = found.map(|numbered| numbered.data).collect();
+        numbers.sort_unstable();
+        numbers.into_iter().map(|number| self.facets[number].1)
     }
 
     /// The least distance of the box of a facet from one of some boxes.
     pub fn nearest(&self, boxes: impl Iterator<Item = Bounds<D>>) -> f64 {
         boxes
-            .flat_map(|here| (self.sorted.iter()).map(move |(there, _)| here.distance(there)))
+            .flat_map(|here| (self.facets.iter()).map(move |(there, _)| here.distance(there)))
             .fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl<const D: usize> SelectionFunction<Numbered<D>> for Beam<D> {
+    fn should_unpack_parent(&self, envelope: &AABB<[f64; D]>) -> bool {
+        self.may_meet(envelope.lower(), envelope.upper())
+    }
+
+    fn should_unpack_leaf(&self, leaf: &Numbered<D>) -> bool {
+        self.should_unpack_parent(&leaf.envelope())
     }
 }

@@ -1,3 +1,4 @@
+mod mortar;
 mod solid;
 
 use super::*;

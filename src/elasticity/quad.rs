@@ -2,7 +2,7 @@
 
 use super::element::{Element, GAUSS, Point};
 
-pub(super) struct Quad;
+pub(crate) struct Quad;
 
 /// Corners of the reference square, counter-clockwise; the Gauss points lie beside them.
 const CORNERS: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
@@ -10,7 +10,7 @@ const CORNERS: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.
 impl Quad {
     /// The shape functions and their derivatives at a point of the reference square.
     #[inline]
-    pub(super) fn shapes(xi: [f64; 2]) -> ([f64; 4], [[f64; 2]; 4]) {
+    pub(crate) fn shapes(xi: [f64; 2]) -> ([f64; 4], [[f64; 2]; 4]) {
         let mut shape = [0.0; 4];
         let mut local = [[0.0; 2]; 4];
         for a in 0..4 {

@@ -33,7 +33,7 @@ pub(super) fn line_points() -> [(f64, f64); 3] {
 }
 
 /// Six points in a triangle, exact to degree 4: barycentric coordinates and weights, which sum to 1.
-pub(super) fn triangle_points() -> impl Iterator<Item = ([f64; 3], f64)> {
+pub(crate) fn triangle_points() -> impl Iterator<Item = ([f64; 3], f64)> {
     TRIANGLE.into_iter().flat_map(|(near, weight)| {
         (0..3).map(move |corner| {
             let mut at = [near; 3];

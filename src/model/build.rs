@@ -238,13 +238,16 @@ where
 {
     let (stiffness, load) = assemble(body, unknowns, forces);
     let failed = |error| Entity::all(Kind::Model).error(Fault::Problem(error));
-    // A prescribed motion may have closed a gap: only that of the geometry must not be negative.
+    // A prescribed motion may have closed a gap, and an interference is meant: what overlaps by mistake, the search for
+    // contact nodes has refused.
     let problem = ContactProblem::new(ContactData {
         stiffness,
         load: load.clone(),
         normal: contact.normal.clone(),
         tangential: contact.tangential.clone(),
-        gap: contact.nodes.iter().map(|node| node.gap).collect(),
+        gap: (contact.nodes.iter())
+            .map(|node| node.gap.max(0.0))
+            .collect(),
         slip_bound: contact.slip_bound.clone(),
         coordinates: Some(unknowns.coordinates(body.mesh)),
     })

@@ -5,7 +5,7 @@ use super::error::{Entity, Fault, Kind, ModelError};
 use super::loads::{Prescription, held, outer_facets};
 use super::{Definition, Pair, Units};
 use crate::contact::{
-    BodyContact, ContactError, ContactNode, ContactRows, Friction, Obstacle, PairOptions, Space,
+    ContactError, ContactNode, ContactRows, Friction, Obstacle, PairOptions, Space, mortar_contact,
     obstacle_contact,
 };
 use crate::elasticity::{Body, Unknowns};
@@ -42,7 +42,7 @@ where
     pub kept: usize,
     /// The area that may come into contact, in m².
     pub area: f64,
-    /// The least and the largest initial gap, in m.
+    /// The least and the largest initial gap, in m; negative under an interference.
     pub gap: [f64; 2],
 }
 
@@ -72,6 +72,7 @@ where
             Law::Tresca(figure) | Law::Coulomb(figure) => figure.at(x),
         };
         let gap = |x| self.gap.as_ref().map_or(0.0, |gap| gap.at(x));
+        let overlap = |x| (self.interference.as_ref()).map_or(0.0, |overlap| overlap.at(x));
         let mut options = PairOptions {
             friction: match &self.law {
                 Law::None => Friction::None,
@@ -79,6 +80,7 @@ where
                 Law::Coulomb(_) => Friction::Coulomb(&law),
             },
             gap: self.gap.is_some().then_some(&gap),
+            interference: self.interference.is_some().then_some(&overlap),
             adjust: self.adjust,
             search_distance: self.search_distance,
         };
@@ -88,8 +90,7 @@ where
                 others = outer_facets(body.mesh, names.all())?;
                 let distance = options.distance_between(body, &facets, &others);
                 options.search_distance = Some(distance);
-                let found =
-                    <ElementKind as BodyContact<D>>::body_contact(body, &facets, &others, &options);
+                let found = mortar_contact(body, &facets, &others, &options);
                 (found, names.to_string(), distance)
             }
             Against::Obstacle(obstacle) => {
@@ -116,7 +117,7 @@ where
             kept: 0,
             nodes: 0,
             area: 0.0,
-            gap: [f64::INFINITY, 0.0],
+            gap: [f64::INFINITY, f64::NEG_INFINITY],
         };
         Ok((found.map_err(Fault::Contact)?, data))
     }

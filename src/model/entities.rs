@@ -299,6 +299,7 @@ pub struct Pair<const D: usize = 2> {
     pub(super) against: Against<D>,
     pub(super) law: Law<D>,
     pub(super) gap: Option<Quantity<D>>,
+    pub(super) interference: Option<Quantity<D>>,
     pub(super) adjust: f64,
     pub(super) search_distance: Option<f64>,
 }
@@ -325,6 +326,7 @@ impl<const D: usize> Pair<D> {
             against,
             law: Law::None,
             gap: None,
+            interference: None,
             adjust: 0.0,
             search_distance: None,
         }
@@ -356,6 +358,12 @@ impl<const D: usize> Pair<D> {
     /// The initial gap in m, instead of the distance of the meshes.
     pub fn gap(mut self, gap: impl Into<Quantity<D>>) -> Self {
         self.gap = Some(gap.into());
+        self
+    }
+
+    /// How far in m the sides overlap where they meet, of what is pressed or shrunk on; instead of a gap.
+    pub fn interference(mut self, overlap: impl Into<Quantity<D>>) -> Self {
+        self.interference = Some(overlap.into());
         self
     }
 
@@ -392,6 +400,9 @@ impl<const D: usize> Pair<D> {
         }
         if !distance(self.adjust) || !self.search_distance.is_none_or(distance) {
             return Some("search_distance and adjust must be finite and not negative");
+        }
+        if self.gap.is_some() && self.interference.is_some() {
+            return Some("gap and interference exclude each other: state one of them");
         }
         match &self.against {
             Against::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),

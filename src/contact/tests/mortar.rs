@@ -1,0 +1,281 @@
+//! Contact between boundaries of two bodies in space: what the weights of partners and the gaps have to be.
+
+use super::*;
+use crate::mesh::structured::{SolidShape, block, join};
+use crate::mesh::vector::{cross, minus};
+use SolidShape::{Hexahedron, Tetrahedron, Wedge};
+
+/// What a block of cells is moved by.
+type Map<'a> = &'a dyn Fn([f64; 3]) -> [f64; 3];
+
+/// A block of 2 × 1.5 × 1 under one of `size` × 1 whose lower corner is at `at`; both with their nodes moved.
+fn blocks(
+    lower: (SolidShape, [usize; 2]),
+    upper: (SolidShape, [usize; 2]),
+    at: [f64; 3],
+    size: [f64; 2],
+    map: Map,
+) -> Mesh<3> {
+    let of = |(shape, [a, b]): (SolidShape, [usize; 2]), at, size, name: &str| {
+        let prefix = format!("{name}-");
+        let mut mesh = block(at, size, [a, b, 2], shape, name, &prefix);
+        mesh.nodes.iter_mut().for_each(|x| *x = map(*x));
+        mesh
+    };
+    join(
+        of(lower, [0.0; 3], [2.0, 1.5, 1.0], "low"),
+        of(upper, at, [size[0], size[1], 1.0], "up"),
+    )
+}
+
+fn found(mesh: &Mesh<3>, sides: [&str; 2], options: &PairOptions<3>) -> Vec<ContactNode<3>> {
+    let [here, there] = sides.map(|name| &mesh.boundaries[name][..]);
+    mortar_contact(&body(mesh), here, there, options).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The mean place of what a node meets.
+fn met(mesh: &Mesh<3>, node: &ContactNode<3>) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for &(other, weight) in &node.partners {
+        for c in 0..3 {
+            sum[c] += weight * mesh.nodes[other as usize][c];
+        }
+    }
+    sum
+}
+
+const PAIRS: [[(SolidShape, [usize; 2]); 2]; 5] = [
+    [(Hexahedron, [4, 3]), (Hexahedron, [4, 3])],
+    [(Hexahedron, [5, 4]), (Hexahedron, [3, 7])],
+    [(Tetrahedron, [5, 4]), (Hexahedron, [4, 3])],
+    [(Hexahedron, [3, 5]), (Tetrahedron, [7, 2])],
+    [(Wedge, [6, 5]), (Tetrahedron, [5, 7])],
+];
+
+/// A turn of space by a full matrix, and a shift.
+fn turned([x, y, z]: [f64; 3]) -> [f64; 3] {
+    let axes = [
+        unit([2.0, 1.0, -2.0]),
+        unit([1.0, 2.0, 2.0]),
+        unit([2.0, -2.0, 1.0]),
+    ];
+    std::array::from_fn(|c| 0.3 + x * axes[0][c] + y * axes[1][c] + z * axes[2][c])
+}
+
+/// Between flat faces: a uniform pressure on one side is a uniform pressure on the other (what a patch test needs), the
+/// place that a node meets lies straight above it by the gap, and so nothing has a moment.
+#[test]
+fn flat_faces_hand_on_a_uniform_pressure() {
+    let straight: Map = &|x| x;
+    // Cells that are parallelograms, and cells that are not, in the planes z = 1 and z = 1.25.
+    let sheared: Map = &|[x, y, z]| [x + 0.3 * y, y - 0.2 * x, z];
+    let skew: Map = &|[x, y, z]| [x + 0.1 * x * y, y * (1.0 + 0.2 * x), z];
+    let maps: [(Map, f64); 4] = [
+        (straight, 1e-13),
+        (sheared, 1e-13),
+        (&turned, 1e-13),
+        (skew, 1e-9),
+    ];
+    for [lower, upper] in PAIRS {
+        for (map, accuracy) in maps {
+            let mesh = blocks(lower, upper, [0.0, 0.0, 1.25], [2.0, 1.5], map);
+            for sides in [["low-top", "up-bottom"], ["up-bottom", "low-top"]] {
+                let nodes = found(&mesh, sides, &PairOptions::default());
+                let here = body(&mesh);
+                let whole = |name: &str| {
+                    let mut areas = vec![0.0; mesh.nodes.len()];
+                    here.integrate_on_boundary(&mesh.boundaries[name], &|_| 1.0, &mut areas);
+                    areas
+                };
+                let [own, expected] = sides.map(whole);
+                let mut handed_on = vec![0.0; mesh.nodes.len()];
+                for node in &nodes {
+                    let x = mesh.nodes[node.node as usize];
+                    assert_relative_eq!(
+                        node.area,
+                        own[node.node as usize],
+                        max_relative = accuracy
+                    );
+                    let sum: f64 = node.partners.iter().map(|p| p.1).sum();
+                    assert_relative_eq!(sum, 1.0, max_relative = 1e-12);
+                    assert_relative_eq!(node.gap, 0.25, max_relative = 1e-11);
+                    let to = minus(met(&mesh, node), x);
+                    for c in 0..3 {
+                        assert_relative_eq!(to[c], 0.25 * node.frame[0][c], epsilon = 1e-11);
+                    }
+                    for &(other, weight) in &node.partners {
+                        handed_on[other as usize] += weight * node.area;
+                    }
+                }
+                for (handed_on, expected) in handed_on.iter().zip(&expected) {
+                    assert_relative_eq!(handed_on, expected, epsilon = accuracy);
+                }
+            }
+        }
+    }
+}
+
+/// A face that covers a part of the other: the areas add up to that part, from whichever side, and what is covered by a
+/// sliver only is left out.
+#[test]
+fn what_is_covered_in_part_counts_in_part() {
+    for [lower, upper] in PAIRS {
+        let mesh = blocks(lower, upper, [0.77, 0.41, 1.0], [0.83, 2.0], &turned);
+        let common = 0.83 * (1.5 - 0.41);
+        for sides in [["low-top", "up-bottom"], ["up-bottom", "low-top"]] {
+            let nodes = found(&mesh, sides, &PairOptions::default());
+            let area: f64 = nodes.iter().map(|node| node.area).sum();
+            assert_relative_eq!(area, common, max_relative = 2e-3);
+            for node in &nodes {
+                let x = mesh.nodes[node.node as usize];
+                let to = minus(met(&mesh, node), x);
+                assert!(length(to) < 1e-9, "{to:?}");
+                let largest = node.partners.iter().map(|p| p.1.abs()).fold(0.0, f64::max);
+                assert!(largest < 30.0, "{largest}");
+            }
+        }
+    }
+}
+
+/// On bent faces that fit into each other the forces of a pair have neither a resultant nor, along the normals, a moment.
+#[test]
+fn pressures_on_bent_faces_balance() {
+    let bent: Map = &|[x, y, z]| {
+        let (sin, cos) = (0.6 * (x - 1.0)).sin_cos();
+        let radius = 2.0 + z + 0.1 * y * y;
+        [radius * sin, y + 0.2 * x, radius * cos]
+    };
+    let options = PairOptions {
+        gap: Some(&|_| 0.0),
+        ..Default::default()
+    };
+    for [lower, upper] in PAIRS {
+        let mesh = blocks(lower, upper, [0.0, 0.0, 1.0], [2.0, 1.5], bent);
+        let nodes = found(&mesh, ["up-bottom", "low-top"], &options);
+        let (mut moment, mut size) = ([0.0; 3], 0.0);
+        let mut resultant = [0.0; 3];
+        for (k, node) in nodes.iter().enumerate() {
+            let x = mesh.nodes[node.node as usize];
+            let force = node.frame[0].map(|c| c * node.area * (1.0 + (k % 7) as f64));
+            let about = cross(minus(x, met(&mesh, node)), force);
+            let sum: f64 = node.partners.iter().map(|p| p.1).sum();
+            for c in 0..3 {
+                resultant[c] += (1.0 - sum) * force[c];
+                moment[c] += about[c];
+            }
+            size += length(force);
+            // Towards the other side: the upper body looks inwards.
+            assert!(dot(node.frame[0], [0.0, 0.0, -1.0]) > 0.5);
+        }
+        assert!(length(resultant) < 1e-13 * size && length(moment) < 1e-12 * size);
+    }
+}
+
+/// Of two faces that one could meet it meets the nearer one, wherever that is the one or the other.
+#[test]
+fn the_nearer_of_two_faces_counts() {
+    let lower = block(
+        [0.0; 3],
+        [2.0, 1.0, 1.0],
+        [5, 3, 1],
+        Hexahedron,
+        "low",
+        "low-",
+    );
+    let plate = |name: &str, x: f64, z: f64| {
+        let prefix = format!("{name}-");
+        block(
+            [x, 0.0, z],
+            [1.3, 1.0, 0.1],
+            [4, 2, 1],
+            Tetrahedron,
+            name,
+            &prefix,
+        )
+    };
+    let mesh = join(join(lower, plate("a", -0.3, 1.5)), plate("b", 0.7, 1.2));
+    let others = [
+        &mesh.boundaries["a-bottom"][..],
+        &mesh.boundaries["b-bottom"][..],
+    ];
+    for others in [others, [others[1], others[0]]] {
+        let options = PairOptions {
+            search_distance: Some(1.0),
+            ..Default::default()
+        };
+        let nodes = mortar_contact(
+            &body(&mesh),
+            &mesh.boundaries["low-top"],
+            &others.concat(),
+            &options,
+        )
+        .unwrap_or_else(|error| panic!("{error}"));
+        let area: f64 = nodes.iter().map(|node| node.area).sum();
+        assert_relative_eq!(area, 2.0, max_relative = 1e-12);
+        let volume: f64 = nodes.iter().map(|node| node.area * node.gap).sum();
+        assert_relative_eq!(volume, 0.7 * 0.5 + 1.3 * 0.2, max_relative = 1e-12);
+    }
+}
+
+#[test]
+fn interference_stands_instead_of_the_distance() {
+    let mesh = blocks(
+        PAIRS[1][0],
+        PAIRS[1][1],
+        [0.0, 0.0, 0.95],
+        [2.0, 1.5],
+        &|x| x,
+    );
+    let [here, there] = ["low-top", "up-bottom"].map(|name| &mesh.boundaries[name][..]);
+    let with = |options| mortar_contact(&body(&mesh), here, there, &options);
+    let error = with(PairOptions::default())
+        .map(|_| ())
+        .expect_err("it overlaps");
+    assert!(
+        matches!(error, ContactError::BodiesOverlap { depth, .. } if (depth - 0.05).abs() < 1e-9)
+    );
+    let nodes = with(PairOptions {
+        interference: Some(&|_| 1e-3),
+        ..Default::default()
+    });
+    for node in nodes.unwrap_or_else(|error| panic!("{error}")) {
+        assert_relative_eq!(node.gap, -1e-3, max_relative = 1e-11);
+    }
+    let error = with(PairOptions {
+        interference: Some(&|x| x[0] - 1.0),
+        ..Default::default()
+    });
+    let error = error.map(|_| ()).expect_err("negative").to_string();
+    assert!(error.contains("the interference is NaN"), "{error}");
+}
+
+#[test]
+fn faults_of_two_boundaries() {
+    let mesh = blocks(
+        PAIRS[0][0],
+        PAIRS[0][1],
+        [0.0, 0.0, 1.5],
+        [2.0, 1.5],
+        &|x| x,
+    );
+    let message = |here: &str, there: &str, search_distance| {
+        let options = PairOptions {
+            search_distance,
+            ..Default::default()
+        };
+        let [here, there] = [here, there].map(|name| &mesh.boundaries[name][..]);
+        mortar_contact(&body(&mesh), here, there, &options)
+            .map(|_| ())
+            .expect_err("a fault")
+            .to_string()
+    };
+    let text = message("low-top", "up-bottom", Some(0.4));
+    assert!(text.contains("they are at least 5.000e-1 apart"), "{text}");
+    let text = message("low-bottom", "up-top", None);
+    assert!(
+        text.contains("no part of it faces the other boundary"),
+        "{text}"
+    );
+    let text = message("low-top", "low-left", None);
+    assert!(text.contains("belongs to both boundaries"), "{text}");
+}
