@@ -118,7 +118,7 @@ pub fn solve<const D: usize>(
     // What no contact can balance of the load is left out of it.
     let dual = Scaled::new(problem, dual);
     let start = Start::new(problem, &dual, settings);
-    let imbalance = start.imbalance.clone();
+    let (imbalance, driven) = (start.imbalance.clone(), start.driven.clone());
     let reduced = start.reduced(problem);
     let held = reduced.as_ref().unwrap_or(problem);
     let SetUp {
@@ -192,6 +192,7 @@ pub fn solve<const D: usize>(
         lambda,
         sets,
         imbalance,
+        driven,
         info,
     })
 }

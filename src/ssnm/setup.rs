@@ -25,6 +25,8 @@ pub(super) struct Start {
     first_error: Option<f64>,
     /// What of the load no λ ∈ Λ can balance; empty if there is nothing.
     pub imbalance: Vec<f64>,
+    /// The motion that this drives.
+    pub driven: Vec<f64>,
 }
 
 impl Start {
@@ -40,6 +42,7 @@ impl Start {
             lambda: vec![0.0; D * problem.m()],
             first_error: None,
             imbalance: Vec::new(),
+            driven: Vec::new(),
         };
         let free = problem.free_bodies();
         if free.is_empty() {
@@ -53,6 +56,7 @@ impl Start {
         start.lambda = least.lambda;
         if !least.balanced {
             start.imbalance = least.imbalance;
+            start.driven = least.motion;
         }
         // Where err⁰ is known, the way may start from λ⁰ at once.
         start.first_error = settings.first_error;
