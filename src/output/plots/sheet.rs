@@ -133,10 +133,8 @@ pub(super) fn sheets(
     for (k, sheet) in (1..).zip(&mut sheets) {
         sheet.caption = format!("part {k} of {count}, {}", sheet.caption);
     }
-    if count > MOST {
-        if let Some(last) = sheets.last_mut() {
-            last.caption += "; those with smaller forces are left out";
-        }
+    if let Some(last) = sheets.last_mut().filter(|_| count > MOST) {
+        last.caption += "; those with smaller forces are left out";
     }
     sheets
 }
