@@ -1,8 +1,11 @@
 //! Contact surfaces in space laid flat: seen along their mean normal, or unrolled where they go round an axis.
 
-use crate::dense::{least_squares, symmetric_eigen};
-use crate::mesh::vector::{cross, dot, minus, unit};
+mod circle;
+
+use crate::dense::symmetric_eigen;
+use crate::mesh::vector::{cross, dot, unit};
 use crate::mesh::{Facet, Mesh, facet_nodes};
+use circle::circle;
 use faer::Mat;
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -13,8 +16,10 @@ const SEEN_WELL: f64 = 0.5;
 const SEEN: f64 = 0.02;
 /// The cosine between the normals of facets of one piece, and of facets of two.
 const SMOOTH: f64 = 0.766;
-/// The nodes of what is unrolled lie this near a circle, as a part of its radius.
-const ROUND: f64 = 0.05;
+/// Less than this part of the area need not be seen: the last facets at the rim of a hollow.
+const HIDDEN: f64 = 0.04;
+/// A direction is taken for an axis where the cosine between them is larger.
+const NEARLY: f64 = 0.995;
 /// The cosine between the normals of its facets and the radius is at least this one.
 const ALONG: f64 = 0.8;
 /// No more pieces of a surface are shown.
@@ -150,9 +155,20 @@ impl Facets<'_> {
             return Some(self.flat(part, mean));
         }
         match self.rolled(part) {
-            None if least > SEEN => Some(self.flat(part, mean)),
+            None if self.hidden(part, mean) < HIDDEN => Some(self.flat(part, mean)),
             rolled => rolled,
         }
+    }
+
+    /// The part of the area of some facets that is not seen along a direction.
+    fn hidden(&self, part: &[usize], along: [f64; 3]) -> f64 {
+        let area = |is_meant: &dyn Fn(f64) -> bool| -> f64 {
+            let meant = part
+                .iter()
+                .filter(|&&f| is_meant(dot(self.normals[f].1, along)));
+            meant.map(|&f| self.normals[f].0).sum()
+        };
+        area(&|seen| !(seen > SEEN)) / area(&|_| true)
     }
 
     /// The mean normal of some facets, weighted; not finite where there is none.
@@ -202,7 +218,10 @@ impl Facets<'_> {
 
     /// Facets as they are seen along a direction, their mean normal.
     fn flat(&self, part: &[usize], normal: [f64; 3]) -> Sheet {
-        let normal = tidy(normal);
+        let normal = match normal.iter().position(|v| v.abs() > NEARLY) {
+            Some(c) => std::array::from_fn(|k| if k == c { normal[c].signum() } else { 0.0 }),
+            None => tidy(normal),
+        };
         let axes = flat_axes(normal);
         let side = if dot(cross(axes[0], axes[1]), normal) > 0.0 {
             "from outside"
@@ -210,9 +229,9 @@ impl Facets<'_> {
             "through the body"
         };
         let caption = format!("seen {side} along the normal {}", direction(normal));
-        let labels = axes.map(|axis| match name(axis) {
+        let labels = [0, 1].map(|c| match name(axes[c]) {
             Some(name) => name.to_owned(),
-            None => format!("along {}", direction(axis)),
+            None => format!("{} along {}", ["u", "v"][c], direction(axes[c])),
         });
         self.sheet(part, Way::Flat(axes), caption, labels, normal)
     }
@@ -278,7 +297,7 @@ impl Facets<'_> {
         );
         let labels = [
             "arc".to_owned(),
-            name(axis).map_or_else(|| format!("along {}", direction(axis)), str::to_owned),
+            name(axis).map_or_else(|| format!("v along {}", direction(axis)), str::to_owned),
         ];
         let way = Way::Rolled {
             axes,
@@ -441,42 +460,16 @@ fn direction(of: [f64; 3]) -> String {
     if let Some(name) = name(of.map(|v| -v)) {
         return format!("−{name}");
     }
-    let parts = of.map(|v| format!("{:.2}", v + 0.0).replace('-', "−"));
+    let rounded = of.map(|v| (100.0 * v).round() / 100.0 + 0.0);
+    let parts = rounded.map(|v| format!("{v:.2}").replace('-', "−"));
     format!("({})", parts.join(", "))
-}
-
-/// The centre and radius of the circle that points lie on, if they do.
-fn circle(points: &[[f64; 2]]) -> Option<([f64; 2], f64)> {
-    if points.len() < 4 {
-        return None;
-    }
-    // x² + y² = 2 a x + 2 b y + c around the mean, for well-scaled numbers.
-    let count = points.len() as f64;
-    let mean = [0, 1].map(|c| points.iter().map(|p| p[c]).sum::<f64>() / count);
-    let local: Vec<[f64; 2]> = (points.iter()).map(|&p| minus(p, mean)).collect();
-    let size = local.iter().flatten().fold(0.0, |a: f64, v| a.max(v.abs()));
-    let matrix = Mat::from_fn(points.len(), 3, |i, j| match j {
-        2 => 1.0,
-        _ => local[i][j] / size,
-    });
-    let squares: Vec<f64> = (local.iter()).map(|&p| dot(p, p) / (size * size)).collect();
-    let solution = least_squares(matrix, &squares);
-    let (a, b) = (0.5 * solution[0], 0.5 * solution[1]);
-    let radius = (solution[2] + a * a + b * b).sqrt() * size;
-    let centre = [mean[0] + size * a, mean[1] + size * b];
-    let off = (points.iter())
-        .map(|&p| {
-            let [x, y] = minus(p, centre);
-            (x.hypot(y) - radius).abs()
-        })
-        .fold(0.0, f64::max);
-    (off < ROUND * radius).then_some((centre, radius))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::mesh::structured::{SolidShape, block};
+    use crate::mesh::vector::minus;
 
     /// A box of 33 × 2 × 3 cells.
     fn cells() -> Mesh<3> {

@@ -30,7 +30,8 @@ pub(super) fn profile(scene: &Scene, sheet: &Sheet, axis: usize) -> Chart {
         &sheet.labels[axis],
         &sheet.labels[1 - axis],
     );
-    let along = label.trim_start_matches("along ");
+    // The first word is what it is called.
+    let [along, other] = [label, other].map(|l| l.split(' ').next().unwrap_or(l));
     // Without the rounding of coordinates.
     let extent = high[1 - axis] - low[1 - axis];
     let place = if peak.abs() < 1e-9 * extent {
