@@ -75,7 +75,7 @@ pub(super) fn svg(
     let mut scene = Scene {
         elastic,
         contact,
-        top: legend::top(&pressures),
+        top: legend::top_pressure(&pressures),
         largest: pressures.iter().copied().fold(0.0, f64::max),
         rubbed: rubbed.fold(0.0, f64::max),
         has_friction: (order.iter())
@@ -385,7 +385,7 @@ impl Scene<'_> {
             (scale, label)
         });
         let mut lines = String::new();
-        for (value, label) in x.0.ticks((width / 60.0).max(1.5)) {
+        for (value, label) in x.0.ticks((width / 45.0).max(1.5)) {
             let at = x.0.place(value);
             lines += &format!(
                 "<path d=\"M{at:.1} {:.1}v5\" stroke=\"#222222\"/><text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\" font-size=\"12\">{label}</text>",

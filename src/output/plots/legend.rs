@@ -91,6 +91,17 @@ pub(super) fn top(values: &[f64]) -> f64 {
     }
 }
 
+/// The same for contact pressures, of those that there are; where these are few, none of them is taken for singular.
+pub(super) fn top_pressure(values: &[f64]) -> f64 {
+    const FEW: usize = 100;
+    let pressed: Vec<f64> = values.iter().copied().filter(|&p| p > 0.0).collect();
+    if pressed.len() < FEW {
+        pressed.into_iter().fold(f64::MIN_POSITIVE, f64::max)
+    } else {
+        top(&pressed)
+    }
+}
+
 /// The bar with the colours of a field from 0 on.
 pub(super) struct ColourBar<'a> {
     /// Of its colours: no other on the page may have it.
@@ -181,7 +192,18 @@ pub(super) fn short(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::short;
+    use super::{short, top, top_pressure};
+
+    #[test]
+    fn a_singular_value_does_not_take_all_colours_but_one_of_few_does() {
+        let mut values = vec![1.0; 1000];
+        values[3] = 9.0;
+        assert_eq!((top(&values), top_pressure(&values)), (1.0, 1.0));
+        values[..990].fill(0.0);
+        values[3] = 9.0;
+        assert_eq!(top_pressure(&values), 9.0);
+        assert!(top_pressure(&[]) > 0.0 && top(&[]) > 0.0);
+    }
 
     #[test]
     fn numbers_have_three_digits() {

@@ -232,7 +232,7 @@ fn fields(solids: &Solids, step: usize) -> Step {
     let mut all = vec![mises];
     if !solids.elastic.contact.nodes.is_empty() {
         let (pressure, known) = pressures(solids);
-        let top = legend::top(&solids.contact.pressure);
+        let top = legend::top_pressure(&solids.contact.pressure);
         let largest = pressure.iter().copied().fold(0.0, f64::max);
         all.push(field(
             "contact pressure",
