@@ -327,7 +327,10 @@ fn matrices_of_neither_dimension_are_refused() {
 
 fn report(directory: &Path, case: &str) -> serde_json::Value {
     write(directory, "case.toml", case);
-    let output = run(&["solve", "case.toml", "--output", "out", "--quiet"], directory);
+    let output = run(
+        &["solve", "case.toml", "--output", "out", "--quiet"],
+        directory,
+    );
     let told = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{told}");
     serde_json::from_str(&read(directory, "out/report.json"))
@@ -357,7 +360,10 @@ fn supports_tell_the_moment_they_carry() {
         let moment = [0.0, -150.0 * factor, -1000.0 * factor];
         close(&numbers(&support["moment"]), &moment, 1e-5);
     }
-    assert_eq!(report["steps"][0]["supports"][0]["support"], "bottom, radial, hoop, axial");
+    assert_eq!(
+        report["steps"][0]["supports"][0]["support"],
+        "bottom, radial, hoop, axial"
+    );
     write(directory.path(), "bar.toml", bar);
     let output = run(&["check", "bar.toml"], directory.path());
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -381,7 +387,9 @@ fn contacts_of_two_solids_tell_moment_and_work() {
         [steps]\nfactors = [1, 1, 1]\n";
     let report = report(directory.path(), case);
     let cross = |a: &[f64], b: &[f64]| -> Vec<f64> {
-        [(1, 2), (2, 0), (0, 1)].map(|(i, j)| a[i] * b[j] - a[j] * b[i]).to_vec()
+        [(1, 2), (2, 0), (0, 1)]
+            .map(|(i, j)| a[i] * b[j] - a[j] * b[i])
+            .to_vec()
     };
     // Resultant and moment about the origin.
     let whole = |carried: &serde_json::Value| {
@@ -400,9 +408,16 @@ fn contacts_of_two_solids_tell_moment_and_work() {
         for k in 0..6 {
             let above = contact[k] + supports[1][k] + supports[2][k];
             let below = -contact[k] + supports[0][k];
-            assert!(above.abs() < 1e-5 * size && below.abs() < 1e-5 * size, "{k}: {above} {below}");
+            assert!(
+                above.abs() < 1e-5 * size && below.abs() < 1e-5 * size,
+                "{k}: {above} {below}"
+            );
         }
-        close(&numbers(&step["contacts"][0]["centre"]), &[1.0, 1.0, 1.0], 1e-6);
+        close(
+            &numbers(&step["contacts"][0]["centre"]),
+            &[1.0, 1.0, 1.0],
+            1e-6,
+        );
     }
     let work = |step: usize| report["steps"][step]["contacts"][0]["slipping_work"].as_f64();
     let rubbed = |step: usize| report["steps"][step]["contacts"][0]["tangential_force"].as_f64();
@@ -422,7 +437,10 @@ fn an_input_file_is_converted_and_solved() {
         *ELEMENT, TYPE=C3D8, ELSET=steel\n1, 1, 2, 3, 4, 5, 6, 7, 8\n*SURFACE, NAME=up\nsteel, S2\n*NSET, NSET=down\n1, 2, 3, 4\n\
         *NSET, NSET=corner\n1\n";
     write(directory.path(), "cube.inp", body);
-    let output = run(&["convert", "cube.inp", "cube.msh", "--scale", "2"], directory.path());
+    let output = run(
+        &["convert", "cube.inp", "cube.msh", "--scale", "2"],
+        directory.path(),
+    );
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     for line in [
@@ -441,25 +459,54 @@ fn an_input_file_is_converted_and_solved() {
     };
     for text in [case("cube.inp", "scale = 2\n"), case("cube.msh", "")] {
         let report = report(directory.path(), &text);
-        close(&numbers(&report["steps"][0]["supports"][0]["force"]), &[0.0, 0.0, 8.0], 1e-6);
+        close(
+            &numbers(&report["steps"][0]["supports"][0]["force"]),
+            &[0.0, 0.0, 8.0],
+            1e-6,
+        );
     }
     for (arguments, expected) in [
-        (vec!["convert", "cube.inp", "cube.vtu"], "only files of Gmsh are written: call it .msh"),
-        (vec!["convert", "none.inp", "cube.msh"], "error: cannot read none.inp"),
-        (vec!["convert", "cube.inp", "cube.msh", "--scale", "0"], "--scale must be a positive number"),
-        (vec!["convert", "cube.inp", "cube.msh", "--cell-data", "a"], "--cell-data belongs to a .vtu file"),
+        (
+            vec!["convert", "cube.inp", "cube.vtu"],
+            "only files of Gmsh are written: call it .msh",
+        ),
+        (
+            vec!["convert", "none.inp", "cube.msh"],
+            "error: cannot read none.inp",
+        ),
+        (
+            vec!["convert", "cube.inp", "cube.msh", "--scale", "0"],
+            "--scale must be a positive number",
+        ),
+        (
+            vec!["convert", "cube.inp", "cube.msh", "--cell-data", "a"],
+            "--cell-data belongs to a .vtu file",
+        ),
     ] {
         let output = run(&arguments, directory.path());
         let told = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.code() == Some(1) && told.contains(expected), "{told}");
+        assert!(
+            output.status.code() == Some(1) && told.contains(expected),
+            "{told}"
+        );
     }
-    write(directory.path(), "bad.toml", &case("cube.inp", "cell_data = \"a\"\n"));
+    write(
+        directory.path(),
+        "bad.toml",
+        &case("cube.inp", "cell_data = \"a\"\n"),
+    );
     let output = run(&["check", "bad.toml"], directory.path());
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(told.contains("bad.toml, line 1: cell_data belongs to a .vtu file"), "{told}");
+    assert!(
+        told.contains("bad.toml, line 1: cell_data belongs to a .vtu file"),
+        "{told}"
+    );
     let held = case("cube.inp", "") + "[[traction]]\nboundary = \"corner\"\nx = 1\n";
     write(directory.path(), "corner.toml", &held);
     let output = run(&["check", "corner.toml"], directory.path());
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(told.contains("name a surface of the body or, for a support, its point"), "{told}");
+    assert!(
+        told.contains("name a surface of the body or, for a support, its point"),
+        "{told}"
+    );
 }

@@ -169,6 +169,10 @@ impl<'a> Reader<'a> {
                 let cell = cell(name).map_err(|text| Failure::line(k.line, text))?;
                 Block::Elements(cell, option("ELSET"))
             }
+            // Numbers of entities of Gmsh that meshio hands on as if they were of elements.
+            "ELSET" if option("ELSET").is_some_and(|name| name == "gmsh:bounding_entities") => {
+                Block::Skip
+            }
             "NSET" => set(true, self.named_set(true, k, k.needed("NSET")?)),
             "ELSET" => set(false, self.named_set(false, k, k.needed("ELSET")?)),
             "SURFACE" => {
