@@ -113,6 +113,28 @@ fn an_assembly_stands_where_its_instances_are() {
     assert!(!mesh.boundaries.contains_key("RefPoint"));
 }
 
+/// Instances that are meshed by themselves, as Abaqus/CAE writes independent ones, are the same bodies.
+#[test]
+fn instances_may_have_meshes_of_their_own() {
+    let (begin, rest) = CAE.split_once("*Node\n").expect("nodes");
+    let (body, rest) = rest.split_once("*End Part\n").expect("a part");
+    let body = format!("*Node\n{body}");
+    let independent = format!("{begin}*End Part\n{rest}")
+        .replace("*End Instance\n", &format!("{body}*End Instance\n"));
+    let (a, b) = (
+        solid(parsed("a.inp", CAE, None)),
+        solid(parsed("b.inp", &independent, None)),
+    );
+    assert_eq!((a.nodes, a.elements), (b.nodes, b.elements));
+    assert_eq!((a.groups, a.boundaries), (b.groups, b.boundaries));
+    let twice = CAE.replacen("*End Instance", "*Node\n99, 0., 0., 0.\n*End Instance", 1);
+    let told = parsed("c.inp", &twice, None).err().unwrap_or_default();
+    assert!(
+        told.contains("nodes or elements of its own beside those of its part"),
+        "{told}"
+    );
+}
+
 /// One body as Gmsh writes it, by its surfaces as elements and by sets of nodes, against its own format.
 #[test]
 fn gmsh_writes_the_same_body_as_inp() {

@@ -370,6 +370,8 @@ fn supports_tell_the_moment_they_carry() {
     let line = "support       \"bottom, radial, hoop, axial\": radial = 0, hoop = 0, axial = 0, about the axis through \
                 [0.0, 0.0, 0.0] along [0.0, 0.0, 1.0]";
     assert!(text.contains(line), "{text}");
+    let line = "torque        \"top\": 1000 N m about the axis through [0.0, 0.0, 9.0] along [0.0, 0.0, 2.0]";
+    assert!(text.contains(line), "{text}");
 }
 
 /// A block pressed on another one and pushed along it, to and fro: forces and moments of the contact balance those of the
