@@ -265,10 +265,18 @@ fn counted(
                     met.push(now);
                 }
                 if verbose {
-                    let (sizes, mark) = (step.sets, if step.safeguarded { "safeguard" } else { "" });
+                    let (sizes, mark) =
+                        (step.sets, if step.safeguarded { "safeguard" } else { "" });
                     println!(
                         "    {:3} inner {:3} products {:4} err {:.3e} separated {} stick {} slip {} changes {} {mark}",
-                        step.iter, step.inner, step.n_a, step.err, sizes.separated, sizes.stick, sizes.slip.total(), step.changes
+                        step.iter,
+                        step.inner,
+                        step.n_a,
+                        step.err,
+                        sizes.separated,
+                        sizes.stick,
+                        sizes.slip.total(),
+                        step.changes
                     );
                 }
             }
@@ -374,8 +382,9 @@ fn priced(name: &str, model: Model<3>) -> [Vec<usize>; 2] {
     let given = run.given();
     let mut costs = [vec![0; 3], vec![0; 3]];
     for (number, (step, (tresca, tresca_met))) in run.steps.iter().zip(&given).enumerate() {
-        for (cost, (step, met)) in
-            costs.iter_mut().zip([(step, &run.met[number]), (tresca, tresca_met)])
+        for (cost, (step, met)) in costs
+            .iter_mut()
+            .zip([(step, &run.met[number]), (tresca, tresca_met)])
         {
             for k in 0..2 {
                 cost[k] += met.get(k).copied().unwrap_or(step.n_a());
@@ -473,7 +482,9 @@ fn violations(
         if ln[i] > 0.0 && slips > 1e-3 * size {
             let lacks: [f64; 2] = std::array::from_fn(|a| bound * slip[a] / slips - friction[a]);
             if !(length(&lacks) <= 3e-3 * bound + slack) {
-                wrong.push(format!("node {i} slips by {slip:e?} under {friction:e?} of {bound:e}"));
+                wrong.push(format!(
+                    "node {i} slips by {slip:e?} under {friction:e?} of {bound:e}"
+                ));
             }
         }
     }
@@ -588,7 +599,10 @@ fn balls_on_the_floor() {
 fn load_steps_follow_the_slip() {
     for mu in [0.2, 0.6] {
         let [coulomb, given] = priced(&format!("driven ball, mu = {mu}"), driven_ball(8, mu));
-        assert!(coulomb[2] as f64 <= 1.3 * given[2] as f64, "{coulomb:?} {given:?}");
+        assert!(
+            coulomb[2] as f64 <= 1.3 * given[2] as f64,
+            "{coulomb:?} {given:?}"
+        );
         let [by_factor, by_pcg] = [Stiffness::Cholesky, Stiffness::Pcg].map(|stiffness| {
             let run = Run::new(driven_ball(6, mu), stiffness, &Settings::default());
             run.check("driven ball");
@@ -607,7 +621,11 @@ fn two_bodies_rub_on_each_other() {
     }
     few_products(all, [75, 90], 1.4);
     let [by_factor, by_pcg] = [Stiffness::Cholesky, Stiffness::Pcg].map(|stiffness| {
-        let run = Run::new(block_on_block(4, 0.3, 0.5, 0.2), stiffness, &Settings::default());
+        let run = Run::new(
+            block_on_block(4, 0.3, 0.5, 0.2),
+            stiffness,
+            &Settings::default(),
+        );
         run.check("blocks");
         run
     });
@@ -631,7 +649,11 @@ fn rounds_come_to_the_same() {
         let coupled = Run::new(model, Stiffness::Cholesky, &Settings::default());
         coupled.check(name);
         assert!(distance(&coupled.last().u, &slow.last().u) < 1e-4, "{name}");
-        println!("{name}: {} products, {} by rounds", coupled.products(), slow.products());
+        println!(
+            "{name}: {} products, {} by rounds",
+            coupled.products(),
+            slow.products()
+        );
     }
 }
 
@@ -667,10 +689,18 @@ fn random_problems(seeds: std::ops::Range<u64>) {
                     assert!(wrong.is_empty(), "{name}, step {number}: {wrong:?}");
                 }
                 Status::NotHeld => {}
-                _ => open.push(format!("{name}, step {number}: {:?} {:?}", step.status, step.kkt)),
+                _ => open.push(format!(
+                    "{name}, step {number}: {:?} {:?}",
+                    step.status, step.kkt
+                )),
             }
             if step.n_a() > 150 {
-                println!("{name}, step {number}: {:?} {} products, {} solves", step.status, step.n_a(), step.rounds.len());
+                println!(
+                    "{name}, step {number}: {:?} {} products, {} solves",
+                    step.status,
+                    step.n_a(),
+                    step.rounds.len()
+                );
             }
         }
     }

@@ -423,7 +423,10 @@ mod tests {
             frozen: None,
         };
         assert!((0..11).all(|_| attempts.note(&point(), 1.0, false)));
-        assert!(!attempts.note(&point(), 1.0, false), "four times three steps");
+        assert!(
+            !attempts.note(&point(), 1.0, false),
+            "four times three steps"
+        );
         assert!(attempts.note(&point(), 0.8, false) && attempts.attempt == 0);
         // A little better is the best point, but no progress.
         attempts.note(&point(), 0.79, false);
