@@ -239,7 +239,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 Method::Exact => EXACT * way.err0,
             };
             // Steps 2, 3.2 and 3.3, or what the safeguard puts in their place.
-            let plan = safeguard.plan(self.rho);
+            let longest = if D > 2 { self.alpha } else { f64::INFINITY };
+            let plan = safeguard.plan(self.rho.min(longest));
             let (sets, inner) = match self.step(way, plan, target) {
                 Ok(made) => made,
                 Err(error) => {

@@ -89,7 +89,8 @@ impl<'a, const D: usize> Rounds<'a, D> {
             let changes = difference(&next, &self.bounds);
             let change = step.relative(lambda, &changes);
             let settled = change <= wanted && self.tolerance <= self.tight;
-            let (mut unbalanced, mut driven) = (solution.imbalance.clone(), solution.driven.clone());
+            let (mut unbalanced, mut driven) =
+                (solution.imbalance.clone(), solution.driven.clone());
             if unbalanced.is_empty() {
                 (unbalanced, driven) = self.cones.unbalanced.clone();
             }

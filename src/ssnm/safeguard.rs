@@ -107,11 +107,7 @@ impl Safeguard {
                 fruitless: 0,
                 attempt: 0,
                 restarts,
-                patience: if D == 2 {
-                    FRUITLESS
-                } else {
-                    FRUITLESS_COUPLED
-                },
+                patience: if D == 2 { FRUITLESS } else { FRUITLESS_COUPLED },
             });
         }
         Self::Descent(Descent {

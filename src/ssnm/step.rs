@@ -154,8 +154,16 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// P_Λ(λ), with the multipliers that the next step will hold put on their bounds by the same product.
     ///
     /// Only those that a ρ ≤ 1/σ_max holds: what a larger one says of a point outside Λ is too wild.
-    fn move_into_bounds(&mut self, point: &mut Point, rho: f64) -> Result<(bool, Sets<D>), DualError> {
-        let rho = if self.law.is_coulomb() && D > 2 { rho } else { rho.min(self.alpha) };
+    fn move_into_bounds(
+        &mut self,
+        point: &mut Point,
+        rho: f64,
+    ) -> Result<(bool, Sets<D>), DualError> {
+        let rho = if self.law.is_coulomb() && D > 2 {
+            rho
+        } else {
+            rho.min(self.alpha)
+        };
         self.settle(point, rho);
         let mut target = point.lambda.clone();
         let sets = self.predict(point, rho);
