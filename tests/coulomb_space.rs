@@ -415,7 +415,7 @@ fn priced(name: &str, model: Model<3>) -> [Vec<usize>; 2] {
 // The law, checked
 
 /// What of (1)–(3) with g = μλν the end of a step breaks, from the matrices alone. Lengths are compared with what contact
-/// forces do to their own nodes at least, which is less than the bodies deform by.
+/// forces do to their own nodes at least or, of bodies that supports hold, with the largest displacement.
 fn violations(
     problem: &ContactProblem<3>,
     load: &Load,
@@ -454,7 +454,12 @@ fn violations(
         own[i] += v * v / stiffness[j] * ln[i];
     }
     let far = largest(u).max(largest(&load.gap)).max(largest(&start.u));
-    let size = largest(&own) + 1e-9 * far;
+    let deformed = if problem.free_bodies().is_empty() {
+        largest(u)
+    } else {
+        0.0
+    };
+    let size = largest(&own).max(deformed) + 1e-9 * far;
     let pressure = (0..m).fold(0.0, |p: f64, i| p.max(ln[i] / problem.areas()[i]));
     let (closing, _) = times(&normal, m, u);
     let [now, before] = [u, &start.u].map(|u| times(&tangential, 2 * m, u).0);
