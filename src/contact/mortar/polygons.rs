@@ -309,9 +309,9 @@ fn add(pieces: &mut Vec<Piece>, new: Piece, least: f64, apart: &impl Fn(usize, F
 
 /// Gauss–Legendre points on (−1, 1) and their weights (Abramowitz and Stegun, table 25.4); those below 0 mirror them.
 const GAUSS: [(f64, f64); 3] = [
-    (0.238_619_186_083_196_9, 0.467_913_934_572_691_0),
+    (0.238_619_186_083_196_9, 0.467_913_934_572_691),
     (0.661_209_386_466_264_5, 0.360_761_573_048_138_6),
-    (0.932_469_514_203_152_1, 0.171_324_492_379_170_4),
+    (0.932_469_514_203_152, 0.171_324_492_379_170_4),
 ];
 
 /// Integration points of a polygon with their weights, by triangles from its first corner: six each, exact to degree 4,
