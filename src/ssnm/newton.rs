@@ -160,7 +160,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         Ok(true)
     }
 
-    /// r at a point made afresh, where it is not exact anyhow.
+    /// r at a point made afresh, where it is not exact anyhow, and α settled for it: how much circles curve, and what is
+    /// predicted next, follows from r with the motion of bodies in it.
     pub fn refresh(&mut self, point: &mut Point) -> Result<(), DualError> {
         if self.products.are_exact() {
             return Ok(());
@@ -182,6 +183,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             // A GPU has failed in between and products are exact from now on, but nothing known so far is.
             self.make_exact(point)?;
             self.products.n_a += 1;
+        }
+        if self.balance.is_some() {
+            self.settle(point, self.rho);
         }
         Ok(())
     }
