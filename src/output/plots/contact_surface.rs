@@ -131,10 +131,10 @@ impl Scene<'_> {
         self.contact.status(i)
     }
 
-    /// The contact node at a node of the mesh with a pressure.
+    /// Whether the contact node at a node of the mesh touches the other side: the others may have a pressure of rounding.
     fn pressed(&self, node: u32) -> bool {
         let row = self.rows.get(&node);
-        row.is_some_and(|&i| self.contact.pressure[i] > 0.0)
+        row.is_some_and(|&i| self.status(i) != NodeStatus::Separated)
     }
 
     /// The sheet with the largest pressure.
@@ -438,7 +438,7 @@ impl Scene<'_> {
             }
         }
         let (border, ground) = ("#ffffff", "#2a788e");
-        let touching = rows.iter().filter(|&&i| self.contact.pressure[i] > 0.0);
+        let touching = rows.iter().filter(|&&i| self.status(i) != NodeStatus::Separated);
         if ![0, rows.len()].contains(&touching.count()) {
             entries.push((
             format!(
