@@ -75,7 +75,10 @@ where
         held[0].push(motion);
         let node = turned(candidate, unknowns.prescribed(candidate.node));
         for &tangent in &node.frame[1..] {
-            let (entries, motion) = row(unknowns, &node, tangent);
+            let (mut entries, mut motion) = row(unknowns, &node, tangent);
+            if kept_along(unknowns, &node, tangent) {
+                (entries, motion) = Default::default();
+            }
             rows[1].push(entries);
             held[1].push(motion);
         }
@@ -143,9 +146,9 @@ fn make_independent<const D: usize>(
     for (rows, node) in rows[1].chunks_mut(D - 1).zip(nodes) {
         for row in rows {
             if !row.is_empty() && !independent.add(row, own(node.node)) {
-                row.clear();
+                let met = std::mem::take(row);
                 // What it meets could slide, but has too few unknowns for all that it meets.
-                if node.slip_bound.is_any() && !node.partners.is_empty() {
+                if node.slip_bound.is_any() && partners_slide(&met, node, unknowns) {
                     let place = place(node.node);
                     return Err(ContactError::Dependent { place });
                 }
@@ -153,6 +156,39 @@ fn make_independent<const D: usize>(
         }
     }
     Ok(())
+}
+
+/// In space: whether supports keep a node from sliding along a tangent, and what it meets as well. A row would consist of
+/// what the weights of partners nearby make of their deformation, as on a plane of symmetry that cuts both bodies:
+/// their mean place lies on it, and their mean motion is none.
+fn kept_along<const D: usize>(
+    unknowns: &Unknowns<D>,
+    node: &ContactNode<D>,
+    tangent: [f64; D],
+) -> bool {
+    let held = unknowns.prescribed(node.node).map(|u| u.is_some());
+    let part = |c: usize| tangent[c] * tangent[c];
+    let kept: f64 = (0..D).filter(|&c| held[c]).map(part).sum();
+    let free = |&(partner, weight): &(u32, f64)| -> f64 {
+        let other = unknowns.prescribed(partner);
+        let both = (0..D).filter(|&c| held[c] && other[c].is_none());
+        weight * both.map(part).sum::<f64>()
+    };
+    let slides: f64 = node.partners.iter().map(free).sum();
+    D > 2 && !node.partners.is_empty() && kept > 0.1 && slides.abs() < 0.25 * kept
+}
+
+/// Whether what a node meets has a part of its own in a row, in directions in which supports hold the node itself. On
+/// a plane of symmetry that cuts through both bodies it has none, but for what the facets of curved boundaries make.
+fn partners_slide<const D: usize>(
+    row: &[Entry],
+    node: &ContactNode<D>,
+    unknowns: &Unknowns<D>,
+) -> bool {
+    let held = unknowns.prescribed(node.node);
+    let part = (row.iter()).filter(|entry| held[entry.0 % D].is_some());
+    let is_free = held.iter().all(Option::is_none);
+    !node.partners.is_empty() && (is_free || part.map(|entry| entry.1.abs()).sum::<f64>() > 0.1)
 }
 
 /// The node with its tangents turned, in space, so that the first has no part in the only direction in which
