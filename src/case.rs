@@ -17,9 +17,9 @@ pub use build::{AnyBuild, Build, BuildError};
 pub use quantity::Figure;
 pub use solver::SolverTable;
 pub use tables::{
-    AlgebraicTable, AnalysisTable, BodyForceTable, BoxTable, ContactTable, FrictionTable,
-    MaterialTable, MeshTable, ObstacleTable, PartTable, RectangleTable, StepsTable, SupportTable,
-    Tables, TractionTable,
+    AlgebraicTable, AnalysisTable, AxisTable, BodyForceTable, BoxTable, ContactTable,
+    FrictionTable, MaterialTable, MeshTable, ObstacleTable, PartTable, RectangleTable, StepsTable,
+    SupportTable, Tables, TractionTable,
 };
 
 use crate::mesh::AnyMesh;

@@ -6,6 +6,7 @@ mod advice;
 #[cfg(feature = "gpu")]
 mod bench;
 mod check;
+mod convert;
 mod solve;
 mod table1;
 
@@ -43,6 +44,19 @@ enum Command {
         /// Replace an entry of the case, e.g. --set solver.tolerance=1e-8
         #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
         settings: Vec<String>,
+    },
+    /// Write a mesh of Abaqus (.inp), VTK (.vtu) or Gmsh as a file of Gmsh (MSH 2.2), and list its names
+    Convert {
+        /// The mesh to read
+        input: PathBuf,
+        /// The file to write, .msh
+        output: PathBuf,
+        /// Factor for the coordinates, e.g. 1e-3 for a drawing in millimetres
+        #[arg(long, default_value_t = 1.0)]
+        scale: f64,
+        /// The cell array of a .vtu file that tells regions and boundaries
+        #[arg(long, value_name = "NAME")]
+        cell_data: Option<String>,
     },
     /// Reproduce Table 1 of the paper: outer steps and products with A
     Table1(Table1Arguments),
@@ -227,6 +241,12 @@ pub fn run() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Solve(arguments) => solve::run(&arguments),
         Command::Check { case, settings } => check::run(&case, &settings),
+        Command::Convert {
+            input,
+            output,
+            scale,
+            cell_data,
+        } => convert::run(&input, &output, scale, cell_data.as_deref()),
         Command::Table1(arguments) => table1::run(&arguments),
         #[cfg(feature = "gpu")]
         Command::Bench(arguments) => bench::run(&arguments),

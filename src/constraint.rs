@@ -82,6 +82,19 @@ impl<const D: usize> NodeSets<D> {
         axes.chain(slip.filter(|_| turns))
     }
 
+    /// Holds λτ where its bound will be 0.
+    pub fn hold_tangents(&mut self) {
+        self.slip = Some(direction([0.0; D], 1.0));
+        self.turns = false;
+    }
+
+    /// Takes the direction of slip from a λτ that has come to lie on its circle.
+    pub fn turn_to(&mut self, lambda: [f64; D]) {
+        if self.turns && tangential(lambda) > 0.0 {
+            self.slip = Some(direction(lambda, 1.0));
+        }
+    }
+
     /// What is free of x: zero on what is held.
     pub fn free_part(&self, mut x: [f64; D]) -> [f64; D] {
         if !self.contact {

@@ -9,10 +9,11 @@ pub(crate) use direct::plan;
 pub use nested::NestedDual;
 
 use crate::control::{Accuracy, Costs, Followed, Stop, Stopped};
-use crate::dense::tridiagonal_largest;
+use crate::dense::{symmetric_eigen, tridiagonal_largest};
 use crate::sparse::{dot, norm};
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::PcgError;
+use faer::Mat;
 
 /// A relative residual that says that PCG did not get anywhere.
 const HARDLY_MOVED: f64 = 0.1;
@@ -161,9 +162,44 @@ pub(crate) fn spectrum(
     }
     Ok(Spectrum {
         largest: MARGIN * ritz,
-        mean: alpha.first().copied().unwrap_or(0.0),
+        mean: mean_of_diagonal(&alpha, &beta, len),
         products: basis.len(),
     })
+}
+
+/// The mean of the diagonal of a matrix with `len` rows, from what Lanczos leaves behind that has started from a vector
+/// without any pattern.
+///
+/// Such a vector has about the same share of every eigenvector, and its Rayleigh quotient is the mean but for chance: a few
+/// eigenvalues that dwarf all others are most of the sum, and their shares are chance. Where Lanczos has found them,
+/// they count as what they are, and the vector stands for the rest.
+fn mean_of_diagonal(alpha: &[f64], beta: &[f64], len: usize) -> f64 {
+    const LARGE: f64 = 0.1;
+    let k = alpha.len();
+    let lanczos = Mat::from_fn(k, k, |i, j| match i.abs_diff(j) {
+        0 => alpha[i],
+        1 => beta[i.min(j)],
+        _ => 0.0,
+    });
+    let first = alpha.first().copied().unwrap_or(0.0);
+    let Some((values, vectors)) = symmetric_eigen(&lanczos) else {
+        return first;
+    };
+    let largest = values.last().copied().unwrap_or(0.0);
+    let (mut large, mut count) = (0.0, 0);
+    let (mut rest, mut share) = (0.0, 0.0);
+    for (i, &value) in values.iter().enumerate() {
+        if value > LARGE * largest {
+            (large, count) = (large + value, count + 1);
+        } else {
+            let part = vectors[(0, i)].powi(2);
+            (rest, share) = (rest + part * value, share + part);
+        }
+    }
+    if !(share > 0.0) {
+        return first;
+    }
+    (large + (len - count) as f64 * rest / share) / len as f64
 }
 
 /// What is known of the eigenvalues of A.

@@ -4,8 +4,10 @@
 //! hexahedra and wedges. Everything is written for both; what their geometry differs in is in `mesh/plane.rs` and
 //! `mesh/solid.rs`.
 
+mod abaqus;
 mod boundary;
 mod element;
+mod file;
 pub mod gmsh;
 mod plane;
 mod solid;
@@ -13,8 +15,11 @@ pub mod structured;
 #[cfg(test)]
 pub(crate) mod tests;
 pub(crate) mod vector;
+mod vtu;
 
 pub use element::{Element, Facet, Kind, Topology, facet, facet_nodes};
+pub use file::{FileError, has_cell_arrays, read};
+pub use gmsh::write::msh;
 pub(crate) use vector::bounds;
 use vector::minus;
 
@@ -70,10 +75,21 @@ pub enum FaultKind {
     Inside,
     /// No element has it: a construction line or surface. It is not in [`Mesh::boundaries`].
     Stray,
+    /// There is none: a set of nodes that has all corners of no outer facet.
+    NoFacet,
 }
 
 impl<const D: usize> fmt::Display for Fault<D> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        if self.kind == FaultKind::NoFacet {
+            let facet = if D == 2 {
+                "both ends of no outer edge"
+            } else {
+                "all corners of no outer face"
+            };
+            let place = Place::from(self.ends[0]);
+            return write!(f, "a set of nodes, with one at {place}, that has {facet}");
+        }
         let [from, to] = self.ends.map(Place::from);
         let (which, a_facet) = match D {
             2 => ("edge from", "an edge"),
@@ -84,7 +100,9 @@ impl<const D: usize> fmt::Display for Fault<D> {
             FaultKind::Inside => {
                 f.write_str("lies between elements, not on the outside of the body")
             }
-            FaultKind::Stray => write!(f, "is not {a_facet} of any element"),
+            FaultKind::Stray | FaultKind::NoFacet => {
+                write!(f, "is not {a_facet} of any element")
+            }
         }
     }
 }

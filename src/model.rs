@@ -32,16 +32,19 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod axis;
 mod build;
 mod contacts;
 mod entities;
 mod error;
 mod loads;
 mod quantity;
+mod supports;
 #[cfg(test)]
 mod tests;
 mod units;
 
+pub use axis::Axis;
 pub use build::{Built, Elastic};
 pub use contacts::PairData;
 pub use entities::{BodyForce, Names, Pair, Support, Traction};

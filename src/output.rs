@@ -6,16 +6,15 @@ mod files;
 mod hints;
 #[cfg(feature = "plots")]
 pub mod plots;
+mod reactions;
 mod report;
 mod resources;
 mod vtu;
 
 pub use fields::{ContactFields, NodeStatus, StepFields};
 pub use files::{OutputError, prepare, write_index, write_report, write_solution, write_whole};
-pub use report::{
-    ContactReport, EnginePath, HistoryRow, NotHeldReport, Report, StepReport, SupportReport,
-    Timings,
-};
+pub use reactions::{ContactReport, SupportReport};
+pub use report::{EnginePath, HistoryRow, NotHeldReport, Report, StepReport, Timings};
 pub use resources::{forget_peak_memory, peak_memory_mib};
 
 /// Adds a line to a text.

@@ -469,13 +469,14 @@ where
         let mut slip = vec![0.0; self.origin.len()];
         self.whole.tangential().mul(&solution.u, &mut slip);
         (slip.iter_mut().zip(&self.origin)).for_each(|(s, o)| *s -= o);
+        let not_held = pushed(self.whole, &solution);
         StepSolution {
             status: solution.status,
             slip_bound: frozen.unwrap_or_else(|| self.whole.bounds(&solution.lambda).into_owned()),
             slip,
             sets: solution.sets,
             kkt: solution.info.kkt,
-            not_held: pushed(self.whole, &solution.imbalance),
+            not_held,
             u: solution.u,
             lambda: solution.lambda,
             rounds: self.made,
@@ -488,18 +489,19 @@ fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
-/// The bodies that an imbalance pushes, and which way.
-fn pushed<const D: usize>(problem: &ContactProblem<D>, imbalance: &[f64]) -> Vec<NotHeld> {
+/// The bodies that an imbalance pushes, and which way they go.
+fn pushed<const D: usize>(problem: &ContactProblem<D>, solution: &Solution<D>) -> Vec<NotHeld> {
+    let (imbalance, free) = (&solution.imbalance, problem.free_bodies());
     if imbalance.is_empty() {
         return Vec::new();
     }
     let all = norm(imbalance);
-    let bodies = problem.free_bodies().parts(imbalance).enumerate();
-    bodies
-        .filter(|(_, (_, part))| norm(part) > PUSHED * all)
-        .map(|(body, (free, part))| NotHeld {
+    let bodies = free.parts(imbalance).zip(free.parts(&solution.driven));
+    (bodies.enumerate())
+        .filter(|(_, ((_, part), _))| norm(part) > PUSHED * all)
+        .map(|(body, (_, (free, motion)))| NotHeld {
             body,
-            motion: free.describe(part),
+            motion: free.describe(motion),
         })
         .collect()
 }

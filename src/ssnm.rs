@@ -118,7 +118,7 @@ pub fn solve<const D: usize>(
     // What no contact can balance of the load is left out of it.
     let dual = Scaled::new(problem, dual);
     let start = Start::new(problem, &dual, settings);
-    let imbalance = start.imbalance.clone();
+    let (imbalance, driven) = (start.imbalance.clone(), start.driven.clone());
     let reduced = start.reduced(problem);
     let held = reduced.as_ref().unwrap_or(problem);
     let SetUp {
@@ -131,11 +131,13 @@ pub fn solve<const D: usize>(
     } = SetUp::new(held, dual, start, settings, begin);
 
     let outcome = outcome.and_then(|()| newton.run(&mut way, settings, &mut observer));
-    if let Some(memory) = settings.memory
-        && newton.products.are_exact()
-    {
-        let known = std::mem::take(&mut newton.products.known);
-        memory.replace(Memory(known.latest(REMEMBERED)));
+    if let Some(memory) = settings.memory {
+        let mut memory = memory.borrow_mut();
+        memory.mean = newton.products.mean;
+        if newton.products.are_exact() {
+            let known = std::mem::take(&mut newton.products.known);
+            memory.known = known.latest(REMEMBERED);
+        }
     }
     let (mut status, u, mut kkt) = match newton.end(&mut way.point, outcome) {
         Ok(ended) => ended,
@@ -190,6 +192,7 @@ pub fn solve<const D: usize>(
         lambda,
         sets,
         imbalance,
+        driven,
         info,
     })
 }

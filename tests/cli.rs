@@ -530,7 +530,11 @@ fn broken_cases_are_explained_with_their_line() {
             "symmetry = true\nx = 0",
             "symmetry stands alone",
         ),
-        ("y = \"-1e3 * x\"", "", "a traction needs x, y or pressure"),
+        (
+            "y = \"-1e3 * x\"",
+            "",
+            "a traction needs x, y, pressure or force",
+        ),
         ("\"-1e3 * x\"", "\"-1e3 * z\"", "unknown name \"z\""),
         ("\"-1e3 * x\"", "\"-1e3 *\"", "cannot understand"),
         ("\"-1e3 * x\"", "\"1 / (x - x)\"", "no finite value"),

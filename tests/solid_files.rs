@@ -324,3 +324,189 @@ fn matrices_of_neither_dimension_are_refused() {
         "{text}"
     );
 }
+
+fn report(directory: &Path, case: &str) -> serde_json::Value {
+    write(directory, "case.toml", case);
+    let output = run(
+        &["solve", "case.toml", "--output", "out", "--quiet"],
+        directory,
+    );
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    serde_json::from_str(&read(directory, "out/report.json"))
+        .unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn numbers(value: &serde_json::Value) -> Vec<f64> {
+    let list = value.as_array().unwrap_or_else(|| panic!("{value}"));
+    list.iter().filter_map(serde_json::Value::as_f64).collect()
+}
+
+/// A bar under a torque and a force on its end: what its other end carries about its centre.
+#[test]
+fn supports_tell_the_moment_they_carry() {
+    let directory = directory();
+    let bar = "[mesh.box]\norigin = [-1, -1, 0]\nsize = [2, 2, 3]\ncells = [4, 4, 4]\n[[material]]\nyoung = 1e9\npoisson = 0.3\n\
+        [[support]]\nboundary = \"bottom\"\nradial = 0\nhoop = 0\naxial = 0\naxis = { point = [0, 0, 0], direction = [0, 0, 1] }\n\
+        [[traction]]\nboundary = \"top\"\ntorque = 1000\nforce = [50, 0, -200]\naxis = { point = [0, 0, 9], direction = [0, 0, 2] }\n\
+        factors = [0.5, 1]\n[steps]\nfactors = [0.5, 1]\n";
+    let report = report(directory.path(), bar);
+    for (step, factor) in [(0, 0.5), (1, 1.0)] {
+        let support = &report["steps"][step]["supports"][0];
+        close(&numbers(&support["centre"]), &[0.0; 3], 1e-12);
+        let force = [-50.0 * factor, 0.0, 200.0 * factor];
+        close(&numbers(&support["force"]), &force, 1e-6);
+        // The force acts 3 above: its moment about y is 150.
+        let moment = [0.0, -150.0 * factor, -1000.0 * factor];
+        close(&numbers(&support["moment"]), &moment, 1e-5);
+    }
+    assert_eq!(
+        report["steps"][0]["supports"][0]["support"],
+        "bottom, radial, hoop, axial"
+    );
+    write(directory.path(), "bar.toml", bar);
+    let output = run(&["check", "bar.toml"], directory.path());
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let line = "support       \"bottom, radial, hoop, axial\": radial = 0, hoop = 0, axial = 0, about the axis through \
+                [0.0, 0.0, 0.0] along [0.0, 0.0, 1.0]";
+    assert!(text.contains(line), "{text}");
+}
+
+/// A block pressed on another one and pushed along it, to and fro: forces and moments of the contact balance those of the
+/// support above it and of the one below, and friction takes work.
+#[test]
+fn contacts_of_two_solids_tell_moment_and_work() {
+    let directory = directory();
+    let case = "[[mesh.part]]\nname = \"low\"\nbox = { size = [2, 2, 1], cells = [4, 4, 2] }\n\
+        [[mesh.part]]\nname = \"up\"\nbox = { origin = [0.5, 0.5, 1], size = [1, 1, 1], cells = [3, 3, 2], shape = \"tetrahedron\" }\n\
+        [[material]]\nyoung = 1e7\npoisson = 0.3\n\
+        [[support]]\nboundary = \"low-bottom\"\nx = 0\ny = 0\nz = 0\n\
+        [[support]]\nboundary = \"up-top\"\ny = 0\nz = -0.01\n\
+        [[support]]\nboundary = \"up-top\"\nx = 0.02\nfactors = [0, 1, -1]\n\
+        [[contact]]\nboundary = \"up-bottom\"\nagainst = \"low-top\"\nfriction = { coulomb = 0.1 }\n\
+        [steps]\nfactors = [1, 1, 1]\n";
+    let report = report(directory.path(), case);
+    let cross = |a: &[f64], b: &[f64]| -> Vec<f64> {
+        [(1, 2), (2, 0), (0, 1)]
+            .map(|(i, j)| a[i] * b[j] - a[j] * b[i])
+            .to_vec()
+    };
+    // Resultant and moment about the origin.
+    let whole = |carried: &serde_json::Value| {
+        let force = numbers(&carried["force"]);
+        let lever = cross(&numbers(&carried["centre"]), &force);
+        let moment = numbers(&carried["moment"]);
+        let moment: Vec<f64> = moment.iter().zip(lever).map(|(m, l)| m + l).collect();
+        [force, moment].concat()
+    };
+    for step in 0..3 {
+        let step = &report["steps"][step];
+        let contact = whole(&step["contacts"][0]);
+        let supports: Vec<Vec<f64>> = (0..3).map(|k| whole(&step["supports"][k])).collect();
+        let size = contact[2].abs();
+        assert!(size > 1e3);
+        for k in 0..6 {
+            let above = contact[k] + supports[1][k] + supports[2][k];
+            let below = -contact[k] + supports[0][k];
+            assert!(
+                above.abs() < 1e-5 * size && below.abs() < 1e-5 * size,
+                "{k}: {above} {below}"
+            );
+        }
+        close(
+            &numbers(&step["contacts"][0]["centre"]),
+            &[1.0, 1.0, 1.0],
+            1e-6,
+        );
+    }
+    let work = |step: usize| report["steps"][step]["contacts"][0]["slipping_work"].as_f64();
+    let rubbed = |step: usize| report["steps"][step]["contacts"][0]["tangential_force"].as_f64();
+    // It slides all over from the second step on, less by what the blocks give way.
+    for (step, way) in [(1, 0.02), (2, 0.04)] {
+        let ratio = work(step).unwrap_or(0.0) / (rubbed(step).unwrap_or(0.0) * way);
+        assert!(ratio > 0.8 && ratio < 1.05, "{ratio}");
+    }
+    assert!(work(0).is_some_and(|work| work >= 0.0));
+}
+
+/// A mesh of Abaqus is listed, written for Gmsh, and solved as it is.
+#[test]
+fn an_input_file_is_converted_and_solved() {
+    let directory = directory();
+    let body = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 1, 1, 0\n4, 0, 1, 0\n5, 0, 0, 1\n6, 1, 0, 1\n7, 1, 1, 1\n8, 0, 1, 1\n\
+        *ELEMENT, TYPE=C3D8, ELSET=steel\n1, 1, 2, 3, 4, 5, 6, 7, 8\n*SURFACE, NAME=up\nsteel, S2\n*NSET, NSET=down\n1, 2, 3, 4\n\
+        *NSET, NSET=corner\n1\n";
+    write(directory.path(), "cube.inp", body);
+    let output = run(
+        &["convert", "cube.inp", "cube.msh", "--scale", "2"],
+        directory.path(),
+    );
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    for line in [
+        "mesh          8 nodes, 1 hexahedra, 1 body; [0.0000e0, 2.0000e0]",
+        "region        \"steel\": volume 8.0000e0",
+        "boundary      \"up\": 1 faces",
+        "boundary      \"corner\": 0 faces; a set of nodes, with one at (0.000000e0, 0.000000e0, 0.000000e0), that has all",
+    ] {
+        assert!(text.contains(line), "{line}\n{text}");
+    }
+    let case = |file: &str, scale: &str| {
+        format!(
+            "[mesh]\nfile = \"{file}\"\n{scale}[[material]]\nyoung = 1e6\npoisson = 0\n[[support]]\nboundary = \"down\"\nx = 0\ny = 0\nz = 0\n\
+             [[traction]]\nboundary = \"up\"\nforce = [0, 0, -8]\n"
+        )
+    };
+    for text in [case("cube.inp", "scale = 2\n"), case("cube.msh", "")] {
+        let report = report(directory.path(), &text);
+        close(
+            &numbers(&report["steps"][0]["supports"][0]["force"]),
+            &[0.0, 0.0, 8.0],
+            1e-6,
+        );
+    }
+    for (arguments, expected) in [
+        (
+            vec!["convert", "cube.inp", "cube.vtu"],
+            "only files of Gmsh are written: call it .msh",
+        ),
+        (
+            vec!["convert", "none.inp", "cube.msh"],
+            "error: cannot read none.inp",
+        ),
+        (
+            vec!["convert", "cube.inp", "cube.msh", "--scale", "0"],
+            "--scale must be a positive number",
+        ),
+        (
+            vec!["convert", "cube.inp", "cube.msh", "--cell-data", "a"],
+            "--cell-data belongs to a .vtu file",
+        ),
+    ] {
+        let output = run(&arguments, directory.path());
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            output.status.code() == Some(1) && told.contains(expected),
+            "{told}"
+        );
+    }
+    write(
+        directory.path(),
+        "bad.toml",
+        &case("cube.inp", "cell_data = \"a\"\n"),
+    );
+    let output = run(&["check", "bad.toml"], directory.path());
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        told.contains("bad.toml, line 1: cell_data belongs to a .vtu file"),
+        "{told}"
+    );
+    let held = case("cube.inp", "") + "[[traction]]\nboundary = \"corner\"\nx = 1\n";
+    write(directory.path(), "corner.toml", &held);
+    let output = run(&["check", "corner.toml"], directory.path());
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        told.contains("name a surface of the body or, for a support, its point"),
+        "{told}"
+    );
+}

@@ -3,8 +3,7 @@
 use super::{AlgebraicTable, Case, CaseError};
 use crate::contact::Space;
 use crate::matrix_market::{self, Matrix, MatrixMarketError};
-use crate::mesh::gmsh::GmshError;
-use crate::mesh::{AnyMesh, Kind as ElementKind, Mesh, Topology};
+use crate::mesh::{AnyMesh, FileError, Kind as ElementKind, Mesh, Topology};
 use crate::model::{
     self, Built, Elastic, Fault, Kind, Model, ModelError, StepData, without_boundaries,
 };
@@ -20,7 +19,7 @@ pub enum BuildError {
     Case(#[from] CaseError),
     /// The mesh could not be read.
     #[error(transparent)]
-    Gmsh(#[from] GmshError),
+    Mesh(#[from] FileError),
     /// A matrix could not be read.
     #[error(transparent)]
     Matrix(#[from] MatrixMarketError),

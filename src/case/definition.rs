@@ -1,14 +1,14 @@
 //! What the tables of a case say as parts of a model, in the dimension of its mesh.
 
 use super::tables::{
-    BodyForceTable, ContactTable, FrictionTable, MaterialTable, ObstacleTable, SupportTable,
-    TractionTable,
+    AxisTable, BodyForceTable, ContactTable, FrictionTable, MaterialTable, ObstacleTable,
+    SupportTable, TractionTable,
 };
 use super::{Figure, Tables};
 use crate::contact::Obstacle;
 use crate::elasticity::Material;
 use crate::model::{
-    BodyForce, Definition, Entity, Kind, Names, Pair, Quantity, Support, Traction, Units,
+    Axis, BodyForce, Definition, Entity, Kind, Names, Pair, Quantity, Support, Traction, Units,
 };
 use serde::Deserialize;
 use std::ops::Range;
@@ -102,6 +102,49 @@ fn along_axes<T, const D: usize>(
     Ok(part)
 }
 
+/// The same for figures away from an axis, around it and along it.
+fn about_axis<T, const D: usize>(
+    mut part: T,
+    figures: [&Option<Spanned<Figure>>; 3],
+    say: impl Fn(T, usize, Quantity<D>) -> T,
+) -> Result<T, Wrong> {
+    for (way, figure) in figures.into_iter().enumerate() {
+        match figure {
+            Some(figure) if way >= D => {
+                let message = "axial has no meaning here: the mesh is one of the plane, where there are radial and hoop";
+                return Err((figure.span(), message.to_owned()));
+            }
+            _ => part = with_figure(part, figure, |part, value| say(part, way, value))?,
+        }
+    }
+    Ok(part)
+}
+
+/// The axis of a table, if it states one.
+fn axis<const D: usize>(table: &Option<Spanned<AxisTable>>) -> Result<Option<Axis<D>>, Wrong> {
+    let Some(table) = table else { return Ok(None) };
+    let AxisTable { point, direction } = table.get_ref();
+    let point = vector::<D>(point)?;
+    match direction {
+        None if D == 3 => {
+            let message = "an axis in space needs a direction: axis = { point = [x, y, z], direction = [x, y, z] }";
+            Err((table.span(), message.to_owned()))
+        }
+        Some(direction) if D == 2 => {
+            let message =
+                "in the plane an axis is a point and stands upright: leave out the direction";
+            Err((direction.span(), message.to_owned()))
+        }
+        _ => {
+            let direction = direction.as_ref().map(vector::<3>).transpose()?;
+            Ok(Some(Axis::through(
+                point,
+                direction.unwrap_or([0.0, 0.0, 1.0]),
+            )))
+        }
+    }
+}
+
 impl SupportTable {
     fn support<const D: usize>(&self, span: Range<usize>) -> Result<Support<D>, Wrong> {
         let support = match (&self.boundary, &self.point) {
@@ -110,7 +153,10 @@ impl SupportTable {
             _ => return Err((span, "a support needs either a boundary or a point".into())),
         };
         let figures = [&self.x, &self.y, &self.z];
-        let mut support = along_axes(support, figures, Support::along)?;
+        let support = along_axes(support, figures, Support::along)?;
+        let figures = [&self.radial, &self.hoop, &self.axial];
+        let support = about_axis(support, figures, Support::around)?;
+        let mut support = with(support, &axis(&self.axis)?, Support::about);
         if self.symmetry {
             support = support.symmetry();
         }
@@ -123,6 +169,12 @@ impl TractionTable {
         let traction = Traction::on(self.boundary.clone());
         let traction = along_axes(traction, [&self.x, &self.y, &self.z], Traction::along)?;
         let traction = with_figure(traction, &self.pressure, Traction::pressure)?;
+        let figures = [&self.radial, &self.hoop, &self.axial];
+        let traction = about_axis(traction, figures, Traction::around)?;
+        let traction = with(traction, &axis(&self.axis)?, Traction::about);
+        let traction = with(traction, &self.torque, Traction::torque);
+        let force = self.force.as_ref().map(vector).transpose()?;
+        let traction = with(traction, &force, Traction::force);
         Ok(with(traction, &self.factors, Traction::factors))
     }
 }

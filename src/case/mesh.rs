@@ -3,15 +3,15 @@
 use super::build::BuildError;
 use super::definition::{quantity, vector};
 use super::{BoxTable, Case, CaseError, Figure, MeshTable, PartTable, RectangleTable};
-use crate::mesh::{AnyMesh, Kind, Mesh, Topology, gmsh, structured};
+use crate::mesh::{self, AnyMesh, Kind, Mesh, Topology, structured};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
 /// Where a mesh comes from.
 enum Source<'a> {
-    /// A file, and the factor for its coordinates.
-    File(&'a Path, f64),
+    /// A file, the factor for its coordinates, and the cell array that tells its regions.
+    File(&'a Path, f64, Option<&'a str>),
     Rectangle(&'a RectangleTable),
     Box(&'a BoxTable),
 }
@@ -31,6 +31,7 @@ impl Source<'_> {
 struct Stated<'a> {
     file: &'a Option<PathBuf>,
     scale: Option<f64>,
+    cell_data: &'a Option<String>,
     rectangle: &'a Option<RectangleTable>,
     block: &'a Option<BoxTable>,
 }
@@ -40,6 +41,7 @@ impl MeshTable {
         let stated = Stated {
             file: &self.file,
             scale: self.scale,
+            cell_data: &self.cell_data,
             rectangle: &self.rectangle,
             block: &self.block,
         };
@@ -52,6 +54,7 @@ impl PartTable {
         let stated = Stated {
             file: &self.file,
             scale: self.scale,
+            cell_data: &self.cell_data,
             rectangle: &self.rectangle,
             block: &self.block,
         };
@@ -67,16 +70,39 @@ impl<'a> Stated<'a> {
                 return Err("scale must be a positive number".to_owned());
             }
             (Some(file), None, None) => {
-                return Ok(Source::File(file, self.scale.unwrap_or(1.0)));
+                let groups = self.cell_data.as_deref();
+                if groups.is_some() && !mesh::has_cell_arrays(file) {
+                    return Err(
+                        "cell_data belongs to a .vtu file: others say themselves what is a region"
+                            .to_owned(),
+                    );
+                }
+                return Ok(Source::File(file, self.scale.unwrap_or(1.0), groups));
             }
             (None, Some(rectangle), None) => ("rectangle", Source::Rectangle(rectangle)),
             (None, None, Some(block)) => ("box", Source::Box(block)),
-            _ => {
+            (None, None, None) => {
                 return Err(format!(
-                    "{what} needs either file or rectangle or, for a solid, box"
+                    "{what} says nothing of the bodies: it needs a file, a rectangle or, for a solid, a box"
+                ));
+            }
+            (file, rectangle, block) => {
+                let stated = [
+                    ("file", file.is_some()),
+                    ("rectangle", rectangle.is_some()),
+                    ("box", block.is_some()),
+                ];
+                let stated = stated.iter().filter(|place| place.1).map(|place| place.0);
+                let stated: Vec<&str> = stated.collect();
+                return Err(format!(
+                    "{what} has {}: keep one, or make each a [[mesh.part]] with a name",
+                    stated.join(" and ")
                 ));
             }
         };
+        if self.cell_data.is_some() {
+            return Err("cell_data belongs to a .vtu file".to_owned());
+        }
         if self.scale.is_some() {
             return Err(format!(
                 "scale belongs to a mesh file: give the {name} its size in metres"
@@ -130,6 +156,7 @@ impl Case {
             || mesh.rectangle.is_some()
             || mesh.block.is_some()
             || mesh.scale.is_some()
+            || mesh.cell_data.is_some()
         {
             return self.invalid(
                 span,
@@ -247,7 +274,7 @@ impl Case {
         source: Result<Source, String>,
     ) -> Result<AnyMesh, BuildError> {
         Ok(match source {
-            Ok(Source::File(file, scale)) => gmsh::read(&self.beside(file), scale)?,
+            Ok(Source::File(file, scale, groups)) => mesh::read(&self.beside(file), scale, groups)?,
             Ok(Source::Rectangle(r)) => {
                 let mesh = structured::rectangle(r.origin, r.size, r.cells, r.shape, "body", "");
                 AnyMesh::Plane(self.mapped(span, "rectangle", mesh, &r.map)?)

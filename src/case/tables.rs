@@ -8,6 +8,7 @@ use crate::elasticity::Plane;
 use crate::mesh::structured::{CellShape, SolidShape};
 use crate::model::{Names, Units};
 use serde::Deserialize;
+use std::fmt;
 use std::path::PathBuf;
 use toml::Spanned;
 
@@ -49,14 +50,16 @@ pub struct Tables {
     pub solver: SolverTable,
 }
 
-/// `[mesh]`: a Gmsh file, a rectangle or a box, or parts.
+/// `[mesh]`: a mesh file, a rectangle or a box, or parts.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshTable {
-    /// A Gmsh file, relative to the case file.
+    /// A file of Gmsh, Abaqus (`.inp`) or VTK (`.vtu`), relative to the case file.
     pub file: Option<PathBuf>,
     /// Factor for the coordinates, e.g. 1e-3 for a drawing in millimetres.
     pub scale: Option<f64>,
+    /// The cell array of a VTK file that tells its regions and boundaries.
+    pub cell_data: Option<String>,
     /// A structured rectangle: region `body`, boundaries `left`, `right`, `bottom`, `top`.
     pub rectangle: Option<RectangleTable>,
     /// A structured box in space: besides boundaries `front` and `back`.
@@ -67,17 +70,19 @@ pub struct MeshTable {
     pub part: Vec<Spanned<PartTable>>,
 }
 
-/// `[[mesh.part]]`: a Gmsh file, a rectangle or a box among others. Its boundaries are called `name-boundary`; the
+/// `[[mesh.part]]`: a mesh file, a rectangle or a box among others. Its boundaries are called `name-boundary`; the
 /// region of a rectangle or a box `name`, those of a file `name-region`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PartTable {
     /// What its regions and boundaries begin with.
     pub name: String,
-    /// A Gmsh file, relative to the case file.
+    /// A file of Gmsh, Abaqus (`.inp`) or VTK (`.vtu`), relative to the case file.
     pub file: Option<PathBuf>,
     /// Factor for the coordinates of the file.
     pub scale: Option<f64>,
+    /// The cell array of a VTK file that tells its regions and boundaries.
+    pub cell_data: Option<String>,
     /// A structured rectangle.
     pub rectangle: Option<RectangleTable>,
     /// A structured box.
@@ -170,7 +175,15 @@ pub struct SupportTable {
     pub y: Option<Spanned<Figure>>,
     /// u_z in m; free if left out, and in space only.
     pub z: Option<Spanned<Figure>>,
-    /// No displacement across a boundary parallel to an axis.
+    /// Displacement away from the axis, in m; free if left out.
+    pub radial: Option<Spanned<Figure>>,
+    /// Displacement around the axis, in m; free if left out.
+    pub hoop: Option<Spanned<Figure>>,
+    /// Displacement along the axis, in m; free if left out, and in space only.
+    pub axial: Option<Spanned<Figure>>,
+    /// What these are about.
+    pub axis: Option<Spanned<AxisTable>>,
+    /// No displacement across a straight (plane) boundary.
     #[serde(default)]
     pub symmetry: bool,
     /// Load factors of its own, one per step.
@@ -191,8 +204,46 @@ pub struct TractionTable {
     pub z: Option<Spanned<Figure>>,
     /// In Pa, against the outward normal.
     pub pressure: Option<Spanned<Figure>>,
+    /// In Pa, away from the axis.
+    pub radial: Option<Spanned<Figure>>,
+    /// In Pa, around the axis.
+    pub hoop: Option<Spanned<Figure>>,
+    /// In Pa, along the axis; in space only.
+    pub axial: Option<Spanned<Figure>>,
+    /// A moment about the axis in N·m, as traction around it that grows with the distance.
+    pub torque: Option<f64>,
+    /// What these are about.
+    pub axis: Option<Spanned<AxisTable>>,
+    /// A resultant in N, spread evenly: a number for each coordinate.
+    pub force: Option<Spanned<Vec<f64>>>,
     /// Load factors of its own, one per step.
     pub factors: Option<Vec<f64>>,
+}
+
+/// `axis = { point = […], direction = […] }`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AxisTable {
+    /// On the axis, in m: a number for each coordinate.
+    pub point: Spanned<Vec<f64>>,
+    /// Along it, of any length; in space only.
+    pub direction: Option<Spanned<Vec<f64>>>,
+}
+
+impl fmt::Display for AxisTable {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let point = self.point.get_ref();
+        match &self.direction {
+            Some(direction) => {
+                write!(
+                    f,
+                    "the axis through {point:?} along {:?}",
+                    direction.get_ref()
+                )
+            }
+            None => write!(f, "the point {point:?}"),
+        }
+    }
 }
 
 /// `[[body_force]]`: forces in the volume.

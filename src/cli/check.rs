@@ -81,6 +81,25 @@ where
     counted.join(", ")
 }
 
+/// How large a mesh is: nodes, elements, bodies, the box around it.
+pub(super) fn mesh<const D: usize>(mesh: &Mesh<D>) -> String
+where
+    Kind: Topology<D>,
+{
+    let (low, high) = mesh.bounding_box();
+    let sides: Vec<String> = (low.iter().zip(high))
+        .map(|(low, high)| format!("[{low:.4e}, {high:.4e}]"))
+        .collect();
+    let (bodies, _) = mesh.bodies();
+    format!(
+        "mesh          {} nodes, {}, {bodies} {}; {}",
+        mesh.nodes.len(),
+        elements(mesh),
+        if bodies == 1 { "body" } else { "bodies" },
+        sides.join(" × "),
+    )
+}
+
 /// The mesh, its regions with their materials, its groups.
 fn bodies<const D: usize>(lines: &mut Vec<String>, case: &Case, elastic: &Elastic<D>)
 where
@@ -88,18 +107,7 @@ where
 {
     let (units, mesh) = (case.units(), &elastic.mesh);
     let (length, stress) = (&units.length, units.stress());
-    let (low, high) = mesh.bounding_box();
-    let sides: Vec<String> = (low.iter().zip(high))
-        .map(|(low, high)| format!("[{low:.4e}, {high:.4e}]"))
-        .collect();
-    let (bodies, _) = mesh.bodies();
-    lines.push(format!(
-        "mesh          {} nodes, {}, {bodies} {}; {} {length}",
-        mesh.nodes.len(),
-        elements(mesh),
-        if bodies == 1 { "body" } else { "bodies" },
-        sides.join(" × "),
-    ));
+    lines.push(format!("{} {length}", self::mesh(mesh)));
     let (measure, power) = match D {
         2 => ("area", "²"),
         _ => ("volume", "³"),
@@ -134,7 +142,7 @@ where
     for (name, facets) in &mesh.boundaries {
         let extent = (facets.iter()).fold(0.0, |sum, f| sum + mesh.facet_normal(f).0);
         let fault = match mesh.faults.get(name) {
-            Some(fault) if fault.kind == FaultKind::Stray => {
+            Some(fault) if fault.kind != FaultKind::Inside => {
                 format!("; not to be used: {fault}")
             }
             Some(fault) => format!("; not for contact and traction: {fault}"),
@@ -184,10 +192,18 @@ where
     }
     for (name, table) in elastic.supports.iter().zip(&case.tables.support) {
         let s = table.get_ref();
-        let mut what: Vec<String> = [("x", &s.x), ("y", &s.y), ("z", &s.z)]
-            .iter()
+        let along = [("x", &s.x), ("y", &s.y), ("z", &s.z)];
+        let around = [
+            ("radial", &s.radial),
+            ("hoop", &s.hoop),
+            ("axial", &s.axial),
+        ];
+        let mut what: Vec<String> = (along.iter().chain(&around))
             .filter_map(|(c, value)| Some(format!("{c} = {}", value.as_ref()?.get_ref())))
             .collect();
+        if let Some(axis) = &s.axis {
+            what.push(format!("about {}", axis.get_ref()));
+        }
         if s.symmetry {
             what.push("symmetry".to_owned());
         }

@@ -6,6 +6,7 @@
 
 use super::{ContactError, ContactNode, SlipBound};
 use crate::elasticity::{Body, Unknowns};
+use crate::mesh::vector::dot;
 use crate::mesh::{Kind, Place, Topology};
 use crate::sparse::Csr;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -73,7 +74,7 @@ where
         }
         rows[0].push(entries);
         held[0].push(motion);
-        let node = turned(candidate, unknowns.prescribed(candidate.node));
+        let node = turned(candidate, unknowns);
         for &tangent in &node.frame[1..] {
             let (mut entries, mut motion) = row(unknowns, &node, tangent);
             if kept_along(unknowns, &node, tangent) {
@@ -193,14 +194,17 @@ fn partners_slide<const D: usize>(
 
 /// The node with its tangents turned, in space, so that the first has no part in the only direction in which
 /// supports hold it: what is left to slide along.
-fn turned<const D: usize>(node: &ContactNode<D>, held: [Option<f64>; D]) -> ContactNode<D> {
+fn turned<const D: usize>(node: &ContactNode<D>, unknowns: &Unknowns<D>) -> ContactNode<D> {
     let mut node = node.clone();
+    let held = unknowns.prescribed(node.node);
+    let along = |v: [f64; D], c: usize| unknowns.frame(node.node).map_or(v[c], |f| dot(f[c], v));
     let mut components = (0..D).filter(|&c| held[c].is_some());
     if let (3, Some(c), None) = (D, components.next(), components.next()) {
         let [s, t] = [node.frame[1], node.frame[2]];
-        let length = s[c].hypot(t[c]);
+        let parts = [along(s, c), along(t, c)];
+        let length = parts[0].hypot(parts[1]);
         if length > 0.0 {
-            let (cos, sin) = (t[c] / length, s[c] / length);
+            let (cos, sin) = (parts[1] / length, parts[0] / length);
             node.frame[1] = std::array::from_fn(|i| cos * s[i] - sin * t[i]);
             node.frame[2] = std::array::from_fn(|i| sin * s[i] + cos * t[i]);
         }
@@ -218,6 +222,21 @@ fn row<const D: usize>(
     let (mut entries, mut held) = (Vec::new(), Vec::new());
     let partners = candidate.partners.iter().map(|&(node, w)| (node, -w));
     for (node, factor) in [(candidate.node, 1.0)].into_iter().chain(partners) {
+        if let Some(frame) = unknowns.frame(node) {
+            // What is prescribed along directions of its own is taken out; the unknowns are along the axes.
+            for (c, value) in unknowns.prescribed(node).iter().enumerate() {
+                let part = factor * dot(frame[c], v);
+                if value.is_some() && part.abs() >= 1e-14 {
+                    held.push((node, c, part));
+                }
+            }
+            if let Some(block) = unknowns.block(node) {
+                let left = unknowns.free_part(node, v).map(|part| factor * part);
+                let some = (0..D).filter(|&c| left[c].abs() >= 1e-14);
+                entries.extend(some.map(|c| (D * block as usize + c, left[c])));
+            }
+            continue;
+        }
         for c in 0..D {
             let value = factor * v[c];
             // What is left of a cosine of a right angle is rounding.

@@ -65,6 +65,8 @@ pub(crate) struct Nearest {
     pub eta: Vec<f64>,
     /// e − Gλ; zero but for rounding where the bodies are balanced.
     pub imbalance: Vec<f64>,
+    /// The motion of the bodies that this drives and that no forces of Λ resist.
+    pub motion: Vec<f64>,
     /// Whether they are.
     pub balanced: bool,
 }
@@ -239,11 +241,26 @@ impl Balance {
             .map(|((v, l), alone)| -v * l + alone)
             .collect();
         Nearest {
+            imbalance,
+            motion: self.driven(&lambda),
             lambda,
             eta,
-            imbalance,
             balanced,
         }
+    }
+
+    /// What is left of the imbalance of the nearest forces, as a motion: they would resist any that they could be larger
+    /// against. Of a body that moves where nothing touches it, that alone.
+    fn driven(&self, lambda: &[f64]) -> Vec<f64> {
+        let left: Vec<f64> = self.excess(lambda).iter().map(|v| -v).collect();
+        let mut motion = self.coefficients(&left);
+        for (j, &alone) in self.without_contact.iter().enumerate() {
+            let others = || (0..self.count()).filter(|&k| self.body[k] == self.body[j]);
+            if others().any(|k| self.without_contact[k] != 0.0) {
+                motion[j] = alone;
+            }
+        }
+        motion
     }
 
     /// −H⁻¹ slope, with H = G P' Gᵀ and the added curvature.

@@ -2,7 +2,7 @@
 
 use super::element::{Element, Elements, Point, Visit};
 use super::{Body, Unknowns};
-use crate::mesh::vector::dot;
+use crate::mesh::vector::{dot, minus};
 use crate::mesh::{self, Kind, Mesh, Topology};
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
@@ -183,6 +183,10 @@ where
                     let columns = &columns[begin..row_ptr[row + 1] - row_ptr[rows.start]];
                     let place = columns.partition_point(|&c| c < column);
                     let value = &mut values[begin + place];
+                    if self.unknowns.is_turned(nodes[a]) || self.unknowns.is_turned(nodes[b]) {
+                        add_projected(self.unknowns, [nodes[a], nodes[b]], block, value);
+                        return;
+                    }
                     let fixed = self.unknowns.prescribed(nodes[a]);
                     let given = self.unknowns.prescribed(nodes[b]);
                     for i in 0..D {
@@ -199,6 +203,35 @@ where
     }
 }
 
+/// Adds the block K_ab of an element to that of two nodes of which one at least has directions of its own: without what
+/// is prescribed at either, P_a K_ab P_b, but for the decoupled equations of a node itself, n (n·K_aa n) nᵀ.
+fn add_projected<const D: usize>(
+    unknowns: &Unknowns<D>,
+    [a, b]: [u32; 2],
+    block: &[[f64; D]; D],
+    value: &mut [[f64; D]; D],
+) {
+    let rows = block.map(|row| unknowns.free_part(b, row));
+    for j in 0..D {
+        let column = unknowns.free_part(a, rows.map(|row| row[j]));
+        for i in 0..D {
+            value[i][j] += column[i];
+        }
+    }
+    let (Some(frame), true) = (unknowns.frame(a), a == b) else {
+        return;
+    };
+    let held = frame.iter().zip(unknowns.prescribed(a));
+    for (way, _) in held.filter(|(_, value)| value.is_some()) {
+        let stiffness = dot(*way, block.map(|row| dot(row, *way)));
+        for i in 0..D {
+            for j in 0..D {
+                value[i][j] += stiffness * way[i] * way[j];
+            }
+        }
+    }
+}
+
 /// More points than any element integrates its stiffness with.
 const MOST_POINTS: usize = 8;
 
@@ -206,7 +239,7 @@ const MOST_POINTS: usize = 8;
 ///
 /// `forces` are the nodal forces (D per node of the mesh). Prescribed displacements move to the
 /// right-hand side; a component prescribed at a node that keeps another free one has the decoupled
-/// equation `k u = 0` with the diagonal entry k that it would have had.
+/// equation `k u = 0` with the diagonal entry k that it would have had (along a direction of the node's own: [`Unknowns`]).
 ///
 /// Each row is computed from the elements around its node, in their order, so that threads share nothing and the sum
 /// has one order.
@@ -279,6 +312,11 @@ where
     let mut load = zero;
     for (row, load) in load.chunks_mut(D).enumerate() {
         let node = unknowns.node(row);
+        if unknowns.is_turned(node) {
+            let whole = minus(forces[node as usize], held[node as usize]);
+            load.copy_from_slice(&unknowns.free_part(node, whole));
+            continue;
+        }
         let fixed = unknowns.prescribed(node);
         for c in 0..D {
             if fixed[c].is_none() {

@@ -1,15 +1,23 @@
 //! Supports, and the numbering of what they leave free.
 
+use crate::mesh::vector::dot;
 use crate::mesh::{Kind, Mesh, Topology};
+use std::collections::BTreeMap;
 
 /// Which displacement components are prescribed, and the numbering of the rest.
 ///
 /// A node with at least one free component is a *block* of D unknowns; components prescribed at such
 /// a node keep a decoupled equation (u = 0) so that every block is D × D. Nodes prescribed in all
 /// components are not in the system.
+///
+/// Components are those along the axes or, at nodes with directions of their own ([`Unknowns::along`]), along these.
+/// The unknowns of such nodes are along the axes all the same, so that rigid motions are what they are elsewhere: what
+/// is prescribed along n is projected out of K and f, P = I − n nᵀ, and has the decoupled equation k n·u = 0.
 #[derive(Clone, Debug)]
 pub struct Unknowns<const D: usize = 2> {
     prescribed: Vec<[Option<f64>; D]>,
+    /// Orthonormal directions of nodes whose components are not along the axes, one a row.
+    frames: BTreeMap<u32, [[f64; D]; D]>,
     block_of_node: Vec<Option<u32>>,
     node_of_block: Vec<u32>,
     n_free: usize,
@@ -32,10 +40,55 @@ impl<const D: usize> Unknowns<D> {
         let n_free = prescribed.iter().flatten().filter(|c| c.is_none()).count();
         Self {
             prescribed,
+            frames: BTreeMap::new(),
             block_of_node,
             node_of_block,
             n_free,
         }
+    }
+
+    /// Says along which orthonormal directions, one a row, the components of some nodes are prescribed.
+    pub fn along(mut self, frames: BTreeMap<u32, [[f64; D]; D]>) -> Self {
+        self.frames = frames;
+        self
+    }
+
+    /// The directions of the components of a node, where they are not the axes.
+    pub fn frame(&self, node: u32) -> Option<&[[f64; D]; D]> {
+        self.frames.get(&node)
+    }
+
+    /// What supports leave free of a vector at a node.
+    pub fn free_part(&self, node: u32, v: [f64; D]) -> [f64; D] {
+        let held = self.prescribed[node as usize];
+        let mut left = v;
+        match self.frame(node) {
+            None => (0..D)
+                .filter(|&c| held[c].is_some())
+                .for_each(|c| left[c] = 0.0),
+            Some(frame) => {
+                for (way, _) in frame.iter().zip(held).filter(|(_, held)| held.is_some()) {
+                    let part = dot(*way, v);
+                    (0..D).for_each(|c| left[c] -= part * way[c]);
+                }
+            }
+        }
+        left
+    }
+
+    /// Whether a node has directions of its own.
+    pub(super) fn is_turned(&self, node: u32) -> bool {
+        !self.frames.is_empty() && self.frames.contains_key(&node)
+    }
+
+    /// Displacement of a node with directions of its own from that of its block, if it has one.
+    fn turned_displacement(&self, node: u32, frame: &[[f64; D]; D], u: [f64; D]) -> [f64; D] {
+        let mut sum = self.free_part(node, u);
+        for (way, value) in frame.iter().zip(self.prescribed[node as usize]) {
+            let value = value.unwrap_or(0.0);
+            (0..D).for_each(|c| sum[c] += value * way[c]);
+        }
+        sum
     }
 
     /// Number of free displacement components.
@@ -58,14 +111,15 @@ impl<const D: usize> Unknowns<D> {
         self.node_of_block[block]
     }
 
-    /// The prescribed value of a component of a node.
+    /// The prescribed values of the components of a node: along the axes, or along the directions of its own.
     pub fn prescribed(&self, node: u32) -> [Option<f64>; D] {
         self.prescribed[node as usize]
     }
 
     /// Displacement of every node from the solution `u` of the system.
     pub fn displacements(&self, u: &[f64]) -> Vec<[f64; D]> {
-        self.prescribed
+        let mut all: Vec<[f64; D]> = self
+            .prescribed
             .iter()
             .zip(&self.block_of_node)
             .map(|(prescribed, block)| {
@@ -76,7 +130,14 @@ impl<const D: usize> Unknowns<D> {
                     })
                 })
             })
-            .collect()
+            .collect();
+        for (&node, frame) in &self.frames {
+            let of_block = self.block(node).map_or([0.0; D], |block| {
+                std::array::from_fn(|c| u[D * block as usize + c])
+            });
+            all[node as usize] = self.turned_displacement(node, frame, of_block);
+        }
+        all
     }
 
     /// Coordinates of the nodes of the blocks (for rigid body modes).

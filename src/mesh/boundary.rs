@@ -100,6 +100,9 @@ impl<const D: usize> Fault<D> {
         let otherwise = match self.kind {
             FaultKind::Inside => " or, where two bodies touch, draw it once for each",
             FaultKind::Stray => "",
+            FaultKind::NoFacet => {
+                return format!("name a {part} of the body or, for a support, its point");
+            }
         };
         format!("take that {part} out of the physical group{otherwise}")
     }

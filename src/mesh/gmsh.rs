@@ -5,88 +5,31 @@
 //! numbers where they have none. Elements in the same groups are a region, named after these. Linear triangles and
 //! quadrilaterals in the plane z = const, linear tetrahedra, hexahedra and wedges in space.
 
-mod build;
 mod foreign;
-mod raw;
 mod reader;
 mod v2;
 mod v4;
+pub(super) mod write;
 
-use super::{AnyMesh, MeshError};
-use raw::Raw;
+use super::AnyMesh;
+use super::file::build::build;
+use super::file::raw::{Cell, Raw};
+use super::file::{self, FileError, Result};
 use reader::Reader;
-use std::path::{Path, PathBuf};
-
-/// Why a Gmsh file could not be read.
-#[derive(Debug, thiserror::Error)]
-pub enum GmshError {
-    /// The file could not be opened or read.
-    #[error("cannot read {}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// What stands at a place of the file is not what should.
-    #[error("{}, {place}: {message}", path.display())]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// The line, or in a binary file the byte.
-        place: String,
-        /// What is wrong, and what to do.
-        message: String,
-    },
-    /// The file is of another kind.
-    #[error("{}: this is {what}", path.display())]
-    Foreign {
-        /// The file.
-        path: PathBuf,
-        /// What it is, and what to do.
-        what: String,
-    },
-    /// The file is in order, but no mesh comes of it.
-    #[error("{}: {source}", path.display())]
-    Mesh {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with the mesh.
-        source: MeshError,
-    },
-}
+use std::path::Path;
 
 /// Reads a mesh, of the dimension that its elements have; coordinates are multiplied by `scale`.
-pub fn read(path: &Path, scale: f64) -> std::result::Result<AnyMesh, GmshError> {
-    let bytes = std::fs::read(path).map_err(|source| GmshError::Io {
-        path: path.to_owned(),
-        source,
-    })?;
+///
+/// # Errors
+/// If the file cannot be read, is of another kind, or has something that no mesh here has: with its line.
+pub fn read(path: &Path, scale: f64) -> std::result::Result<AnyMesh, FileError> {
+    let bytes = file::bytes(path)?;
     if let Some(what) = foreign::foreign(path, &bytes) {
         let path = path.to_owned();
-        return Err(GmshError::Foreign { path, what });
+        return Err(FileError::Foreign { path, what });
     }
-    parse(&bytes, scale).map_err(|error| match error {
-        Failure::Format { place, message } => GmshError::Format {
-            path: path.to_owned(),
-            place,
-            message,
-        },
-        Failure::Mesh(source) => GmshError::Mesh {
-            path: path.to_owned(),
-            source,
-        },
-    })
+    parse(&bytes, scale).map_err(|failure| failure.of(path))
 }
-
-/// What [`parse`] complains of.
-#[derive(Debug)]
-enum Failure {
-    Format { place: String, message: String },
-    Mesh(MeshError),
-}
-
-type Result<T> = std::result::Result<T, Failure>;
 
 fn parse(bytes: &[u8], scale: f64) -> Result<AnyMesh> {
     let mut reader = Reader::new(bytes);
@@ -128,7 +71,47 @@ fn parse(bytes: &[u8], scale: f64) -> Result<AnyMesh> {
     if version.is_none() {
         return reader.fail("there is no $MeshFormat: the file is cut short");
     }
-    build::build(raw, &reader, scale)
+    if raw.solids.is_empty() && !raw.is_level() {
+        return reader.fail(NOT_PLANE);
+    }
+    if raw.solids.is_empty() && raw.faces.is_empty() {
+        return reader.fail(
+            "no triangles or quadrilaterals: give the surface a physical group, or set Mesh.SaveAll = 1",
+        );
+    }
+    if raw.has_names_alone() {
+        // That is what MSH 2 makes of them with Mesh.SaveAll = 1.
+        return reader.fail(
+            "the file names physical groups, but no element is in one: save it with Mesh.SaveAll = 0, or as MSH 4.1",
+        );
+    }
+    build(raw, scale)
+}
+
+const NOT_PLANE: &str = "the mesh is not plane: its z coordinates differ; for a solid body the file needs volume \
+                         elements: mesh it with gmsh -3, with a physical group for its volumes";
+
+/// The kind of a type of element of Gmsh that may stand in a mesh of first order.
+fn cell(reader: &Reader, kind: i64) -> Result<Cell> {
+    match kind {
+        15 => Ok(Cell::Point),
+        1 => Ok(Cell::Line),
+        2 => Ok(Cell::Triangle),
+        3 => Ok(Cell::Quad),
+        4 => Ok(Cell::Tetrahedron),
+        5 => Ok(Cell::Hexahedron),
+        6 => Ok(Cell::Wedge),
+        8..=14 | 16..=28 => reader
+            .fail("elements of higher order are not supported: set Mesh.ElementOrder = 1 in Gmsh"),
+        7 => reader.fail(
+            "pyramids are not supported: use tetrahedra alone, or hexahedra and wedges of extruded or transfinite \
+             volumes",
+        ),
+        _ => reader.fail(format!(
+            "element type {kind} is not supported: use triangles and quadrilaterals, in space tetrahedra, hexahedra \
+             and wedges"
+        )),
+    }
 }
 
 const SAVE_AS: &str = "save as 4.1 or 2.2 (gmsh -format msh41 …)";

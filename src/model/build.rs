@@ -2,7 +2,8 @@
 
 use super::contacts::PairData;
 use super::error::{Entity, Fault, Kind, ModelError, listed};
-use super::loads::{Prescription, StepData, acting, held, region};
+use super::loads::{StepData, acting, region};
+use super::supports::Prescriptions;
 use super::{Definition, Model, Units};
 use crate::contact::{ContactRows, Space, contact_rows};
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
@@ -42,10 +43,13 @@ where
     pub thickness: f64,
     /// The numbering of the unknowns, with the prescribed displacements of the first step.
     pub unknowns: Unknowns<D>,
-    /// What supports prescribe: node, component, number of the support that does so first.
+    /// What supports prescribe: node, component (along the directions that [`Unknowns::frame`] gives the node, if any),
+    /// number of the support that does so first.
     pub held: Vec<(u32, usize, usize)>,
     /// The boundary or point of each support.
     pub supports: Vec<String>,
+    /// The centroid of the boundaries of each support, or its point.
+    pub support_centres: Vec<[f64; D]>,
     /// The rows of N and T with their contact nodes.
     pub contact: ContactRows<D>,
     /// The contacts of the model, in its order.
@@ -58,7 +62,7 @@ where
     pub units_stated: bool,
     /// What the load of each step follows from.
     pub(super) definition: Definition<D>,
-    pub(super) prescriptions: Vec<Prescription>,
+    pub(super) prescriptions: Prescriptions<D>,
 }
 
 impl<const D: usize> Elastic<D>
@@ -178,7 +182,7 @@ where
             thickness: definition.thickness,
         };
         let prescriptions = definition.prescriptions(&mesh)?;
-        let unknowns = Unknowns::new(definition.prescribed(&mesh, &prescriptions, 0)?);
+        let unknowns = definition.unknowns(&mesh, &prescriptions, 0)?;
         if unknowns.n_free() == 0 {
             return Err(Entity::all(Kind::Support)
                 .error("the supports hold every node: nothing is left to solve"));
@@ -196,13 +200,15 @@ where
         definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?;
         definition.count_nodes(&contact, &pair_of, &mut candidates.pairs)?;
 
+        let support_centres = definition.support_centres(&body, &prescriptions);
         let problem = problem(&body, &unknowns, &forces, &contact)?;
         let elastic = Elastic {
             plane: definition.plane,
             thickness: definition.thickness,
             unknowns,
-            held: held(&prescriptions),
+            held: prescriptions.held(),
             supports: definition.supports.iter().map(|s| s.name()).collect(),
+            support_centres,
             contact,
             pairs: candidates.pairs,
             pair_of,

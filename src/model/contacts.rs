@@ -2,7 +2,8 @@
 
 use super::entities::{Against, Law};
 use super::error::{Entity, Fault, Kind, ModelError};
-use super::loads::{Prescription, held, outer_facets};
+use super::loads::outer_facets;
+use super::supports::Prescriptions;
 use super::{Definition, Pair, Units};
 use crate::contact::{
     ContactError, ContactNode, ContactRows, Friction, Obstacle, PairOptions, Space, mortar_contact,
@@ -193,7 +194,7 @@ where
     pub(super) fn foresee(
         &self,
         mesh: &Mesh<D>,
-        prescriptions: &[Prescription],
+        prescriptions: &Prescriptions<D>,
         first: &Unknowns<D>,
         contact: &ContactRows<D>,
     ) -> Result<(), ModelError> {
@@ -207,7 +208,7 @@ where
             let unknowns = match step {
                 0 => first,
                 _ => {
-                    later = Unknowns::new(self.prescribed(mesh, prescriptions, step)?);
+                    later = self.unknowns(mesh, prescriptions, step)?;
                     &later
                 }
             };
@@ -220,7 +221,7 @@ where
             };
             let driving = match &error {
                 ContactError::Driven { place, .. } | ContactError::DrivenAlong { place } => {
-                    (held(prescriptions).into_iter())
+                    (prescriptions.held().into_iter())
                         .filter(|(node, ..)| place.0 == mesh.nodes[*node as usize])
                         .max_by(|a, b| by(a).total_cmp(&by(b)))
                 }

@@ -1,5 +1,6 @@
 //! What a model consists of: supports, loads and contacts, as they are stated.
 
+use super::axis::{AROUND, Axis};
 use super::error::{Entity, Kind};
 use super::{Quantity, Units};
 use crate::contact::Obstacle;
@@ -98,6 +99,57 @@ macro_rules! along_axes {
     };
 }
 
+/// What supports and tractions have in common beside: a quantity along each direction about an axis.
+macro_rules! about_an_axis {
+    ($part:ident, $what:literal, $unit:literal) => {
+        impl<const D: usize> $part<D> {
+            /// Says which axis `radial`, `hoop` and `axial` are about.
+            pub fn about(mut self, axis: Axis<D>) -> Self {
+                self.axis = Some(axis);
+                self
+            }
+
+            #[doc = concat!("The ", $what, " away from the axis, in ", $unit, ".")]
+            pub fn radial(self, value: impl Into<Quantity<D>>) -> Self {
+                self.around(0, value)
+            }
+
+            #[doc = concat!("The ", $what, " around the axis, by the right-hand rule, in ", $unit, ".")]
+            pub fn hoop(self, value: impl Into<Quantity<D>>) -> Self {
+                self.around(1, value)
+            }
+
+            /// The same along any of radial, hoop and axial.
+            pub(crate) fn around(mut self, way: usize, value: impl Into<Quantity<D>>) -> Self {
+                self.around[way] = Some(value.into());
+                self
+            }
+        }
+
+        /// Space.
+        impl $part<3> {
+            #[doc = concat!("The ", $what, " along the axis, in ", $unit, ".")]
+            pub fn axial(self, value: impl Into<Quantity<3>>) -> Self {
+                self.around(2, value)
+            }
+        }
+    };
+}
+
+about_an_axis!(Support, "displacement", "m");
+about_an_axis!(Traction, "force per area", "Pa");
+
+/// What is wrong with what is said about an axis.
+fn axis_fault<const D: usize>(axis: Option<&Axis<D>>, wanted: bool) -> Option<&'static str> {
+    match axis {
+        Some(axis) => axis.fault().or((!wanted).then_some(
+            "there is an axis, but nothing about it: state radial, hoop, axial or, of a traction, torque",
+        )),
+        None if wanted => Some("radial, hoop, axial and torque are about an axis: state it"),
+        None => None,
+    }
+}
+
 along_axes!(Support, "displacement", "m");
 along_axes!(Traction, "force per area", "Pa");
 along_axes!(BodyForce, "force per volume", "N/m³");
@@ -107,6 +159,9 @@ along_axes!(BodyForce, "force per volume", "N/m³");
 pub struct Support<const D: usize = 2> {
     pub(super) place: Place<D>,
     pub(super) components: [Option<Quantity<D>>; D],
+    /// Away from the axis, around it, along it.
+    pub(super) around: [Option<Quantity<D>>; 3],
+    pub(super) axis: Option<Axis<D>>,
     pub(super) symmetry: bool,
     pub(super) factors: Option<Vec<f64>>,
 }
@@ -123,6 +178,8 @@ impl<const D: usize> Support<D> {
         Self {
             place,
             components: [const { None }; D],
+            around: [const { None }; 3],
+            axis: None,
             symmetry: false,
             factors: None,
         }
@@ -144,7 +201,7 @@ impl<const D: usize> Support<D> {
         self
     }
 
-    /// No displacement across each of the boundaries, which have to be parallel to an axis; in space, to two.
+    /// No displacement across each of the boundaries, which have to be straight; in space, plane.
     pub fn symmetry(mut self) -> Self {
         self.symmetry = true;
         self
@@ -170,8 +227,9 @@ impl<const D: usize> Support<D> {
 
     /// Its boundaries or point, with the components where it does not hold all.
     pub(super) fn name(&self) -> String {
-        let held: Vec<&str> = (self.components.iter().zip(AXES))
-            .filter_map(|(value, axis)| value.as_ref().map(|_| axis))
+        let names = AXES[..D].iter().chain(&AROUND);
+        let held: Vec<&str> = (self.components.iter().chain(&self.around).zip(names))
+            .filter_map(|(value, axis)| value.as_ref().map(|_| *axis))
             .collect();
         let mut name = self.place_name();
         if held.len() < D {
@@ -184,14 +242,22 @@ impl<const D: usize> Support<D> {
 
     /// What cannot be meant, whatever the mesh.
     pub(super) fn fault(&self) -> Option<&'static str> {
-        let stated = self.components.iter().any(Option::is_some);
+        let around = self.around.iter().any(Option::is_some);
+        let stated = self.components.iter().any(Option::is_some) || around;
+        if let Some(fault) = axis_fault(self.axis.as_ref(), around) {
+            return Some(fault);
+        }
         match &self.place {
             Place::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),
             Place::Point(_) if self.symmetry => Some(alone::<D>()),
             _ if self.symmetry && stated => Some(alone::<D>()),
             _ if !self.symmetry && !stated => Some(match D {
-                2 => "a support needs x, y or symmetry: it holds nothing",
-                _ => "a support needs x, y, z or symmetry: it holds nothing",
+                2 => {
+                    "a support needs x, y or symmetry (or radial, hoop about an axis): it holds nothing"
+                }
+                _ => {
+                    "a support needs x, y, z or symmetry (or radial, hoop, axial about an axis): it holds nothing"
+                }
             }),
             _ => None,
         }
@@ -214,6 +280,11 @@ pub struct Traction<const D: usize = 2> {
     pub(super) boundary: Names,
     pub(super) components: [Option<Quantity<D>>; D],
     pub(super) pressure: Option<Quantity<D>>,
+    /// Away from the axis, around it, along it.
+    pub(super) around: [Option<Quantity<D>>; 3],
+    pub(super) axis: Option<Axis<D>>,
+    pub(super) torque: Option<f64>,
+    pub(super) force: Option<[f64; D]>,
     pub(super) factors: Option<Vec<f64>>,
 }
 
@@ -224,6 +295,10 @@ impl<const D: usize> Traction<D> {
             boundary: boundary.into(),
             components: [const { None }; D],
             pressure: None,
+            around: [const { None }; 3],
+            axis: None,
+            torque: None,
+            force: None,
             factors: None,
         }
     }
@@ -234,19 +309,41 @@ impl<const D: usize> Traction<D> {
         self
     }
 
+    /// A moment about the axis in N·m, as traction around it that grows with the distance from it.
+    pub fn torque(mut self, moment: f64) -> Self {
+        self.torque = Some(moment);
+        self
+    }
+
+    /// A resultant in N, spread evenly.
+    pub fn force(mut self, resultant: [f64; D]) -> Self {
+        self.force = Some(resultant);
+        self
+    }
+
     pub(super) fn entity(&self, number: usize) -> Entity {
         Entity::one(Kind::Traction, number, format!("on \"{}\"", self.boundary))
     }
 
     pub(super) fn fault(&self) -> Option<&'static str> {
         let stated = self.components.iter().chain([&self.pressure]);
+        let whole = self.torque.is_some() || self.force.is_some();
+        let around = self.around.iter().any(Option::is_some) || self.torque.is_some();
+        let mut figures = self.torque.iter().chain(self.force.iter().flatten());
         match () {
             () if self.boundary.all().is_empty() => Some(NO_BOUNDARY),
-            () if stated.flatten().next().is_none() => Some(match D {
-                2 => "a traction needs x, y or pressure",
-                _ => "a traction needs x, y, z or pressure",
+            () if stated.flatten().next().is_none() && !around && !whole => Some(match D {
+                2 => {
+                    "a traction needs x, y, pressure or force (or radial, hoop, torque about an axis)"
+                }
+                _ => {
+                    "a traction needs x, y, z, pressure or force (or radial, hoop, axial, torque about an axis)"
+                }
             }),
-            () => None,
+            () if !figures.all(|figure| figure.is_finite()) => {
+                Some("torque and force must be finite")
+            }
+            () => axis_fault(self.axis.as_ref(), around),
         }
     }
 }

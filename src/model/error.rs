@@ -169,7 +169,7 @@ pub(crate) fn without_boundaries(name: &str, dimension: usize) -> String {
     };
     format!(
         ": the mesh file has no physical {several}; add Physical {one}(\"{name}\") = {{…}}; in Gmsh and save the mesh \
-         again"
+         again (in an .inp file a *SURFACE or a *NSET, in a .vtu file the cells of the {several})"
     )
 }
 

@@ -1,17 +1,14 @@
-//! Prescribed displacements and forces of each load step.
+//! The forces of each load step.
 
-use super::entities::{AXES, Place, Support};
+use super::entities::Traction;
 use super::error::{Entity, Fault, Kind, ModelError};
 use super::{Definition, Elastic, Quantity};
 use crate::contact::Space;
 use crate::elasticity::{Body, Unknowns, load_vector};
-use crate::mesh::vector::{length, minus};
-use crate::mesh::{
-    BoundaryError, Facet, Kind as ElementKind, Mesh, Place as At, Topology, facet_nodes,
-};
+use crate::mesh::vector::dot;
+use crate::mesh::{BoundaryError, Facet, Kind as ElementKind, Mesh, Place as At, Topology};
 use crate::quasistatic::Load;
 use crate::sparse::norm;
-use std::collections::HashSet;
 
 /// What a load step puts on the bodies.
 #[derive(Clone, Debug)]
@@ -26,17 +23,6 @@ pub struct StepData<const D: usize = 2> {
     pub total_load: [f64; D],
     /// The same for the solver.
     pub load: Load,
-}
-
-/// A displacement component of a node that a support prescribes.
-#[derive(Clone, Debug)]
-pub(super) struct Prescription {
-    node: u32,
-    component: usize,
-    /// The number of the support.
-    support: usize,
-    /// Under the load factor 1.
-    value: f64,
 }
 
 impl<const D: usize> Elastic<D>
@@ -56,8 +42,7 @@ where
             )));
         }
         let body = self.body();
-        let unknowns =
-            Unknowns::new(definition.prescribed(&self.mesh, &self.prescriptions, step)?);
+        let unknowns = definition.unknowns(&self.mesh, &self.prescriptions, step)?;
         let forces = definition.forces(&body, step)?;
         let mut total_load = [0.0; D];
         for force in &forces {
@@ -87,7 +72,7 @@ pub(super) fn acting<const D: usize>(forces: &[[f64; D]]) -> f64 {
 }
 
 /// The facets of a boundary that were looked for in a mesh, or what it has instead.
-fn known<'m, const D: usize>(
+pub(super) fn known<'m, const D: usize>(
     mesh: &Mesh<D>,
     facets: Result<&'m [Facet<D>], BoundaryError>,
 ) -> Result<&'m [Facet<D>], Fault>
@@ -135,140 +120,13 @@ where
     }
 }
 
-/// The nodes of a support, with what it prescribes of each.
-type Held<'s, const D: usize> = Vec<(u32, [Option<&'s Quantity<D>>; D])>;
-
-impl<const D: usize> Support<D> {
-    fn nodes<'s>(&'s self, mesh: &Mesh<D>, zero: &'s Quantity<D>) -> Result<Held<'s, D>, Fault>
-    where
-        ElementKind: Topology<D>,
-    {
-        let stated = self.components.each_ref().map(Option::as_ref);
-        let names = match &self.place {
-            Place::Point(point) => return Ok(vec![(nearest_node(mesh, *point)?, stated)]),
-            Place::Boundary(names) => names.all(),
-        };
-        let mut nodes = Held::new();
-        for name in names {
-            let facets = known(mesh, mesh.facets(name))?;
-            let mut components = stated;
-            if self.symmetry {
-                let across = |&axis: &usize| {
-                    (facets.iter()).all(|facet| mesh.facet_normal(facet).1[axis].abs() > 1.0 - 1e-9)
-                };
-                let Some(axis) = (0..D).find(across) else {
-                    let (what, wanted) = match D {
-                        2 => ("parallel to an axis", "symmetry needs one that is"),
-                        _ => (
-                            "across an axis",
-                            "symmetry needs a plane boundary whose normal is along x, y or z",
-                        ),
-                    };
-                    return Err(Fault::Stated(format!(
-                        "boundary \"{name}\" is not {what}: {wanted}"
-                    )));
-                };
-                components[axis] = Some(zero);
-            }
-            let held = facets.iter().flat_map(facet_nodes);
-            nodes.extend(held.map(|&node| (node, components)));
-        }
-        Ok(nodes)
-    }
-}
-
-/// The node nearest to a point, which has to lie on the body or close to it.
-fn nearest_node<const D: usize>(mesh: &Mesh<D>, point: [f64; D]) -> Result<u32, Fault>
-where
-    ElementKind: Topology<D>,
-{
-    let (low, high) = mesh.bounding_box();
-    let size = length(minus(high, low));
-    let distance = |node: &u32| length(minus(mesh.nodes[*node as usize], point));
-    let nearest = (0..mesh.nodes.len() as u32)
-        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        .expect("a mesh has nodes");
-    let far = distance(&nearest);
-    if far <= 0.05 * size {
-        return Ok(nearest);
-    }
-    let point: Vec<String> = point.iter().map(f64::to_string).collect();
-    Err(Fault::Stated(format!(
-        "the node nearest to ({}) is {far:.3e} away: is the point on the body?",
-        point.join(", ")
-    )))
-}
-
-/// Node, component and support of what is prescribed, each where it is prescribed first.
-pub(super) fn held(prescriptions: &[Prescription]) -> Vec<(u32, usize, usize)> {
-    let mut seen = HashSet::new();
-    let all = prescriptions.iter();
-    all.filter(|p| seen.insert((p.node, p.component)))
-        .map(|p| (p.node, p.component, p.support))
-        .collect()
-}
-
 impl<const D: usize> Definition<D>
 where
     ElementKind: Space<D>,
 {
-    /// All that supports prescribe, in their order.
-    pub(super) fn prescriptions(&self, mesh: &Mesh<D>) -> Result<Vec<Prescription>, ModelError> {
-        let zero = Quantity::from(0.0);
-        let mut all = Vec::new();
-        for (number, support) in self.supports.iter().enumerate() {
-            let nodes = support.nodes(mesh, &zero);
-            for (node, components) in nodes.map_err(|fault| support.entity(number).error(fault))? {
-                for (component, quantity) in components.iter().enumerate() {
-                    let Some(quantity) = quantity else { continue };
-                    all.push(Prescription {
-                        node,
-                        component,
-                        support: number,
-                        value: quantity.at(mesh.nodes[node as usize]),
-                    });
-                }
-            }
-        }
-        Ok(all)
-    }
-
-    /// The prescribed displacements of all nodes in a step.
-    pub(super) fn prescribed(
-        &self,
-        mesh: &Mesh<D>,
-        prescriptions: &[Prescription],
-        step: usize,
-    ) -> Result<Vec<[Option<f64>; D]>, ModelError> {
-        let factors = self.supports.iter().map(|s| self.factor(&s.factors, step));
-        let factors: Vec<f64> = factors.collect();
-        let mut prescribed = vec![[None; D]; mesh.nodes.len()];
-        for p in prescriptions {
-            let value = factors[p.support] * p.value;
-            let place = &mut prescribed[p.node as usize][p.component];
-            let here = At::from(mesh.nodes[p.node as usize]);
-            let fault = if !value.is_finite() {
-                format!("the displacement is {value} at {here}")
-            } else if place
-                .is_some_and(|old: f64| (old - value).abs() > 1e-12 * old.abs().max(value.abs()))
-            {
-                format!(
-                    "two supports prescribe different displacements in {} at {here}",
-                    AXES[p.component]
-                )
-            } else {
-                *place = Some(value);
-                continue;
-            };
-            return Err(self.supports[p.support].entity(p.support).error(fault));
-        }
-        Ok(prescribed)
-    }
-
     /// The nodal forces of a step.
     pub(super) fn forces(&self, body: &Body<D>, step: usize) -> Result<Vec<[f64; D]>, ModelError> {
         let mut forces = vec![[0.0; D]; body.mesh.nodes.len()];
-        let at = |quantity: &Option<Quantity<D>>, x| quantity.as_ref().map_or(0.0, |q| q.at(x));
         let finite = |forces: &[[f64; D]], what: &str| {
             let bad = |f: &[f64; D]| !f.iter().all(|v| v.is_finite());
             match forces.iter().position(bad) {
@@ -285,10 +143,8 @@ where
             let at_fault = |fault: Fault| t.entity(number).error(fault);
             let facets = outer_facets(body.mesh, t.boundary.all()).map_err(at_fault)?;
             let factor = self.factor(&t.factors, step);
-            let traction = |x, n: [f64; D]| {
-                let p = at(&t.pressure, x);
-                std::array::from_fn(|c| factor * (at(&t.components[c], x) - p * n[c]))
-            };
+            let whole = t.per_area(body, &facets).map_err(at_fault)?;
+            let traction = |x, n| whole.at(x, n).map(|t| factor * t);
             body.add_traction(&facets, traction, &mut forces);
             finite(&forces, "traction").map_err(at_fault)?;
         }
@@ -317,4 +173,83 @@ where
         }
         Ok(forces)
     }
+}
+
+/// A traction on its facets, as force per area.
+struct PerArea<'t, const D: usize> {
+    traction: &'t Traction<D>,
+    /// What the arm about the axis is multiplied by: the torque over ∫ r².
+    turn: f64,
+    /// The force over the area.
+    even: [f64; D],
+}
+
+impl<const D: usize> Traction<D> {
+    /// What it is on these facets, with the integrals that a torque and a force are spread by.
+    fn per_area(&self, body: &Body<D>, facets: &[Facet<D>]) -> Result<PerArea<'_, D>, Fault>
+    where
+        ElementKind: Space<D>,
+    {
+        let integral = |q: &(dyn Fn([f64; D]) -> f64 + Sync)| -> f64 {
+            let mut shares = vec![0.0; body.mesh.nodes.len()];
+            body.integrate_on_boundary(facets, q, &mut shares);
+            shares.iter().sum()
+        };
+        let mut turn = 0.0;
+        if let (Some(torque), Some(axis)) = (self.torque, &self.axis) {
+            let square = integral(&|x| {
+                let arm = axis.turn(x);
+                dot(arm, arm)
+            });
+            let (low, high) = body.mesh.bounding_box();
+            let size = dot(low, low).max(dot(high, high)) * integral(&|_| 1.0);
+            if !(square > 1e-18 * size) {
+                return Err(Fault::Stated(
+                    "this boundary lies on the axis: no traction on it has a torque".to_owned(),
+                ));
+            }
+            turn = torque / square;
+        }
+        let even = match self.force {
+            Some(force) => {
+                let area = integral(&|_| 1.0);
+                force.map(|force| force / area)
+            }
+            None => [0.0; D],
+        };
+        Ok(PerArea {
+            traction: self,
+            turn,
+            even,
+        })
+    }
+}
+
+impl<const D: usize> PerArea<'_, D> {
+    /// At a point with the outward normal n; not finite where there is no such direction.
+    fn at(&self, x: [f64; D], n: [f64; D]) -> [f64; D] {
+        let t = self.traction;
+        let pressure = at(&t.pressure, x);
+        let mut sum = std::array::from_fn(|c| at(&t.components[c], x) - pressure * n[c]);
+        let Some(axis) = &t.axis else {
+            return std::array::from_fn(|c| sum[c] + self.even[c]);
+        };
+        let arm = axis.turn(x);
+        (0..D).for_each(|c| sum[c] += self.even[c] + self.turn * arm[c]);
+        if t.around.iter().any(Option::is_some) {
+            let ways = (axis.directions(x, 0.0)).unwrap_or([[f64::NAN; D]; 3]);
+            for (value, way) in t.around.iter().zip(ways) {
+                if value.is_some() {
+                    let value = at(value, x);
+                    (0..D).for_each(|c| sum[c] += value * way[c]);
+                }
+            }
+        }
+        sum
+    }
+}
+
+/// A quantity, or 0.
+fn at<const D: usize>(quantity: &Option<Quantity<D>>, x: [f64; D]) -> f64 {
+    quantity.as_ref().map_or(0.0, |q| q.at(x))
 }

@@ -1,3 +1,4 @@
+mod around;
 mod space;
 
 use super::*;
@@ -236,7 +237,7 @@ fn errors_name_what_is_at_fault() {
         ),
         (
             sound().support(Support::on("low-left")),
-            "support 3 on \"low-left\": a support needs x, y or symmetry: it holds nothing",
+            "support 3 on \"low-left\": a support needs x, y or symmetry (or radial, hoop about an axis): it holds nothing",
         ),
         (
             sound().support(Support::at_point([9.0, 9.0]).fixed()),

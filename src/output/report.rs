@@ -1,16 +1,16 @@
 //! What `report.json` says.
 
-use super::{ContactFields, NodeStatus, hints, peak_memory_mib};
+use super::reactions::{ContactReport, SupportReport, contact_reports, support_reports};
+use super::{ContactFields, hints, peak_memory_mib};
 use crate::backend::Precision;
 use crate::case::Build;
 use crate::contact::Space;
 use crate::control::Costs;
 use crate::dual::DualOperator as _;
-use crate::elasticity::internal_forces;
 use crate::engine::Engine;
-use crate::mesh::vector::length;
+use crate::mesh::vector::{length, minus};
 use crate::mesh::{Kind, Topology};
-use crate::model::{Elastic, StepData, Units};
+use crate::model::{StepData, Units};
 use crate::problem::Kkt;
 use crate::quasistatic::{Round, StepSolution};
 use crate::ssnm::{self, SetSizes, SlipSizes, Status};
@@ -69,51 +69,6 @@ impl EnginePath {
             costs: engine.costs(),
         }
     }
-}
-
-/// A pressure above this part of the largest is near it: beside the edge of a punch it falls to 0.6 of it from one node
-/// to the next, on any mesh.
-const PEAK: f64 = 0.7;
-
-/// What a contact carries at the end of a step.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct ContactReport {
-    /// The boundary that carries the multipliers.
-    pub boundary: String,
-    /// The other boundary, or what kind of obstacle.
-    pub against: String,
-    /// The law and its figure.
-    pub friction: String,
-    /// Resultant on the body of `boundary` along the axes, in the unit of force as all that follow.
-    pub force: Vec<f64>,
-    /// Σ λν.
-    pub normal_force: f64,
-    /// −Σ λτ: along the tangents, as the traction on the body; in space the length of the resultant of friction.
-    pub tangential_force: f64,
-    /// The largest nodal pressure.
-    pub max_pressure: f64,
-    /// Area in contact.
-    pub area: f64,
-    /// Nodes that touch nothing.
-    pub separated: usize,
-    /// Nodes in contact, their traction below the slip bound.
-    pub stick: usize,
-    /// Nodes in contact, their traction at the slip bound.
-    pub slip: usize,
-    /// Nodes in contact without a law of friction.
-    pub frictionless: usize,
-    /// Nodes with a pressure near the largest: above 0.7 of it.
-    #[serde(skip)]
-    pub peak_nodes: usize,
-}
-
-/// What a support carries at the end of a step.
-#[derive(Clone, Debug, Serialize)]
-pub struct SupportReport {
-    /// Its boundary or point.
-    pub support: String,
-    /// Resultant on the body along the axes, in N; a component that two supports hold counts for the first.
-    pub force: Vec<f64>,
 }
 
 /// A body that contact and friction do not hold.
@@ -229,6 +184,12 @@ pub struct Report {
     /// load step begins that has such rounds.
     #[serde(skip)]
     pub friction_history: Vec<(f64, f64)>,
+    /// The diagonal of the box around the mesh; 0 in an algebraic case.
+    #[serde(skip)]
+    pub size: f64,
+    /// [`ContactFields::slip`] at the end of the last step; empty before the first.
+    #[serde(skip)]
+    slip: Vec<f64>,
 }
 
 /// A status, or "error".
@@ -274,6 +235,11 @@ impl Report {
             version: env!("CARGO_PKG_VERSION"),
             history: Vec::new(),
             friction_history: Vec::new(),
+            size: (build.elastic.as_ref()).map_or(0.0, |elastic| {
+                let (low, high) = elastic.mesh.bounding_box();
+                length(minus(high, low))
+            }),
+            slip: Vec::new(),
         }
     }
 
@@ -298,8 +264,9 @@ impl Report {
         let (contacts, supports) = match (&build.elastic, data) {
             (Some(elastic), Some(data)) => {
                 let fields = ContactFields::new(build, elastic, data, solution);
-                let contacts = contact_reports(elastic, solution, &fields);
+                let contacts = contact_reports(elastic, solution, &fields, &self.slip);
                 self.hints = hints::hints(elastic, data, solution, &fields, &contacts);
+                self.slip = fields.slip;
                 (contacts, support_reports(elastic, data, solution))
             }
             _ => Default::default(),
@@ -369,112 +336,4 @@ impl Report {
         self.path = path;
         self.peak_memory_mib = peak_memory_mib();
     }
-}
-
-/// The forces of the contact nodes on their body along the axes: those of pressure and those of friction.
-fn contact_forces<'a, const D: usize>(
-    elastic: &'a Elastic<D>,
-    solution: &'a StepSolution<D>,
-) -> impl Iterator<Item = [[f64; D]; 2]> + 'a
-where
-    Kind: Topology<D>,
-{
-    let (normal, tangential) = solution.lambda.split_at(elastic.contact.nodes.len());
-    let nodes = elastic.contact.nodes.iter().zip(normal);
-    (nodes.zip(tangential.chunks(D - 1))).map(|((node, normal), tangential)| {
-        let tangents = || node.frame[1..].iter().zip(tangential);
-        [
-            node.frame[0].map(|nu| -normal * nu),
-            std::array::from_fn(|c| -tangents().map(|(tau, force)| force * tau[c]).sum::<f64>()),
-        ]
-    })
-}
-
-/// What the contacts carry.
-fn contact_reports<const D: usize>(
-    elastic: &Elastic<D>,
-    solution: &StepSolution<D>,
-    fields: &ContactFields<D>,
-) -> Vec<ContactReport>
-where
-    Kind: Topology<D>,
-{
-    let (normal, tangential) = solution.lambda.split_at(elastic.contact.nodes.len());
-    let mut contacts: Vec<ContactReport> = (elastic.pairs.iter())
-        .map(|pair| ContactReport {
-            boundary: pair.boundary.clone(),
-            against: pair.against.clone(),
-            friction: pair.friction.clone(),
-            force: vec![0.0; D],
-            ..Default::default()
-        })
-        .collect();
-    let mut friction = vec![[0.0; D]; contacts.len()];
-    for (i, [pressed, rubbed]) in contact_forces(elastic, solution).enumerate() {
-        let pair = elastic.pair_of[i] as usize;
-        let contact = &mut contacts[pair];
-        for c in 0..D {
-            contact.force[c] += pressed[c] + rubbed[c];
-            friction[pair][c] += rubbed[c];
-        }
-        contact.normal_force += normal[i];
-        if D == 2 {
-            contact.tangential_force -= tangential[i];
-        }
-        contact.max_pressure = contact.max_pressure.max(fields.pressure[i]);
-        let status = fields.status(i);
-        *match status {
-            NodeStatus::Separated => &mut contact.separated,
-            NodeStatus::Stick => &mut contact.stick,
-            NodeStatus::Slip => &mut contact.slip,
-            NodeStatus::Frictionless => &mut contact.frictionless,
-        } += 1;
-        if status != NodeStatus::Separated {
-            contact.area += elastic.contact.nodes[i].area;
-        }
-    }
-    if D == 3 {
-        for (contact, friction) in contacts.iter_mut().zip(friction) {
-            contact.tangential_force = length(friction);
-        }
-    }
-    for (pressure, &pair) in fields.pressure.iter().zip(&elastic.pair_of) {
-        let contact = &mut contacts[pair as usize];
-        contact.peak_nodes += usize::from(*pressure > PEAK * contact.max_pressure);
-    }
-    contacts
-}
-
-/// What the supports carry: inner forces less all others at the nodes that they hold.
-fn support_reports<const D: usize>(
-    elastic: &Elastic<D>,
-    data: &StepData<D>,
-    solution: &StepSolution<D>,
-) -> Vec<SupportReport>
-where
-    Kind: Space<D>,
-{
-    let mut outer = data.forces.clone();
-    let forces = contact_forces(elastic, solution);
-    for (node, [pressed, rubbed]) in (elastic.contact.nodes.iter()).zip(forces) {
-        for c in 0..D {
-            let force = pressed[c] + rubbed[c];
-            outer[node.node as usize][c] += force;
-            for &(partner, weight) in &node.partners {
-                outer[partner as usize][c] -= weight * force;
-            }
-        }
-    }
-    let displacement = data.unknowns.displacements(&solution.u);
-    let inner = internal_forces(&elastic.body(), &data.unknowns, &displacement);
-    let mut supports: Vec<SupportReport> = (elastic.supports.iter())
-        .map(|name| SupportReport {
-            support: name.clone(),
-            force: vec![0.0; D],
-        })
-        .collect();
-    for &(node, c, number) in &elastic.held {
-        supports[number].force[c] += inner[node as usize][c] - outer[node as usize][c];
-    }
-    supports
 }

@@ -89,13 +89,14 @@ impl<'a, const D: usize> Rounds<'a, D> {
             let changes = difference(&next, &self.bounds);
             let change = step.relative(lambda, &changes);
             let settled = change <= wanted && self.tolerance <= self.tight;
-            let mut unbalanced = solution.imbalance.clone();
+            let (mut unbalanced, mut driven) =
+                (solution.imbalance.clone(), solution.driven.clone());
             if unbalanced.is_empty() {
-                unbalanced.clone_from(&self.cones.imbalance);
+                (unbalanced, driven) = self.cones.unbalanced.clone();
             }
             if unbalanced.is_empty() && settled && friction_change > wanted {
                 // Bounds that balance the bodies have settled, but the pressures do not give them.
-                unbalanced = self.cones.imbalance_within(&law, lambda);
+                (unbalanced, driven) = self.cones.unbalanced_within(&law, lambda);
             }
             let status = if solution.status != Status::Converged {
                 Some(solution.status)
@@ -126,6 +127,7 @@ impl<'a, const D: usize> Rounds<'a, D> {
                 let solution = Solution {
                     status: status.unwrap_or(Status::IterationLimit),
                     imbalance: unbalanced,
+                    driven,
                     ..solution
                 };
                 return Ok((solution, more));
@@ -134,13 +136,16 @@ impl<'a, const D: usize> Rounds<'a, D> {
     }
 }
 
+/// An imbalance, and the motion that it drives.
+type Unbalanced = (Vec<f64>, Vec<f64>);
+
 /// The slip bounds under which forces can balance the bodies that only contact holds.
 struct Cones<'a, const D: usize> {
     problem: &'a ContactProblem<D>,
     /// Where there are such bodies and Coulomb friction.
     balance: Option<Balance>,
-    /// What no forces on the cones can balance; empty where all is well.
-    imbalance: Vec<f64>,
+    /// What no forces on the cones can balance, and the motion that it drives; empty where all is well.
+    unbalanced: Unbalanced,
 }
 
 impl<'a, const D: usize> Cones<'a, D> {
@@ -149,7 +154,7 @@ impl<'a, const D: usize> Cones<'a, D> {
         let mut cones = Self {
             problem,
             balance: None,
-            imbalance: Vec::new(),
+            unbalanced: Unbalanced::default(),
         };
         if free.is_empty() || !problem.has_coulomb() {
             return cones;
@@ -159,7 +164,7 @@ impl<'a, const D: usize> Cones<'a, D> {
         let given = problem.slip_bound();
         let least = balance.least(|i, z: [f64; D]| lawful(given[i], cones.mu(i), z));
         if !least.balanced {
-            cones.imbalance = least.imbalance;
+            cones.unbalanced = (least.imbalance, least.motion);
         }
         cones.balance = Some(balance);
         cones
@@ -175,15 +180,15 @@ impl<'a, const D: usize> Cones<'a, D> {
     }
 
     /// What forces within the given bounds cannot balance; empty where they can.
-    fn imbalance_within(&self, bounds: &[f64], lambda: &[f64]) -> Vec<f64> {
+    fn unbalanced_within(&self, bounds: &[f64], lambda: &[f64]) -> Unbalanced {
         let Some(balance) = &self.balance else {
-            return Vec::new();
+            return Unbalanced::default();
         };
         let near = balance.nearest(lambda, |i, z: [f64; D]| Disc { g: bounds[i] }.nearest(z));
         if near.balanced {
-            Vec::new()
+            Unbalanced::default()
         } else {
-            near.imbalance
+            (near.imbalance, near.motion)
         }
     }
 

@@ -61,7 +61,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             self.products.aim_at(TIGHTER * self.products.level());
         }
         self.check_accuracy *= (goal.err / way.err).clamp(LEAP, TIGHTER);
-        way.kept = None;
+        way.start_anew();
         Ok(Ended::Again)
     }
 
@@ -71,7 +71,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         if way.err <= self.rounding(&way.point) {
             self.make_exact(&mut way.point)?;
             way.err = self.error(&mut way.point);
-            way.kept = None;
+            way.start_anew();
             let nothing_left = way.err <= self.rounding(&way.point);
             return Ok(if nothing_left && !self.meets(goal, &way.point, way.err) {
                 Ended::With(Status::Stagnated)

@@ -53,6 +53,8 @@ pub(super) struct Way<const D: usize> {
     pub tol: f64,
     /// The inner iteration of the last step, where it can be continued.
     pub kept: Option<Inner<D>>,
+    /// The sets of the next step, where the last one has put the multipliers on their bounds already.
+    pub predicted: Option<Sets<D>>,
     /// The sets of the last step.
     pub sets: Option<Sets<D>>,
     /// The steps made.
@@ -65,7 +67,13 @@ impl<const D: usize> Way<D> {
     /// Goes back to an earlier point, where no inner iteration can be continued.
     pub fn go_back_to(&mut self, point: &Point) {
         self.point.clone_from(point);
+        self.start_anew();
+    }
+
+    /// Forgets what the last step has left for the next one: the point is another one, or its r.
+    pub fn start_anew(&mut self) {
         self.kept = None;
+        self.predicted = None;
     }
 }
 
@@ -146,7 +154,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         Ok(true)
     }
 
-    /// r at a point made afresh, where it is not exact anyhow.
+    /// r at a point made afresh, where it is not exact anyhow, and α settled for it: how much circles curve, and what is
+    /// predicted next, follows from r with the motion of bodies in it.
     pub fn refresh(&mut self, point: &mut Point) -> Result<(), DualError> {
         if self.products.are_exact() {
             return Ok(());
@@ -168,6 +177,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             // A GPU has failed in between and products are exact from now on, but nothing known so far is.
             self.make_exact(point)?;
             self.products.n_a += 1;
+        }
+        if self.balance.is_some() {
+            self.settle(point, self.rho);
         }
         Ok(())
     }

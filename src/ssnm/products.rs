@@ -57,7 +57,7 @@ pub(super) struct Products<'a, O: ?Sized> {
     /// The estimate of σ_max.
     pub sigma: f64,
     /// What an entry of diag(A) is like, if that is known.
-    mean: Option<f64>,
+    pub mean: Option<f64>,
     /// All directions whose product is known.
     pub known: Subspace,
     /// By how much a product may falsify r.

@@ -33,6 +33,8 @@ const REFRESHED: f64 = 0.5;
 const LONGER: f64 = 4.0;
 /// Ways to make coupled steps: whole, searched for the least error, and both longer ρ after that.
 const ATTEMPTS: i32 = 4;
+/// Safeguarded steps with frozen slip bounds at most, before coupled ones are tried again.
+const MOST_FROZEN: usize = 8;
 /// How often coupled steps start again from the best point where products are exact.
 const RESTARTS: usize = 1;
 
@@ -83,6 +85,10 @@ pub(super) struct Attempts {
     attempt: i32,
     /// How often they may start again from the best point.
     restarts: usize,
+    /// In space, safeguarded steps with frozen slip bounds: those still to make, and how many and over how many faces the
+    /// next time.
+    guarded: usize,
+    frozen: Option<(usize, usize)>,
 }
 
 impl Safeguard {
@@ -103,6 +109,8 @@ impl Safeguard {
                 fruitless: 0,
                 attempt: 0,
                 restarts,
+                guarded: 0,
+                frozen: (D > 2).then_some((1, FIRST_FACES_IN_SPACE)),
             });
         }
         Self::Descent(Descent {
@@ -151,10 +159,7 @@ impl Safeguard {
     pub fn plan(&mut self, rho: f64) -> Plan {
         match self {
             Self::Descent(descent) => descent.plan(),
-            Self::Attempts(attempts) => Plan::Newton {
-                rho: rho * LONGER.powi(attempts.attempt.max(1)),
-                search: attempts.attempt > 0,
-            },
+            Self::Attempts(attempts) => attempts.plan(rho),
         }
     }
 }
@@ -200,13 +205,35 @@ impl Descent {
 }
 
 impl Attempts {
+    fn plan(&mut self, rho: f64) -> Plan {
+        if self.guarded > 0
+            && let Some((_, faces)) = self.frozen
+        {
+            self.guarded -= 1;
+            return Plan::Gradient { faces };
+        }
+        // In space the first thing to do is to make safeguarded steps before.
+        let first = if self.frozen.is_some() { 1 } else { 0 };
+        Plan::Newton {
+            rho: rho * LONGER.powi((self.attempt - first).max(1)),
+            search: self.attempt > first,
+        }
+    }
+
     /// Takes note of a step; false where every way to make it has been tried.
-    fn note(&mut self, point: &Point, err: f64) -> bool {
-        self.fruitless += 1;
+    fn note(&mut self, point: &Point, err: f64, safeguarded: bool) -> bool {
+        if !safeguarded {
+            self.fruitless += 1;
+        }
         if err <= PROGRESS * self.best_err {
             (self.fruitless, self.attempt) = (0, 0);
         } else if self.fruitless >= FRUITLESS {
             (self.fruitless, self.attempt) = (0, self.attempt + 1);
+            if let Some((steps, faces)) = &mut self.frozen {
+                self.guarded = *steps;
+                *steps = (2 * *steps).min(MOST_FROZEN);
+                *faces = (MORE_FACES * *faces).min(MAX_FACES);
+            }
         }
         if err < self.best_err {
             (self.best, self.best_err) = (point.clone(), err);
@@ -286,8 +313,14 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         way: &mut Way<D>,
         stopped: bool,
     ) -> Result<Option<Status>, DualError> {
-        let goes_on = attempts.note(&way.point, way.err);
+        let safeguarded = way.history.last().is_some_and(|step| step.safeguarded);
+        let before = attempts.attempt;
+        let goes_on = attempts.note(&way.point, way.err, safeguarded);
         if goes_on && !stopped {
+            if attempts.guarded > 0 && attempts.attempt > before {
+                way.go_back_to(&attempts.best);
+                way.err = attempts.best_err;
+            }
             return Ok(None);
         }
         way.go_back_to(&attempts.best);
@@ -386,12 +419,17 @@ mod tests {
             fruitless: 0,
             attempt: 0,
             restarts: 0,
+            guarded: 0,
+            frozen: None,
         };
-        assert!((0..11).all(|_| attempts.note(&point(), 1.0)));
-        assert!(!attempts.note(&point(), 1.0), "four times three steps");
-        assert!(attempts.note(&point(), 0.8) && attempts.attempt == 0);
+        assert!((0..11).all(|_| attempts.note(&point(), 1.0, false)));
+        assert!(
+            !attempts.note(&point(), 1.0, false),
+            "four times three steps"
+        );
+        assert!(attempts.note(&point(), 0.8, false) && attempts.attempt == 0);
         // A little better is the best point, but no progress.
-        attempts.note(&point(), 0.79);
+        attempts.note(&point(), 0.79, false);
         assert_eq!((attempts.best_err, attempts.fruitless), (0.79, 1));
     }
 }

@@ -125,6 +125,22 @@ impl<const D: usize> Sets<D> {
         }
     }
 
+    /// Holds λτ of separated nodes at zero where Coulomb's law leaves it nothing else.
+    pub(super) fn hold_separated(&mut self, law: &Law) {
+        for (i, node) in self.0.iter_mut().enumerate() {
+            if !node.contact && law.mu(i) > 0.0 {
+                node.hold_tangents();
+            }
+        }
+    }
+
+    /// Turns directions of slip to where λτ has come to lie on its circle.
+    pub(super) fn turn_to(&mut self, lambda: &[f64]) {
+        for (i, node) in self.0.iter_mut().enumerate() {
+            node.turn_to(at(lambda, i));
+        }
+    }
+
     /// Node by node.
     pub(super) fn nodes(&self) -> &[NodeSets<D>] {
         &self.0

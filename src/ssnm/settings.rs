@@ -147,15 +147,19 @@ impl Settings<'_> {
         }
         let fits = self
             .memory
-            .is_none_or(|memory| memory.borrow().0.fits_length(len));
+            .is_none_or(|memory| memory.borrow().known.fits_length(len));
         SettingsError::unless(fits, "memory", "be that of a problem of the same size")
     }
 }
 
-/// Directions whose products with A are known: they hold for every load, gap and slip bound, as long as K, N and T
-/// stay what they are, and spare later solves their products where these are exact (by a factor).
+/// What holds for every load, gap and slip bound, as long as K, N and T stay what they are.
 #[derive(Clone, Debug, Default)]
-pub struct Memory(pub(super) Subspace);
+pub struct Memory {
+    /// Directions whose products with A are known, which spare later solves theirs where these are exact (by a factor).
+    pub(super) known: Subspace,
+    /// What an entry of diag(A) is like, if that is known.
+    pub(super) mean: Option<f64>,
+}
 
 #[cfg(test)]
 mod tests {

@@ -25,6 +25,8 @@ pub(super) struct Start {
     first_error: Option<f64>,
     /// What of the load no λ ∈ Λ can balance; empty if there is nothing.
     pub imbalance: Vec<f64>,
+    /// The motion that this drives.
+    pub driven: Vec<f64>,
 }
 
 impl Start {
@@ -40,6 +42,7 @@ impl Start {
             lambda: vec![0.0; D * problem.m()],
             first_error: None,
             imbalance: Vec::new(),
+            driven: Vec::new(),
         };
         let free = problem.free_bodies();
         if free.is_empty() {
@@ -53,6 +56,7 @@ impl Start {
         start.lambda = least.lambda;
         if !least.balanced {
             start.imbalance = least.imbalance;
+            start.driven = least.motion;
         }
         // Where err⁰ is known, the way may start from λ⁰ at once.
         start.first_error = settings.first_error;
@@ -131,10 +135,12 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         let mut products = Products::new(dual, exact, stop);
         let made = set
             .and_then(|()| products.set_up(offsets.clone(), &lambda, settings.sigma_max, project));
-        if let Some(memory) = settings.memory
-            && products.are_exact()
-        {
-            products.known = memory.take().0;
+        if let Some(memory) = settings.memory {
+            let mut memory = memory.borrow_mut();
+            products.mean = products.mean.or(memory.mean);
+            if products.are_exact() {
+                products.known = std::mem::take(&mut memory.known);
+            }
         }
         let seconds = begin.elapsed().as_secs_f64();
         let mut outcome = Ok(());
@@ -185,6 +191,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
                 // So that Step 3.1 starts from r_tol.
                 tol: settings.r_tol / settings.c_fact,
                 kept: None,
+                predicted: None,
                 sets: None,
                 history: Vec::new(),
                 first_met: None,

@@ -151,6 +151,8 @@ pub struct Solution<const D: usize = 2> {
     /// Rᵀ(f − Bᵀλ) for the motions of [`crate::problem::ContactProblem::free_bodies`], where that cannot be made zero:
     /// which way bodies are pushed that nothing holds. Empty otherwise.
     pub imbalance: Vec<f64>,
+    /// The motion that it drives and that no forces of Λ resist, as coefficients of the same motions; empty likewise.
+    pub driven: Vec<f64>,
     /// Figures.
     pub info: Info,
 }

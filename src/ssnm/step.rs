@@ -26,6 +26,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         target: f64,
     ) -> Result<(Sets<D>, usize), DualError> {
         match plan {
+            Plan::Gradient { faces } if self.law.is_coulomb() => {
+                self.frozen_step(way, target, faces)
+            }
             Plan::Gradient { faces } => self.safeguarded_step(way, target, faces),
             Plan::Newton { rho, search: false } if self.law.is_coulomb() => {
                 self.newton_step(way, rho, target)
@@ -44,7 +47,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 let before = way.point.clone();
                 let made = self.newton_step(way, rho, target)?;
                 if self.search(&before, &mut way.point) {
-                    way.kept = None;
+                    way.start_anew();
                 }
                 Ok(made)
             }
@@ -58,10 +61,11 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         rho: f64,
         target: f64,
     ) -> Result<(Sets<D>, usize), DualError> {
+        let predicted = way.predicted.take();
         let (point, err) = (&mut way.point, way.err);
         // Step 2.
         let end = self.settle(point, rho);
-        let sets = self.predict(point, rho);
+        let sets = predicted.unwrap_or_else(|| self.predict(point, rho));
         // Step 3.2: inactive multipliers on their bounds.
         let mut start = point.lambda.clone();
         sets.set_bounds(&mut start, &self.law);
@@ -88,7 +92,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         };
         let iterations = self.solve_inner(point, &mut inner, target, enough)?;
         // Step 3.4 takes the error at a point of Λ, and the next step goes on from there.
-        let moved = self.move_into_bounds(point, rho)?;
+        let (moved, next) = self.move_into_bounds(point, rho)?;
         let err = self.error(point);
         self.products.allow(err);
         if self.products.has_drifted() {
@@ -96,6 +100,11 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         }
         if !moved && inner.can_go_on() {
             way.kept = Some(inner);
+        }
+        if self.law.is_coulomb() && D > 2 {
+            let mut next = next;
+            next.turn_to(&way.point.lambda);
+            way.predicted = Some(next);
         }
         Ok((sets, iterations))
     }
@@ -112,7 +121,11 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 }
             }
         }
-        Sets::predict(lambda, r, rho, &g)
+        let mut sets = Sets::predict(lambda, r, rho, &g);
+        if self.law.is_coulomb() && D > 2 {
+            sets.hold_separated(&self.law);
+        }
+        sets
     }
 
     /// Goes back from `point` towards where it came from, if the error is less there; says whether it is. That
@@ -135,13 +148,39 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// P_Λ(λ), with the multipliers that the next step will hold put on their bounds by the same product.
     ///
     /// Only those that a ρ ≤ 1/σ_max holds: what a larger one says of a point outside Λ is too wild.
-    fn move_into_bounds(&mut self, point: &mut Point, rho: f64) -> Result<bool, DualError> {
-        let rho = rho.min(self.alpha);
+    fn move_into_bounds(
+        &mut self,
+        point: &mut Point,
+        rho: f64,
+    ) -> Result<(bool, Sets<D>), DualError> {
+        let rho = if self.law.is_coulomb() && D > 2 {
+            rho
+        } else {
+            rho.min(self.alpha)
+        };
         self.settle(point, rho);
         let mut target = point.lambda.clone();
-        self.predict(point, rho).set_bounds(&mut target, &self.law);
+        let sets = self.predict(point, rho);
+        sets.set_bounds(&mut target, &self.law);
         self.project(&mut target);
-        self.move_to(point, target)
+        Ok((self.move_to(point, target)?, sets))
+    }
+
+    /// A safeguarded step of the problem with the slip bounds of this point, and back to the law.
+    fn frozen_step(
+        &mut self,
+        way: &mut Way<D>,
+        target: f64,
+        faces: usize,
+    ) -> Result<(Sets<D>, usize), DualError> {
+        way.start_anew();
+        let frozen = self.law.frozen(&way.point.lambda);
+        let law = std::mem::replace(&mut self.law, frozen);
+        let made = self.safeguarded_step(way, target, faces);
+        self.law = law;
+        let made = made?;
+        self.move_into_bounds(&mut way.point, self.alpha)?;
+        Ok(made)
     }
 
     /// A step that lowers q: projected gradient, then the minimum over the face of Λ that it has reached, over the

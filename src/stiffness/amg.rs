@@ -29,7 +29,7 @@ pub use cycle::Multigrid;
 use crate::sparse::BlockCsr;
 use crate::sparse::stored::{BlockMatrix, Dense, Real, power_of_two_below, store};
 use aggregation::{Aggregates, NONE, aggregate, strength};
-use prolongation::{Modes, decoupled, rigid_body_modes, smoothed, tentative};
+use prolongation::{Modes, decoupled, rigid_body_modes, smoothed, take_out_held, tentative};
 use std::fmt;
 
 /// Settings of the hierarchy; those of [`Settings::of_dimension`] were measured, see the tests. The default is that of
@@ -450,6 +450,7 @@ fn coarsen<const B: usize, const M: usize, S: Real>(
             }
         }
     }
+    take_out_held(a, &mut modes);
     let aggregates = {
         let strength = strength(a, theta);
         aggregate(a, &strength, settings.busiest_first, |i| {

@@ -117,22 +117,46 @@ fn states(report: &Report) -> String {
 /// What contacts and supports carry, a line each.
 fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = String> + 'a {
     let (unit, stress) = (&report.units.force, report.units.stress());
-    let listed = |force: &[f64]| {
+    let listed = move |force: &[f64]| {
         let components: Vec<String> = force.iter().map(|v| format!("{v:.6e}")).collect();
         components.join(", ")
     };
-    let contacts = step.contacts.iter().map(move |contact| {
+    let moment = move |moment: &[f64], centre: &[f64], force: &[f64]| {
+        let size = |v: &[f64]| v.iter().fold(0.0_f64, |size, v| size.hypot(*v));
+        // What is left of arms of the size of the body is rounding.
+        if !(size(moment) > 1e-6 * size(force) * report.size) {
+            return String::new();
+        }
+        let length = &report.units.length;
         format!(
-            "  contact {} / {}: force on the first ({}) {unit}, pressure up to {:.4e} {stress}",
+            ", moment ({}) {unit} {length} about ({})",
+            listed(moment),
+            listed(centre)
+        )
+    };
+    let contacts = step.contacts.iter().map(move |contact| {
+        let work = if contact.slipping_work > 0.0 && contact.slip > 0 {
+            let length = &report.units.length;
+            format!(", slipping work {:.4e} {unit} {length}", contact.slipping_work)
+        } else {
+            String::new()
+        };
+        format!(
+            "  contact {} / {}: force on the first ({}) {unit}{}, pressure up to {:.4e} {stress}{work}",
             contact.boundary,
             contact.against,
             listed(&contact.force),
+            moment(&contact.moment, &contact.centre, &contact.force),
             contact.max_pressure
         )
     });
     let supports = step.supports.iter().map(move |support| {
         let force = listed(&support.force);
-        format!("  support {}: force ({force}) {unit}", support.support)
+        format!(
+            "  support {}: force ({force}) {unit}{}",
+            support.support,
+            moment(&support.moment, &support.centre, &support.force)
+        )
     });
     contacts.chain(supports)
 }

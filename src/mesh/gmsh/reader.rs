@@ -1,7 +1,8 @@
 //! Numbers and lines of a file, as text or as bytes of either order.
 
+use super::SAVE_AS;
 use super::foreign::BYTE_ORDER_MARK;
-use super::{Failure, Result, SAVE_AS};
+use crate::mesh::file::{Failure, Result};
 use std::borrow::Cow;
 
 /// The bytes with a place in them.

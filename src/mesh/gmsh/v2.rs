@@ -1,8 +1,8 @@
 //! The sections of MSH 2.0 to 2.2.
 
-use super::Result;
-use super::raw::{Raw, nodes_of};
 use super::reader::Reader;
+use super::{Result, cell};
+use crate::mesh::file::raw::Raw;
 
 /// $Nodes; `parametric` ones also say where they lie on which curve or surface.
 pub(super) fn nodes(reader: &mut Reader, raw: &mut Raw, parametric: bool) -> Result<()> {
@@ -17,7 +17,7 @@ pub(super) fn nodes(reader: &mut Reader, raw: &mut Raw, parametric: bool) -> Res
                 reader.float()?;
             }
         }
-        raw.add_node(reader, tag, x)?;
+        (raw.add_node(tag, x)).or_else(|message| reader.fail(message))?;
     }
     Ok(())
 }
@@ -35,7 +35,7 @@ pub(super) fn elements(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
             reader.int()?;
             (reader.int()?, 1, reader.int()?)
         };
-        let n_nodes = nodes_of(reader, kind)?;
+        let cell = cell(reader, kind)?;
         if count < 1 || !(0..1000).contains(&n_tags) {
             return reader.fail("the header of a run of elements makes no sense");
         }
@@ -52,10 +52,10 @@ pub(super) fn elements(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
                 (last, set) = (group, raw.groups.number([group]));
             }
             let mut nodes = [0; 8];
-            for node in &mut nodes[..n_nodes] {
+            for node in &mut nodes[..cell.n_nodes()] {
                 *node = reader.tag()?;
             }
-            raw.add_element(reader, kind, set, &nodes, n_nodes)?;
+            (raw.add_element(cell, set, &nodes)).or_else(|message| reader.fail(message))?;
         }
         read += count as usize;
     }

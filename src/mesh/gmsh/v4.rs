@@ -1,8 +1,8 @@
 //! The sections of MSH 4.1.
 
-use super::Result;
-use super::raw::{MOST_GROUPS, Raw, nodes_of};
 use super::reader::Reader;
+use super::{Result, cell};
+use crate::mesh::file::raw::{MOST_GROUPS, Raw};
 
 pub(super) fn entities(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
     let mut counts = [0; 4];
@@ -57,7 +57,7 @@ pub(super) fn nodes(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
             for _ in 0..if parametric { dim } else { 0 } {
                 reader.float()?;
             }
-            raw.add_node(reader, tag, x)?;
+            (raw.add_node(tag, x)).or_else(|message| reader.fail(message))?;
         }
     }
     Ok(())
@@ -71,15 +71,15 @@ pub(super) fn elements(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
     for _ in 0..blocks {
         let (dim, tag, kind) = (reader.int()?, reader.int()?, reader.int()?);
         let count = reader.size()?;
-        let n_nodes = nodes_of(reader, kind)?;
+        let cell = cell(reader, kind)?;
         let set = raw.entities.get(&(dim, tag)).copied().unwrap_or(0);
         let mut tags = [0; 8];
         for _ in 0..count {
             reader.size()?;
-            for tag in &mut tags[..n_nodes] {
+            for tag in &mut tags[..cell.n_nodes()] {
                 *tag = reader.size()?;
             }
-            raw.add_element(reader, kind, set, &tags, n_nodes)?;
+            (raw.add_element(cell, set, &tags)).or_else(|message| reader.fail(message))?;
         }
     }
     Ok(())

@@ -192,7 +192,7 @@ fn errors_speak_of_space() {
         ),
         (
             sound().traction(Traction::on("top")),
-            "a traction needs x, y, z or pressure",
+            "a traction needs x, y, z, pressure or force",
         ),
         (
             sound().body_force(BodyForce::everywhere()),
@@ -222,7 +222,7 @@ fn errors_speak_of_space() {
         ),
         (
             sound().contact(Pair::new("right", "top")),
-            "contact between two bodies in space is not there yet",
+            "belongs to both boundaries of the contact",
         ),
         (
             sound().support(Support::on("rihgt").fixed()),
@@ -235,7 +235,7 @@ fn errors_speak_of_space() {
     }
 }
 
-/// A boundary that is not across an axis has no symmetry; one that is holds across it alone.
+/// A boundary that is not plane has no symmetry; one that is holds across it alone, whichever way it looks.
 #[test]
 fn symmetry_is_across_the_boundary() {
     let mut mesh = cube(SolidShape::Hexahedron);
@@ -262,10 +262,24 @@ fn symmetry_is_across_the_boundary() {
     for x in &mut mesh.nodes {
         x[2] += 0.1 * x[0];
     }
+    let built = with(&mesh, "top").unwrap_or_else(|error| panic!("{error}"));
+    let slope = 1.01_f64.sqrt();
+    for &(node, component, _) in built.elastic.held.iter().filter(|held| held.2 == 0) {
+        let frame = built.elastic.unknowns.frame(node);
+        let across = frame.map(|frame| frame[component]);
+        let expected = [-0.1 / slope, 0.0, 1.0 / slope];
+        assert!(
+            across.is_some_and(|n| (0..3).all(|c| (n[c] - expected[c]).abs() < 1e-12)),
+            "{across:?}"
+        );
+    }
+    for x in &mut mesh.nodes {
+        x[2] += 0.1 * x[0] * x[0];
+    }
     let told = with(&mesh, "top").err().map(|error| error.to_string());
     assert!(
         told.as_ref().is_some_and(|text| text.contains(
-            "boundary \"top\" is not across an axis: symmetry needs a plane boundary whose normal is along x, y or z"
+            "boundary \"top\" is not plane: symmetry needs a plane one; around an axis hold it by radial"
         )),
         "{told:?}"
     );
@@ -379,7 +393,7 @@ fn cases_say_which_line_does_not_fit_the_dimension() {
         (
             "[mesh.box]\nsize = [1, 1, 1]\ncells = [2, 2, 2]\n",
             "[mesh]\n",
-            "[mesh] needs either file or rectangle or, for a solid, box",
+            "[mesh] says nothing of the bodies: it needs a file, a rectangle or, for a solid, a box",
         ),
         (
             "\"bottom\"",

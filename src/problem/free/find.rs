@@ -111,9 +111,14 @@ fn orthogonal<const D: usize, const M: usize>(
     let (values, vectors) = symmetric_eigen(&gram)?;
     let largest = values.iter().copied().fold(0.0, f64::max);
     let kept = (0..M).filter(|&k| values[k] > DEPENDENT * largest && values[k] > 0.0);
-    let weights: Vec<[f64; M]> = kept
+    let mut weights: Vec<[f64; M]> = kept
         .map(|k| std::array::from_fn(|a| vectors[(a, k)] * unit / values[k].sqrt()))
         .collect();
+    // In space motions of symmetric bodies have the same eigenvalue, and which mixture of them comes out is a matter of
+    // rounding: one after another they keep their axes.
+    if D > 2 && weights.len() == M {
+        weights = one_after_another(&gram, unit);
+    }
     for row in mode_of.iter_mut().flatten() {
         let old = *row;
         *row = [0.0; M];
@@ -122,6 +127,28 @@ fn orthogonal<const D: usize, const M: usize>(
         }
     }
     Some(weights)
+}
+
+/// The columns of a basis with these products made orthogonal, each without what the ones before it have of it.
+fn one_after_another<const M: usize>(gram: &Mat<f64>, unit: f64) -> Vec<[f64; M]> {
+    let product = |x: &[f64; M], y: &[f64; M]| -> f64 {
+        let rows = x.iter().enumerate();
+        rows.map(|(a, x)| (0..M).map(|b| x * gram[(a, b)] * y[b]).sum::<f64>())
+            .sum()
+    };
+    let mut weights: Vec<[f64; M]> = Vec::new();
+    for k in 0..M {
+        let mut next: [f64; M] = std::array::from_fn(|a| f64::from(u8::from(a == k)));
+        for _ in 0..2 {
+            for other in &weights {
+                let along = product(other, &next) / (unit * unit);
+                (next.iter_mut().zip(other)).for_each(|(n, o)| *n -= along * o);
+            }
+        }
+        let scale = unit / product(&next, &next).sqrt();
+        weights.push(next.map(|v| v * scale));
+    }
+    weights
 }
 
 /// What pulls unknowns back that the first `independent` motions move, as a part of what their rows of K could.

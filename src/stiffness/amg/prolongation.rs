@@ -58,6 +58,85 @@ pub(super) fn decoupled<const B: usize>(a: &BlockCsr<B>) -> Vec<[bool; B]> {
         .collect()
 }
 
+/// Takes out of the modes at the nodes of a finest level what supports hold there along directions other than the axes:
+/// those that no other node is tied to, as [`decoupled`] finds them along the axes.
+pub(super) fn take_out_held<const B: usize, const M: usize>(
+    a: &BlockCsr<B>,
+    modes: &mut [Modes<B, M>],
+) {
+    // Nodes of bodies: no others have directions.
+    if B != 2 && B != 3 {
+        return;
+    }
+    let nodes = modes.par_iter_mut().enumerate().with_min_len(1 << 12);
+    nodes.for_each(|(i, mode)| {
+        for n in held_directions(a, i) {
+            for k in 0..M {
+                let part: f64 = (0..B).map(|c| n[c] * mode[c][k]).sum();
+                (0..B).for_each(|c| mode[c][k] -= part * n[c]);
+            }
+        }
+    });
+}
+
+/// Orthonormal directions at node i along which its row ties it to no other node; none where all are such, or where
+/// they are along the axes and nowhere else.
+fn held_directions<const B: usize>(a: &BlockCsr<B>, i: usize) -> Vec<[f64; B]> {
+    let (cols, blocks) = a.row(i);
+    let others = || (cols.iter().zip(blocks)).filter(|&(&j, _)| j as usize != i);
+    // Σ Kᵢⱼ Kᵢⱼᵀ, whose kernel they are.
+    let mut square = [[0.0; B]; B];
+    for (_, block) in others() {
+        for p in 0..B {
+            for q in 0..B {
+                square[p][q] += (0..B).map(|c| block[p][c] * block[q][c]).sum::<f64>();
+            }
+        }
+    }
+    let size: f64 = (0..B).map(|c| square[c][c]).sum();
+    // Zero rows are what `decoupled` sees.
+    if !(size > 0.0) || (0..B).any(|c| square[c][c] == 0.0) {
+        return Vec::new();
+    }
+    let small = |n: &[f64; B], tolerance: f64| {
+        let tied = (0..B).map(|p| (0..B).map(|q| n[q] * square[q][p]).sum::<f64>().powi(2));
+        tied.sum::<f64>().sqrt() <= tolerance * size
+    };
+    // Gram–Schmidt on the rows of the square spans what is tied; what is left of the axes is not.
+    let mut basis: Vec<[f64; B]> = Vec::with_capacity(B);
+    let mut rows: Vec<[f64; B]> = square.to_vec();
+    while let Some((length, row)) = (rows.iter())
+        .map(|row| (row.iter().map(|v| v * v).sum::<f64>().sqrt(), *row))
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .filter(|&(length, _)| length > 1e-14 * size)
+    {
+        basis.push(row.map(|v| v / length));
+        rows.iter_mut()
+            .for_each(|row| remove(row, &basis[basis.len() - 1]));
+        if basis.len() == B {
+            return Vec::new();
+        }
+    }
+    let tied = basis.len();
+    for c in 0..B {
+        let mut n = [0.0; B];
+        n[c] = 1.0;
+        (0..2).for_each(|_| basis.iter().for_each(|before| remove(&mut n, before)));
+        let length = n.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if length > 0.3 {
+            basis.push(n.map(|v| v / length));
+        }
+    }
+    let held = basis.split_off(tied);
+    held.into_iter().filter(|n| small(n, 1e-14)).collect()
+}
+
+/// Takes the part along a unit vector out of another one.
+fn remove<const B: usize>(v: &mut [f64; B], unit: &[f64; B]) {
+    let part: f64 = v.iter().zip(unit).map(|(a, b)| a * b).sum();
+    v.iter_mut().zip(unit).for_each(|(v, u)| *v -= part * u);
+}
+
 /// The tentative prolongation: node i of aggregate I interpolates by the block Qᵢ from node I.
 pub(super) struct Tentative<const B: usize, const M: usize> {
     /// Qᵢ; zero without aggregate. Within an aggregate the nonzero columns are orthonormal.

@@ -1,78 +1,95 @@
 //! From what a file holds to a mesh of the plane or of space.
 
 use super::raw::{GroupSets, Raw};
-use super::reader::Reader;
 use super::{Failure, Result};
-use crate::mesh::{AnyMesh, Element, Facet, Kind, Mesh, Topology, facet};
+use crate::mesh::{AnyMesh, Element, Facet, Fault, FaultKind, Kind, Mesh, Topology, facet};
 use std::collections::{BTreeMap, HashMap};
 
-pub(super) fn build(raw: Raw, reader: &Reader, scale: f64) -> Result<AnyMesh> {
+impl Raw {
+    /// Whether all nodes have one z, but for rounding.
+    pub fn is_level(&self) -> bool {
+        let coordinates = self.nodes.iter().flatten();
+        let extent = coordinates.fold(0.0, |a: f64, v| a.max(v.abs()));
+        let Some(first) = self.nodes.first() else {
+            return true;
+        };
+        (self.nodes.iter()).all(|x| !((x[2] - first[2]).abs() > 1e-9 * extent))
+    }
+
+    /// Whether groups of elements or facets have names, but nothing in them.
+    pub fn has_names_alone(&self) -> bool {
+        let dimension = if self.solids.is_empty() { 2 } else { 3 };
+        let named = |&(dim, _): &(i64, u64)| dim == dimension || dim == dimension - 1;
+        self.groups.sets.len() == 1 && self.names.keys().any(named)
+    }
+}
+
+/// The mesh of a file: a solid if it has any volume elements, else one of the plane, whose nodes have to be level.
+pub(in crate::mesh) fn build(raw: Raw, scale: f64) -> Result<AnyMesh> {
     if raw.solids.is_empty() {
-        plane(raw, reader, scale).map(AnyMesh::Plane)
+        plane(raw, scale).map(AnyMesh::Plane)
     } else {
-        solid(raw, reader, scale).map(AnyMesh::Space)
+        solid(raw, scale).map(AnyMesh::Space)
     }
 }
 
 /// Surfaces are regions, curves boundaries.
-fn plane(mut raw: Raw, reader: &Reader, scale: f64) -> Result<Mesh> {
-    let extent = raw
-        .nodes
-        .iter()
-        .flatten()
-        .fold(0.0, |a: f64, v| a.max(v.abs()));
-    if let Some(first) = raw.nodes.first()
-        && raw
-            .nodes
-            .iter()
-            .any(|x| (x[2] - first[2]).abs() > 1e-9 * extent)
-    {
-        return reader.fail(
-            "the mesh is not plane: its z coordinates differ; for a solid body the file needs volume elements: mesh it \
-             with gmsh -3, with a physical group for its volumes",
-        );
-    }
-    if raw.faces.is_empty() {
-        return reader.fail(
-            "no triangles or quadrilaterals: give the surface a physical group, or set Mesh.SaveAll = 1",
-        );
-    }
-    let groups = Groups::new(&raw, reader, 2)?;
+fn plane(mut raw: Raw, scale: f64) -> Result<Mesh> {
+    let groups = Groups::new(&raw, 2);
+    let none = (raw.without_facets.iter())
+        .map(|(name, x)| (name.clone(), [x[0] * scale, x[1] * scale]))
+        .collect();
     let nodes: Vec<[f64; 2]> = (raw.nodes.iter())
         .map(|x| [x[0] * scale, x[1] * scale])
         .collect();
-    groups.mesh(&mut raw.groups, reader, nodes, raw.faces, raw.lines)
+    let mut mesh = groups.mesh(&mut raw.groups, nodes, raw.faces, raw.lines)?;
+    note(&mut mesh, none);
+    Ok(mesh)
 }
 
 /// Volumes are regions, surfaces boundaries; curves and points are left out.
-fn solid(mut raw: Raw, reader: &Reader, scale: f64) -> Result<Mesh<3>> {
-    let groups = Groups::new(&raw, reader, 3)?;
+fn solid(mut raw: Raw, scale: f64) -> Result<Mesh<3>> {
+    let groups = Groups::new(&raw, 3);
     let nodes = raw.nodes.iter().map(|x| x.map(|v| v * scale)).collect();
     let faces = raw.faces.iter();
     let faces = faces.map(|face| (face.region, facet::<3>(face.nodes())));
     let faces = faces.collect();
-    groups.mesh(&mut raw.groups, reader, nodes, raw.solids, faces)
+    let mut mesh = groups.mesh(&mut raw.groups, nodes, raw.solids, faces)?;
+    let none = (raw.without_facets.into_iter()).map(|(name, x)| (name, x.map(|v| v * scale)));
+    note(&mut mesh, none.collect());
+    Ok(mesh)
 }
 
-/// The names of physical groups, in a mesh of so many dimensions.
+/// Notes the names of boundaries that have no facet, with a node of each.
+fn note<const D: usize>(mesh: &mut Mesh<D>, without_facets: Vec<(String, [f64; D])>)
+where
+    Kind: Topology<D>,
+{
+    for (name, x) in without_facets {
+        if mesh.boundaries.contains_key(&name) || mesh.faults.contains_key(&name) {
+            continue;
+        }
+        let fault = Fault {
+            kind: FaultKind::NoFacet,
+            ends: [x; 2],
+        };
+        mesh.boundaries.insert(name.clone(), Vec::new());
+        mesh.faults.insert(name, fault);
+    }
+}
+
+/// The names of groups, in a mesh of so many dimensions.
 struct Groups {
     names: HashMap<(i64, u64), String>,
     dimension: i64,
 }
 
 impl Groups {
-    fn new(raw: &Raw, reader: &Reader, dimension: i64) -> Result<Self> {
-        let named = |&(dim, _): &(i64, u64)| dim == dimension || dim == dimension - 1;
-        if raw.groups.sets.len() == 1 && raw.names.keys().any(named) {
-            // That is what MSH 2 makes of them with Mesh.SaveAll = 1.
-            return reader.fail(
-                "the file names physical groups, but no element is in one: save it with Mesh.SaveAll = 0, or as MSH 4.1",
-            );
-        }
-        Ok(Self {
+    fn new(raw: &Raw, dimension: i64) -> Self {
+        Self {
             names: raw.names.clone(),
             dimension,
-        })
+        }
     }
 
     /// The names of a set of groups of elements (`below` 0) or of facets (1); two tags may have the same one.
@@ -94,7 +111,6 @@ impl Groups {
     fn mesh<const D: usize>(
         &self,
         sets: &mut GroupSets,
-        reader: &Reader,
         nodes: Vec<[f64; D]>,
         mut elements: Vec<Element<D>>,
         mut facets: Vec<(u32, Facet<D>)>,
@@ -102,7 +118,7 @@ impl Groups {
     where
         Kind: Topology<D>,
     {
-        sets.merge_copies(&mut elements, nodes.len(), reader)?;
+        (sets.merge_copies(&mut elements, nodes.len())).map_err(Failure::NoMesh)?;
         let mut regions: Vec<String> = Vec::new();
         let mut groups: BTreeMap<String, Vec<u32>> = BTreeMap::new();
         let mut region_of_names: HashMap<Vec<String>, u32> = HashMap::new();

@@ -1,15 +1,43 @@
-//! What the sections of a file add up to, before it is a mesh.
+//! What a file adds up to, before it is a mesh.
 
-use super::Result;
-use super::reader::Reader;
 use crate::mesh::{Element, Kind, Topology};
 use std::collections::HashMap;
 
+/// What stands in files: elements and facets of first order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::mesh) enum Cell {
+    Point,
+    Line,
+    Triangle,
+    Quad,
+    Tetrahedron,
+    Hexahedron,
+    Wedge,
+}
+
+impl Cell {
+    pub const fn n_nodes(self) -> usize {
+        match self {
+            Self::Point => 1,
+            Self::Line => 2,
+            Self::Triangle => 3,
+            Self::Quad | Self::Tetrahedron => 4,
+            Self::Hexahedron => 8,
+            Self::Wedge => 6,
+        }
+    }
+
+    /// Whether it bounds a solid, or is an element of the plane.
+    pub const fn is_surface(self) -> bool {
+        matches!(self, Self::Triangle | Self::Quad)
+    }
+}
+
 /// More groups of one element are nonsense, and no reason to keep long sets for each.
-pub(super) const MOST_GROUPS: usize = 255;
+pub(in crate::mesh) const MOST_GROUPS: usize = 255;
 
 /// Sets of physical groups; elements refer to them by number, since few differ. Number 0 is that of none.
-pub(super) struct GroupSets {
+pub(in crate::mesh) struct GroupSets {
     pub sets: Vec<Vec<u64>>,
     numbers: HashMap<Vec<u64>, u32>,
 }
@@ -42,7 +70,7 @@ impl GroupSets {
 
 /// From the numbers of nodes in the file to ours: a table, as far as those are dense.
 #[derive(Default)]
-pub(super) struct NodeNumbers {
+pub(in crate::mesh) struct NodeNumbers {
     table: Vec<u32>,
     others: HashMap<usize, u32>,
 }
@@ -74,7 +102,7 @@ impl NodeNumbers {
 
 /// What the sections add up to.
 #[derive(Default)]
-pub(super) struct Raw {
+pub(in crate::mesh) struct Raw {
     /// Names of physical groups by (dimension, tag).
     pub names: HashMap<(i64, u64), String>,
     pub groups: GroupSets,
@@ -88,51 +116,51 @@ pub(super) struct Raw {
     pub faces: Vec<Element>,
     /// Tetrahedra, hexahedra and wedges, likewise.
     pub solids: Vec<Element<3>>,
+    /// Sets of nodes that were to be boundaries, but have no facet; each with a place of it.
+    pub without_facets: Vec<(String, [f64; 3])>,
 }
 
 impl Raw {
-    pub fn add_node(&mut self, reader: &Reader, tag: usize, x: [f64; 3]) -> Result<()> {
+    /// Adds a node with its number in the file; if it cannot be one, why not.
+    pub fn add_node(&mut self, tag: usize, x: [f64; 3]) -> Result<(), String> {
         if self.numbers.get(tag).is_some() {
-            return reader.fail(format!("node {tag} stands twice"));
+            return Err(format!("node {tag} stands twice"));
         }
         if !x.iter().all(|v| v.is_finite()) {
-            return reader.fail(format!("node {tag} has a coordinate that is not finite"));
+            return Err(format!("node {tag} has a coordinate that is not finite"));
         }
         self.numbers.insert(tag, self.nodes.len() as u32);
         self.nodes.push(x);
         Ok(())
     }
 
-    /// Adds an element of one of the kinds that [`nodes_of`] lets pass, with its nodes first in `tags`.
-    pub fn add_element(
-        &mut self,
-        reader: &Reader,
-        kind: i64,
-        set: u32,
-        tags: &[usize; 8],
-        n_nodes: usize,
-    ) -> Result<()> {
+    /// Adds an element with the numbers of its nodes in the file, first in `tags`; if it cannot be one, why not.
+    pub fn add_element(&mut self, cell: Cell, set: u32, tags: &[usize; 8]) -> Result<(), String> {
         let mut nodes = [0; 8];
-        for (node, tag) in nodes.iter_mut().zip(&tags[..n_nodes]) {
+        for (node, tag) in nodes.iter_mut().zip(&tags[..cell.n_nodes()]) {
             *node = match self.numbers.get(*tag) {
                 Some(node) => node,
                 None => {
-                    return reader
-                        .fail(format!("an element names node {tag}, which does not exist"));
+                    return Err(format!("an element names node {tag}, which does not exist"));
                 }
             }
         }
-        let [a, b, c, d, e, f, ..] = nodes;
-        match kind {
-            1 => self.lines.push((set, [a, b])),
-            2 => self.faces.push(Element::triangle([a, b, c], set)),
-            3 => self.faces.push(Element::quad([a, b, c, d], set)),
-            4 => (self.solids).push(Element::tetrahedron([a, b, c, d], set)),
-            5 => self.solids.push(Element::hexahedron(nodes, set)),
-            6 => (self.solids).push(Element::wedge([a, b, c, d, e, f], set)),
-            _ => {}
-        }
+        self.push(cell, set, &nodes);
         Ok(())
+    }
+
+    /// Adds an element with our numbers of its nodes, first in `nodes`.
+    pub fn push(&mut self, cell: Cell, set: u32, nodes: &[u32; 8]) {
+        let [a, b, c, d, e, f, ..] = *nodes;
+        match cell {
+            Cell::Point => {}
+            Cell::Line => self.lines.push((set, [a, b])),
+            Cell::Triangle => self.faces.push(Element::triangle([a, b, c], set)),
+            Cell::Quad => self.faces.push(Element::quad([a, b, c, d], set)),
+            Cell::Tetrahedron => (self.solids).push(Element::tetrahedron([a, b, c, d], set)),
+            Cell::Hexahedron => self.solids.push(Element::hexahedron(*nodes, set)),
+            Cell::Wedge => (self.solids).push(Element::wedge([a, b, c, d, e, f], set)),
+        }
     }
 }
 
@@ -143,8 +171,7 @@ impl GroupSets {
         &mut self,
         elements: &mut Vec<Element<D>>,
         n_nodes: usize,
-        reader: &Reader,
-    ) -> Result<()>
+    ) -> Result<(), String>
     where
         Kind: Topology<D>,
     {
@@ -191,7 +218,7 @@ impl GroupSets {
                 if sets[0] != sets[1] {
                     elements[first].region = match unions.get(&sets) {
                         Some(&union) => union,
-                        None => *unions.entry(sets).or_insert(self.union(sets, reader)?),
+                        None => *unions.entry(sets).or_insert(self.union(sets)?),
                     };
                 }
                 elements[number].region = COPY;
@@ -205,36 +232,12 @@ impl GroupSets {
     }
 
     /// The number of the union of two sets.
-    fn union(&mut self, sets: [u32; 2], reader: &Reader) -> Result<u32> {
+    fn union(&mut self, sets: [u32; 2]) -> Result<u32, String> {
         let all = sets.map(|set| self.sets[set as usize].clone());
         let union = self.number(all.concat().into_iter().map(|tag| tag as i64));
         if self.sets[union as usize].len() > MOST_GROUPS {
-            return reader.fail(format!(
-                "an element is in more than {MOST_GROUPS} physical groups"
-            ));
+            return Err(format!("an element is in more than {MOST_GROUPS} groups"));
         }
         Ok(union)
-    }
-}
-
-/// Nodes of an element type of Gmsh that may stand in a mesh of first order.
-pub(super) fn nodes_of(reader: &Reader, kind: i64) -> Result<usize> {
-    match kind {
-        15 => Ok(1),
-        1 => Ok(2),
-        2 => Ok(3),
-        3 | 4 => Ok(4),
-        5 => Ok(8),
-        6 => Ok(6),
-        8..=14 | 16..=28 => reader
-            .fail("elements of higher order are not supported: set Mesh.ElementOrder = 1 in Gmsh"),
-        7 => reader.fail(
-            "pyramids are not supported: use tetrahedra alone, or hexahedra and wedges of extruded or transfinite \
-             volumes",
-        ),
-        _ => reader.fail(format!(
-            "element type {kind} is not supported: use triangles and quadrilaterals, in space tetrahedra, hexahedra \
-             and wedges"
-        )),
     }
 }

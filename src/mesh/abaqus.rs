@@ -1,0 +1,47 @@
+//! Abaqus input files: nodes, elements, sets and surfaces, as Abaqus/CAE and meshers write them.
+//!
+//! Element sets become groups of regions, element-based surfaces boundaries, and so do node sets: of the outer facets
+//! that have all of their corners in the set. Parts stand where their instances put them. Materials, loads and steps
+//! are not read.
+
+mod flatten;
+mod keyword;
+mod parts;
+mod types;
+
+use super::AnyMesh;
+use super::file::{self, Failure, FileError, Result};
+use std::path::Path;
+
+/// Reads a mesh, of the dimension that its elements have; coordinates are multiplied by `scale`.
+///
+/// # Errors
+/// If the file cannot be read, or has something that no mesh here has: with its line.
+pub(super) fn read(path: &Path, scale: f64) -> std::result::Result<AnyMesh, FileError> {
+    let bytes = file::bytes(path)?;
+    let text = String::from_utf8_lossy(&bytes);
+    parse(&text, scale).map_err(|failure| failure.of(path))
+}
+
+fn parse(text: &str, scale: f64) -> Result<AnyMesh> {
+    if !text.lines().any(|line| keyword::is_keyword(line.trim())) {
+        return Err(Failure::NoMesh(
+            "there is no keyword in it (*NODE, *ELEMENT): is this an Abaqus input file?".to_owned(),
+        ));
+    }
+    let assembly = parts::read(text)?;
+    let raw = flatten::flatten(&assembly)?;
+    if raw.solids.is_empty() && raw.faces.is_empty() {
+        return Err(Failure::NoMesh(format!(
+            "there are no elements of a body in it: write {}",
+            types::KNOWN
+        )));
+    }
+    if raw.solids.is_empty() && !raw.is_level() {
+        return Err(Failure::NoMesh(
+            "the mesh is not plane: its z coordinates differ; a solid body needs volume elements (C3D4, C3D6, C3D8)"
+                .to_owned(),
+        ));
+    }
+    file::build::build(raw, scale)
+}

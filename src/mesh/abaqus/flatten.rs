@@ -1,0 +1,431 @@
+//! From parts and their instances to one list of nodes and elements with their groups.
+
+use super::keyword::key;
+use super::parts::{Assembly, Instance, Member, Part, Set, Sets, Surface};
+use super::types::face;
+use super::{Failure, Result};
+use crate::mesh::element::unsided;
+use crate::mesh::file::raw::{Cell, Raw};
+use crate::mesh::vector::{cross, dot, minus, unit};
+use crate::mesh::{Element, Facet, Kind, Topology, facet_nodes};
+use std::collections::{BTreeSet, HashMap};
+
+/// A part in its place; all of a flat file is one.
+struct Placed<'a> {
+    part: &'a Part,
+    /// In capitals; empty outside of instances.
+    key: String,
+    /// What the names of its sets begin with.
+    prefix: String,
+    first_node: u32,
+    first_element: u32,
+}
+
+/// Sets go into sets no deeper than this.
+const DEEPEST: usize = 50;
+
+/// Everything in one list.
+struct Flat<'a> {
+    placed: Vec<Placed<'a>>,
+    raw: Raw,
+    cells: Vec<(Cell, [u32; 8])>,
+    tags: HashMap<String, i64>,
+    /// Element and tag.
+    regions: Vec<(u32, i64)>,
+    /// Facets with their tags.
+    boundaries: Vec<(i64, Vec<u32>)>,
+    /// Node sets that become boundaries: tag and nodes.
+    node_sets: Vec<(i64, Vec<u32>)>,
+}
+
+pub(super) fn flatten(assembly: &Assembly) -> Result<Raw> {
+    let mut flat = Flat::place(assembly)?;
+    for number in 0..flat.placed.len() {
+        flat.sets(assembly, number)?;
+    }
+    flat.add_elements();
+    flat.add_boundaries();
+    let names: Vec<(String, i64)> = flat.tags.into_iter().collect();
+    for (name, tag) in names {
+        for dimension in 1..4 {
+            flat.raw
+                .names
+                .insert((dimension, tag.unsigned_abs()), name.clone());
+        }
+    }
+    Ok(flat.raw)
+}
+
+impl<'a> Flat<'a> {
+    /// Puts the parts where their instances say, what stands outside of them last.
+    fn place(assembly: &'a Assembly) -> Result<Self> {
+        let mut flat = Self {
+            placed: Vec::new(),
+            raw: Raw::default(),
+            cells: Vec::new(),
+            tags: HashMap::new(),
+            regions: Vec::new(),
+            boundaries: Vec::new(),
+            node_sets: Vec::new(),
+        };
+        let part_of = |name: &str| {
+            let mut parts = assembly.parts.iter();
+            parts.find(|part| key(&part.0) == name).map(|part| &part.1)
+        };
+        for instance in &assembly.instances {
+            let part = part_of(&instance.part).ok_or_else(|| {
+                let text = format!("there is no part \"{}\"", instance.part);
+                Failure::line(instance.line, text)
+            })?;
+            flat.add(part, &instance.name, |x| moved(instance, x))?;
+        }
+        if assembly.instances.is_empty() {
+            // Parts without an assembly stand as they were drawn.
+            for (name, part) in &assembly.parts {
+                flat.add(part, name, |x| x)?;
+            }
+        }
+        if let [one] = flat.placed.as_mut_slice() {
+            one.prefix.clear();
+        }
+        flat.add(&assembly.root, "", |x| x)?;
+        Ok(flat)
+    }
+
+    fn add(
+        &mut self,
+        part: &'a Part,
+        name: &str,
+        moved: impl Fn([f64; 3]) -> [f64; 3],
+    ) -> Result<()> {
+        let placed = Placed {
+            part,
+            key: key(name),
+            prefix: if name.is_empty() {
+                String::new()
+            } else {
+                format!("{name}.")
+            },
+            first_node: self.raw.nodes.len() as u32,
+            first_element: self.cells.len() as u32,
+        };
+        self.raw.nodes.extend(part.nodes.iter().map(|&x| moved(x)));
+        for ((cell, labels), &line) in part.elements.iter().zip(&part.lines) {
+            let mut nodes = [0; 8];
+            for (node, label) in nodes.iter_mut().zip(&labels[..cell.n_nodes()]) {
+                *node = match part.node_of.get(label) {
+                    Some(node) => placed.first_node + node,
+                    None => {
+                        let text = format!("an element names node {label}, which does not exist");
+                        return Err(Failure::line(line, text));
+                    }
+                };
+            }
+            self.cells.push((*cell, nodes));
+        }
+        self.placed.push(placed);
+        Ok(())
+    }
+
+    /// The number of a name.
+    fn tag(&mut self, name: String) -> i64 {
+        let next = self.tags.len() as i64 + 1;
+        *self.tags.entry(name).or_insert(next)
+    }
+
+    /// The sets and surfaces of a part in its place.
+    fn sets(&mut self, assembly: &Assembly, number: usize) -> Result<()> {
+        let (part, prefix) = (self.placed[number].part, self.placed[number].prefix.clone());
+        let visible = |sets: &'a Sets| sets.iter().filter(|(_, set)| !set.internal);
+        for (name, set) in visible(&part.element_sets) {
+            // CAE makes an element set beside the node set of each face that it names: no region, if sections name others.
+            let twin = part.node_sets.contains_key(name);
+            let has_section = assembly.sections.contains(name);
+            if twin && !has_section && !assembly.sections.is_empty() {
+                continue;
+            }
+            let members = self.members(number, false, set, 0)?;
+            let tag = self.tag(format!("{prefix}{}", set.name));
+            self.regions
+                .extend(members.into_iter().map(|element| (element, tag)));
+        }
+        for set in visible(&part.node_sets).map(|(_, set)| set) {
+            let members = self.members(number, true, set, 0)?;
+            let tag = self.tag(format!("{prefix}{}", set.name));
+            self.node_sets.push((tag, members));
+        }
+        for surface in part.surfaces.values() {
+            let tag = self.tag(format!("{prefix}{}", surface.name));
+            if surface.of_nodes {
+                let mut nodes = Vec::new();
+                for (line, what, _) in &surface.faces {
+                    nodes.extend(self.named(number, true, *line, what)?);
+                }
+                self.node_sets.push((tag, nodes));
+            } else {
+                self.surface(number, tag, surface)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The faces of a surface.
+    fn surface(&mut self, number: usize, tag: i64, surface: &Surface) -> Result<()> {
+        let mut whole = BTreeSet::new();
+        for (line, what, side) in &surface.faces {
+            for element in self.named(number, false, *line, what)? {
+                let (cell, nodes) = self.cells[element as usize];
+                let is_surface = cell.is_surface();
+                let sided = side.strip_prefix('S').or(side.strip_prefix('E'));
+                if side.is_empty() {
+                    whole.insert(element);
+                } else if matches!(side.as_str(), "SPOS" | "SNEG") && is_surface {
+                    let corners = nodes[..cell.n_nodes()].to_vec();
+                    self.boundaries.push((tag, corners));
+                } else if let Some(corners) = sided
+                    .and_then(|number| number.parse().ok())
+                    .and_then(|number| face(cell, number))
+                {
+                    let corners = corners.iter().map(|&corner| nodes[corner]).collect();
+                    self.boundaries.push((tag, corners));
+                } else {
+                    let text = format!(
+                        "surface \"{}\": {side} is no face of such an element",
+                        surface.name
+                    );
+                    return Err(Failure::line(*line, text));
+                }
+            }
+        }
+        // Without a side: those of its faces that no other element has.
+        let mut times: HashMap<Vec<u32>, (usize, Vec<u32>)> = HashMap::new();
+        for (number, (cell, nodes)) in (0..).zip(&self.cells) {
+            for corners in (1..).map_while(|number| face(*cell, number)) {
+                if whole.is_empty() {
+                    break;
+                }
+                let corners: Vec<u32> = corners.iter().map(|&corner| nodes[corner]).collect();
+                let mut key = corners.clone();
+                key.sort_unstable();
+                let found = times.entry(key).or_default();
+                found.0 += 1;
+                if whole.contains(&number) {
+                    found.1 = corners;
+                }
+            }
+        }
+        let free =
+            (times.into_values()).filter(|(times, corners)| *times == 1 && !corners.is_empty());
+        self.boundaries
+            .extend(free.map(|(_, corners)| (tag, corners)));
+        Ok(())
+    }
+
+    /// The nodes or elements of a set.
+    fn members(&self, number: usize, of_nodes: bool, set: &Set, depth: usize) -> Result<Vec<u32>> {
+        let mut found = Vec::with_capacity(set.members.len());
+        for (line, member) in &set.members {
+            match member {
+                Member::One(instance, label) => {
+                    found.push(self.one(number, of_nodes, *line, instance.as_deref(), *label)?);
+                }
+                Member::Range(instance, [from, to, step]) => {
+                    for label in (*from..=*to).step_by(*step as usize) {
+                        let one = self.one(number, of_nodes, *line, instance.as_deref(), label);
+                        // Ranges may run over numbers that nothing has.
+                        found.extend(one.ok());
+                    }
+                }
+                Member::Set(name) if depth < DEEPEST => {
+                    found.extend(self.set(number, of_nodes, *line, name, depth + 1)?);
+                }
+                Member::Set(name) => {
+                    let text = format!("set \"{name}\" contains itself");
+                    return Err(Failure::line(*line, text));
+                }
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        Ok(found)
+    }
+
+    /// A set or a number that a surface names.
+    fn named(&self, number: usize, of_nodes: bool, line: usize, what: &str) -> Result<Vec<u32>> {
+        if let Ok(label) = what.parse() {
+            return Ok(vec![self.one(number, of_nodes, line, None, label)?]);
+        }
+        if let Some((instance, label)) = what.rsplit_once('.')
+            && let Ok(label) = label.parse()
+        {
+            let instance = key(instance);
+            return Ok(vec![self.one(
+                number,
+                of_nodes,
+                line,
+                Some(&instance),
+                label,
+            )?]);
+        }
+        self.set(number, of_nodes, line, &key(what), 0)
+    }
+
+    /// The members of a set by its name in capitals: of the part, or of an instance as `INSTANCE.SET`.
+    fn set(
+        &self,
+        number: usize,
+        of_nodes: bool,
+        line: usize,
+        name: &str,
+        depth: usize,
+    ) -> Result<Vec<u32>> {
+        let sets = |number: usize| {
+            let part = self.placed[number].part;
+            if of_nodes {
+                &part.node_sets
+            } else {
+                &part.element_sets
+            }
+        };
+        if let Some(set) = sets(number).get(name) {
+            return self.members(number, of_nodes, set, depth);
+        }
+        let inside = |(other, placed): (usize, &Placed)| {
+            let rest = name.strip_prefix(placed.key.as_str())?.strip_prefix('.')?;
+            Some((other, sets(other).get(rest)?))
+        };
+        match self.placed.iter().enumerate().find_map(inside) {
+            Some((other, set)) => self.members(other, of_nodes, set, depth),
+            None => {
+                let what = if of_nodes { "node" } else { "element" };
+                let text = format!("there is no {what} set \"{name}\"");
+                Err(Failure::line(line, text))
+            }
+        }
+    }
+
+    /// A node or an element by its number: of the part, or of an instance.
+    fn one(
+        &self,
+        number: usize,
+        of_nodes: bool,
+        line: usize,
+        instance: Option<&str>,
+        label: u64,
+    ) -> Result<u32> {
+        let placed = match instance {
+            None => Some(&self.placed[number]),
+            Some(name) => self.placed.iter().find(|placed| placed.key == name),
+        };
+        let Some(placed) = placed else {
+            let text = format!("there is no instance \"{}\"", instance.unwrap_or_default());
+            return Err(Failure::line(line, text));
+        };
+        let (found, first) = if of_nodes {
+            (placed.part.node_of.get(&label), placed.first_node)
+        } else {
+            (placed.part.element_of.get(&label), placed.first_element)
+        };
+        found.map(|place| first + place).ok_or_else(|| {
+            let what = if of_nodes { "node" } else { "element" };
+            Failure::line(
+                line,
+                format!("a set names {what} {label}, which does not exist"),
+            )
+        })
+    }
+
+    /// Hands the elements over with the sets that they are in.
+    fn add_elements(&mut self) {
+        self.regions.sort_unstable();
+        self.regions.dedup();
+        let mut regions = self.regions.iter().peekable();
+        let mut tags = Vec::new();
+        let (mut last, mut set) = (Vec::new(), 0);
+        for (number, (cell, nodes)) in (0..).zip(&self.cells) {
+            tags.clear();
+            while let Some((_, tag)) = regions.next_if(|region| region.0 == number) {
+                tags.push(*tag);
+            }
+            if tags != last {
+                set = self.raw.groups.number(tags.iter().copied());
+                last.clone_from(&tags);
+            }
+            self.raw.push(*cell, set, nodes);
+        }
+    }
+
+    /// Hands the facets of surfaces over, and those of node sets.
+    fn add_boundaries(&mut self) {
+        let is_solid = !self.raw.solids.is_empty();
+        let mut all = std::mem::take(&mut self.boundaries);
+        let outside: Vec<Vec<u32>> = if is_solid {
+            outer(&self.raw.solids)
+        } else {
+            outer(&self.raw.faces)
+        };
+        let mut inside = vec![false; self.raw.nodes.len()];
+        let names: HashMap<i64, &String> =
+            self.tags.iter().map(|(name, tag)| (*tag, name)).collect();
+        for (tag, nodes) in &self.node_sets {
+            let before = all.len();
+            nodes.iter().for_each(|&node| inside[node as usize] = true);
+            let facets = outside.iter();
+            let facets = facets.filter(|facet| facet.iter().all(|&node| inside[node as usize]));
+            all.extend(facets.map(|facet| (*tag, facet.clone())));
+            nodes.iter().for_each(|&node| inside[node as usize] = false);
+            if let (Some(&node), true) = (nodes.first(), all.len() == before) {
+                let none = (names[tag].clone(), self.raw.nodes[node as usize]);
+                self.raw.without_facets.push(none);
+            }
+        }
+        for (tag, corners) in all {
+            let cell = match (is_solid, corners.len()) {
+                (false, 2) => Cell::Line,
+                (true, 3) => Cell::Triangle,
+                (true, 4) => Cell::Quad,
+                // An edge of a shell in space, or a shell in the plane, bounds nothing.
+                _ => continue,
+            };
+            let mut nodes = [0; 8];
+            nodes[..corners.len()].copy_from_slice(&corners);
+            let set = self.raw.groups.number([tag]);
+            self.raw.push(cell, set, &nodes);
+        }
+    }
+}
+
+/// The corners of the facets that one element has.
+fn outer<const D: usize>(elements: &[Element<D>]) -> Vec<Vec<u32>>
+where
+    Kind: Topology<D>,
+{
+    let mut times: HashMap<Facet<D>, u32> = HashMap::new();
+    for facet in elements.iter().flat_map(Element::facets) {
+        *times.entry(unsided(&facet)).or_default() += 1;
+    }
+    let mut outside: Vec<Facet<D>> = (times.into_iter())
+        .filter(|(_, times)| *times == 1)
+        .map(|(facet, _)| facet)
+        .collect();
+    outside.sort_unstable();
+    outside
+        .iter()
+        .map(|facet| facet_nodes(facet).to_vec())
+        .collect()
+}
+
+/// A point of a part where its instance puts it: shifted, then turned about an axis.
+fn moved(instance: &Instance, x: [f64; 3]) -> [f64; 3] {
+    let x: [f64; 3] = std::array::from_fn(|c| x[c] + instance.shift[c]);
+    let Some([ax, ay, az, bx, by, bz, degrees]) = instance.turn else {
+        return x;
+    };
+    let origin = [ax, ay, az];
+    let along = unit(minus([bx, by, bz], origin));
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let way = minus(x, origin);
+    // Rodrigues.
+    let (side, part) = (cross(along, way), dot(along, way) * (1.0 - cos));
+    std::array::from_fn(|c| origin[c] + cos * way[c] + sin * side[c] + part * along[c])
+}

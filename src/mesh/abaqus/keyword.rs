@@ -1,0 +1,106 @@
+//! Keyword lines and data lines.
+
+use super::{Failure, Result};
+
+/// A keyword line: `*ELEMENT, TYPE=C3D8, ELSET=body`.
+pub(super) struct Keyword<'a> {
+    /// From 1.
+    pub line: usize,
+    /// Without the asterisk, in capitals, with single blanks: `END PART`.
+    pub name: String,
+    options: Vec<(String, &'a str)>,
+}
+
+/// Whether a line without blanks around it begins a keyword, and is no comment.
+pub(super) fn is_keyword(line: &str) -> bool {
+    line.starts_with('*') && !line.starts_with("**")
+}
+
+/// A name as it is compared: capitals do not matter, nor do quotation marks.
+pub(super) fn key(name: &str) -> String {
+    plain(name).to_uppercase()
+}
+
+/// A name without quotation marks.
+pub(super) fn plain(name: &str) -> &str {
+    name.trim().trim_matches('"').trim()
+}
+
+impl<'a> Keyword<'a> {
+    /// Reads a keyword line; None if `line` is none.
+    pub fn parse(line: usize, text: &'a str) -> Option<Self> {
+        let text = text.trim();
+        if !is_keyword(text) {
+            return None;
+        }
+        let mut parts = text[1..].split(',');
+        let words: Vec<&str> = parts
+            .next()
+            .unwrap_or_default()
+            .split_whitespace()
+            .collect();
+        let mut keyword = Self {
+            line,
+            name: words.join(" ").to_uppercase(),
+            options: Vec::new(),
+        };
+        keyword.add(parts);
+        Some(keyword)
+    }
+
+    /// Adds the options of a line, the first one of the keyword or one that goes on with it.
+    pub fn add(&mut self, parts: impl Iterator<Item = &'a str>) {
+        let options = parts.filter(|part| !part.trim().is_empty()).map(|part| {
+            let (name, value) = part.split_once('=').unwrap_or((part, ""));
+            (key(name), plain(value))
+        });
+        self.options.extend(options);
+    }
+
+    /// The value of an option, empty where it has none; None without the option.
+    pub fn option(&self, name: &str) -> Option<&'a str> {
+        let found = self.options.iter().find(|option| option.0 == name);
+        found.map(|option| option.1)
+    }
+
+    /// The value of an option that has to be there.
+    pub fn needed(&self, name: &str) -> Result<&'a str> {
+        match self.option(name) {
+            Some(value) if !value.is_empty() => Ok(value),
+            _ => Err(Failure::line(
+                self.line,
+                format!("*{} needs {name}=…", self.name),
+            )),
+        }
+    }
+}
+
+/// The entries of a data line; a comma at its end adds none.
+pub(super) fn entries(text: &str) -> impl Iterator<Item = &str> {
+    let text = text.trim();
+    let text = text.strip_suffix(',').unwrap_or(text);
+    text.split(',').map(str::trim)
+}
+
+/// An entry as a number.
+pub(super) fn number(line: usize, text: &str) -> Result<f64> {
+    // Fortran writes 1.D-3.
+    let value = text
+        .parse()
+        .or_else(|_| text.replace(['d', 'D'], "e").parse());
+    match value {
+        Ok(value) => Ok(value),
+        Err(_) => Err(Failure::line(line, format!("\"{text}\" is not a number"))),
+    }
+}
+
+/// An entry as the number of a node or an element.
+pub(super) fn label(line: usize, text: &str) -> Result<u64> {
+    match text.parse() {
+        Ok(label) if label > 0 => Ok(label),
+        _ => Err(Failure::line(
+            line,
+            format!("\"{text}\" is not the number of a node or an element"),
+        )),
+    }
+}

@@ -1,0 +1,431 @@
+//! What stands in a file: parts, where they are placed, and their nodes, elements, sets and surfaces.
+
+use super::keyword::{Keyword, entries, key, label, number, plain};
+use super::types::cell;
+use super::{Failure, Result};
+use crate::mesh::file::raw::Cell;
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+/// A part, or what stands outside of all parts: a flat file, or the assembly.
+#[derive(Default)]
+pub(super) struct Part {
+    pub nodes: Vec<[f64; 3]>,
+    pub node_of: HashMap<u64, u32>,
+    pub elements: Vec<(Cell, [u64; 8])>,
+    /// The lines that the elements stand in.
+    pub lines: Vec<usize>,
+    pub element_of: HashMap<u64, u32>,
+    pub node_sets: Sets,
+    pub element_sets: Sets,
+    pub surfaces: BTreeMap<String, Surface>,
+}
+
+/// Sets by their names in capitals.
+pub(super) type Sets = BTreeMap<String, Set>;
+
+/// A set of nodes or of elements.
+#[derive(Default)]
+pub(super) struct Set {
+    /// As it is written.
+    pub name: String,
+    /// Whether it is there for surfaces alone.
+    pub internal: bool,
+    /// Each with the line that names it.
+    pub members: Vec<(usize, Member)>,
+}
+
+/// What a set names.
+pub(super) enum Member {
+    /// A node or an element: of an instance (in capitals), or of the part itself.
+    One(Option<String>, u64),
+    /// From, to, every so many.
+    Range(Option<String>, [u64; 3]),
+    /// Another set, in capitals.
+    Set(String),
+}
+
+/// A surface.
+pub(super) struct Surface {
+    pub name: String,
+    /// Whether it consists of nodes rather than of faces.
+    pub of_nodes: bool,
+    /// The line, a set or a number, and what it says of it: `S3`, or nothing.
+    pub faces: Vec<(usize, String, String)>,
+}
+
+/// A part where it is placed.
+pub(super) struct Instance {
+    pub name: String,
+    /// In capitals.
+    pub part: String,
+    pub line: usize,
+    pub shift: [f64; 3],
+    /// Two points of an axis, and degrees about it.
+    pub turn: Option<[f64; 7]>,
+    /// How many data lines there were.
+    rows: usize,
+}
+
+/// A file.
+#[derive(Default)]
+pub(super) struct Assembly {
+    /// What stands outside of parts.
+    pub root: Part,
+    /// Names as written, in the order of the file.
+    pub parts: Vec<(String, Part)>,
+    pub instances: Vec<Instance>,
+    /// The element sets that sections name, in capitals.
+    pub sections: HashSet<String>,
+}
+
+/// What the data lines belong to.
+enum Block<'a> {
+    Skip,
+    Nodes(Option<&'a str>),
+    Elements(Cell, Option<&'a str>),
+    Set {
+        of_nodes: bool,
+        key: String,
+        instance: Option<String>,
+        generate: bool,
+    },
+    Surface(String),
+    Instance,
+}
+
+/// A file on its way.
+#[derive(Default)]
+struct Reader<'a> {
+    assembly: Assembly,
+    /// The part that is open.
+    part: Option<usize>,
+    in_instance: bool,
+    /// An element whose nodes go on in the next line.
+    begun: Vec<&'a str>,
+}
+
+pub(super) fn read(text: &str) -> Result<Assembly> {
+    let mut reader = Reader::default();
+    let mut block = Block::Skip;
+    let mut lines = (1..).zip(text.trim_start_matches('\u{feff}').lines());
+    while let Some((line, text)) = lines.next() {
+        let text = text.trim();
+        if text.is_empty() || text.starts_with("**") {
+            continue;
+        }
+        let Some(mut keyword) = Keyword::parse(line, text) else {
+            reader.data(&block, line, text)?;
+            continue;
+        };
+        let mut last = text;
+        while last.ends_with(',') {
+            let Some((_, more)) = lines.next() else { break };
+            last = more.trim();
+            keyword.add(last.split(','));
+        }
+        reader.end_element(line)?;
+        block = reader.keyword(&keyword)?;
+    }
+    reader.end_element(text.lines().count())?;
+    if reader.part.is_some() {
+        let end = text.lines().count();
+        return Err(Failure::line(
+            end,
+            "the file is cut short: a *PART has no *END PART",
+        ));
+    }
+    Ok(reader.assembly)
+}
+
+impl<'a> Reader<'a> {
+    fn current(&mut self) -> &mut Part {
+        match self.part {
+            Some(part) => &mut self.assembly.parts[part].1,
+            None => &mut self.assembly.root,
+        }
+    }
+
+    fn keyword(&mut self, k: &Keyword<'a>) -> Result<Block<'a>> {
+        let refuse = |what: &str| Err(Failure::line(k.line, format!("*{}: {what}", k.name)));
+        let option = |name| k.option(name).filter(|value| !value.is_empty());
+        let set = |of_nodes: bool, key: String| Block::Set {
+            of_nodes,
+            key,
+            instance: option("INSTANCE").map(self::key),
+            generate: k.option("GENERATE").is_some(),
+        };
+        Ok(match k.name.as_str() {
+            "NODE" | "ELEMENT" if self.in_instance => {
+                return refuse("nodes and elements of an instance stand in its part here");
+            }
+            "NODE" => {
+                if option("SYSTEM").is_some_and(|system| system != "R") {
+                    return refuse("only rectangular coordinates are read (SYSTEM=R)");
+                }
+                Block::Nodes(option("NSET"))
+            }
+            "ELEMENT" => {
+                let name = k.needed("TYPE")?;
+                let cell = cell(name).map_err(|text| Failure::line(k.line, text))?;
+                Block::Elements(cell, option("ELSET"))
+            }
+            "NSET" => set(true, self.named_set(true, k, k.needed("NSET")?)),
+            "ELSET" => set(false, self.named_set(false, k, k.needed("ELSET")?)),
+            "SURFACE" => {
+                let name = k.needed("NAME")?;
+                let kind = option("TYPE").unwrap_or("ELEMENT").to_uppercase();
+                if kind != "ELEMENT" && kind != "NODE" {
+                    return Ok(Block::Skip);
+                }
+                let surface = Surface {
+                    name: name.to_owned(),
+                    of_nodes: kind == "NODE",
+                    faces: Vec::new(),
+                };
+                self.current().surfaces.insert(key(name), surface);
+                Block::Surface(key(name))
+            }
+            "SOLID SECTION" => {
+                self.assembly.sections.extend(option("ELSET").map(key));
+                Block::Skip
+            }
+            "PART" => {
+                let name = k.needed("NAME")?.to_owned();
+                self.part = Some(self.assembly.parts.len());
+                self.assembly.parts.push((name, Part::default()));
+                Block::Skip
+            }
+            "END PART" => {
+                self.part = None;
+                Block::Skip
+            }
+            "INSTANCE" => {
+                self.assembly.instances.push(Instance {
+                    name: k.needed("NAME")?.to_owned(),
+                    part: key(k.needed("PART")?),
+                    line: k.line,
+                    shift: [0.0; 3],
+                    turn: None,
+                    rows: 0,
+                });
+                self.in_instance = true;
+                Block::Instance
+            }
+            "END INSTANCE" => {
+                self.in_instance = false;
+                Block::Skip
+            }
+            "INCLUDE" => {
+                return refuse("other files are not followed: put their text in its place");
+            }
+            "NGEN" | "NFILL" | "NCOPY" | "ELGEN" | "ELCOPY" | "NMAP" => {
+                return refuse(
+                    "nodes and elements have to be written out: let the program write a whole input file",
+                );
+            }
+            "SYSTEM" => return refuse("coordinates have to be those of the whole model"),
+            _ => Block::Skip,
+        })
+    }
+
+    /// Makes a set, unless it is there already and goes on.
+    fn named_set(&mut self, of_nodes: bool, keyword: &Keyword, name: &str) -> String {
+        let internal = keyword.option("INTERNAL").is_some();
+        let part = self.current();
+        let sets = if of_nodes {
+            &mut part.node_sets
+        } else {
+            &mut part.element_sets
+        };
+        let set = sets.entry(key(name)).or_default();
+        set.name = plain(name).to_owned();
+        set.internal |= internal;
+        key(name)
+    }
+
+    fn data(&mut self, block: &Block<'a>, line: usize, text: &'a str) -> Result<()> {
+        match block {
+            Block::Skip => Ok(()),
+            Block::Nodes(set) => self.node(line, text, *set),
+            Block::Elements(cell, set) => self.element(line, text, *cell, *set),
+            Block::Set {
+                of_nodes,
+                key,
+                instance,
+                generate,
+            } => {
+                let members = members(line, text, instance, *generate)?;
+                let part = self.current();
+                let sets = if *of_nodes {
+                    &mut part.node_sets
+                } else {
+                    &mut part.element_sets
+                };
+                let set = sets.get_mut(key).expect("made by its keyword");
+                set.members
+                    .extend(members.into_iter().map(|member| (line, member)));
+                Ok(())
+            }
+            Block::Surface(key) => {
+                let mut entries = entries(text);
+                let what = entries.next().unwrap_or_default().to_owned();
+                let face = entries.next().unwrap_or_default().to_uppercase();
+                let surface = self.current().surfaces.get_mut(key);
+                let surface = surface.expect("made by its keyword");
+                surface.faces.push((line, what, face));
+                Ok(())
+            }
+            Block::Instance => self.placement(line, text),
+        }
+    }
+
+    fn node(&mut self, line: usize, text: &str, set: Option<&str>) -> Result<()> {
+        let mut all = entries(text);
+        let node = label(line, all.next().unwrap_or_default())?;
+        let mut x = [0.0; 3];
+        for (x, entry) in x.iter_mut().zip(all) {
+            if !entry.is_empty() {
+                *x = number(line, entry)?;
+            }
+        }
+        if !x.iter().all(|v| v.is_finite()) {
+            return Err(Failure::line(
+                line,
+                format!("node {node} has a coordinate that is not finite"),
+            ));
+        }
+        let part = self.current();
+        let next = part.nodes.len() as u32;
+        if part.node_of.insert(node, next).is_some() {
+            return Err(Failure::line(line, format!("node {node} stands twice")));
+        }
+        part.nodes.push(x);
+        if let Some(name) = set {
+            add(&mut part.node_sets, name, line, node);
+        }
+        Ok(())
+    }
+
+    /// An element, or a part of it where the line ends with a comma.
+    fn element(&mut self, line: usize, text: &'a str, cell: Cell, set: Option<&str>) -> Result<()> {
+        self.begun.extend(entries(text));
+        let wanted = 1 + cell.n_nodes();
+        if self.begun.len() < wanted && text.ends_with(',') {
+            return Ok(());
+        }
+        let all = std::mem::take(&mut self.begun);
+        if all.len() < wanted {
+            return Err(Failure::line(
+                line,
+                format!(
+                    "an element of this type has {} nodes, here are {}",
+                    cell.n_nodes(),
+                    all.len() - 1
+                ),
+            ));
+        }
+        let element = label(line, all[0])?;
+        let mut nodes = [0; 8];
+        for (node, entry) in nodes.iter_mut().zip(&all[1..wanted]) {
+            *node = label(line, entry)?;
+        }
+        let part = self.current();
+        let next = part.elements.len() as u32;
+        if part.element_of.insert(element, next).is_some() {
+            return Err(Failure::line(
+                line,
+                format!("element {element} stands twice"),
+            ));
+        }
+        part.elements.push((cell, nodes));
+        part.lines.push(line);
+        if let Some(name) = set {
+            add(&mut part.element_sets, name, line, element);
+        }
+        Ok(())
+    }
+
+    /// No element may be left open.
+    fn end_element(&mut self, line: usize) -> Result<()> {
+        if self.begun.is_empty() {
+            return Ok(());
+        }
+        Err(Failure::line(
+            line,
+            "the element before it has too few nodes",
+        ))
+    }
+
+    fn placement(&mut self, line: usize, text: &str) -> Result<()> {
+        let mut numbers = Vec::new();
+        for entry in entries(text).filter(|entry| !entry.is_empty()) {
+            numbers.push(number(line, entry)?);
+        }
+        let instance = self.assembly.instances.last_mut();
+        let instance = instance.expect("made by its keyword");
+        instance.rows += 1;
+        match (instance.rows, numbers.as_slice()) {
+            (1, &[x, y, z]) => instance.shift = [x, y, z],
+            (1, &[x, y]) => instance.shift = [x, y, 0.0],
+            (2, turn) if turn.len() == 7 => {
+                instance.turn = Some(std::array::from_fn(|i| turn[i]));
+            }
+            _ => {
+                return Err(Failure::line(
+                    line,
+                    "an instance has a line with its shift (3 numbers) and one with its rotation (7: two points and an \
+                     angle in degrees)",
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Adds a node or an element to the set that its keyword names.
+fn add(sets: &mut Sets, name: &str, line: usize, member: u64) {
+    let set = sets.entry(key(name)).or_default();
+    if set.name.is_empty() {
+        set.name = plain(name).to_owned();
+    }
+    set.members.push((line, Member::One(None, member)));
+}
+
+/// What a data line of a set names.
+fn members(
+    line: usize,
+    text: &str,
+    instance: &Option<String>,
+    generate: bool,
+) -> Result<Vec<Member>> {
+    let all: Vec<&str> = entries(text).filter(|entry| !entry.is_empty()).collect();
+    if generate {
+        let mut range = [0, 0, 1];
+        if all.len() < 2 || all.len() > 3 {
+            return Err(Failure::line(
+                line,
+                "GENERATE takes the first number, the last one and the step",
+            ));
+        }
+        for (place, entry) in range.iter_mut().zip(&all) {
+            *place = label(line, entry)?;
+        }
+        return Ok(vec![Member::Range(instance.clone(), range)]);
+    }
+    let member = |entry: &&str| {
+        if let Ok(label) = entry.parse() {
+            return Member::One(instance.clone(), label);
+        }
+        // An assembly names a node of an instance as NAME.5.
+        if let Some((of, label)) = entry.rsplit_once('.')
+            && let Ok(label) = label.parse()
+        {
+            return Member::One(Some(key(of)), label);
+        }
+        Member::Set(match instance {
+            Some(of) => format!("{of}.{}", key(entry)),
+            None => key(entry),
+        })
+    };
+    Ok(all.iter().map(member).collect())
+}

@@ -1,0 +1,124 @@
+//! Mesh files of any program: which reader a file goes to, what they have in common, what is wrong with a file.
+
+pub(super) mod build;
+pub(super) mod raw;
+
+use super::{AnyMesh, MeshError, abaqus, gmsh, vtu};
+use std::path::{Path, PathBuf};
+
+/// Why a mesh file could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// The file could not be opened or read.
+    #[error("cannot read {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// What stands at a place of the file is not what should.
+    #[error("{}, {place}: {message}", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// The line, or in a binary file the byte.
+        place: String,
+        /// What is wrong, and what to do.
+        message: String,
+    },
+    /// The file is of another kind, or as a whole not what it should be.
+    #[error("{}: this is {what}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What it is, and what to do.
+        what: String,
+    },
+    /// The file is in order, but no mesh comes of it.
+    #[error("{}: {message}", path.display())]
+    NoMesh {
+        /// The file.
+        path: PathBuf,
+        /// What is missing, and what to do.
+        message: String,
+    },
+    /// The mesh of the file is none.
+    #[error("{}: {source}", path.display())]
+    Mesh {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with the mesh.
+        source: MeshError,
+    },
+}
+
+/// What a reader complains of.
+#[derive(Debug)]
+pub(super) enum Failure {
+    Format { place: String, message: String },
+    NoMesh(String),
+    Mesh(MeshError),
+}
+
+pub(super) type Result<T> = std::result::Result<T, Failure>;
+
+impl Failure {
+    /// That a line, counted from 1, is not what it should be.
+    pub fn line(number: usize, message: impl Into<String>) -> Self {
+        Self::Format {
+            place: format!("line {number}"),
+            message: message.into(),
+        }
+    }
+
+    /// The same with the file that it is about.
+    pub fn of(self, path: &Path) -> FileError {
+        let path = path.to_owned();
+        match self {
+            Self::Format { place, message } => FileError::Format {
+                path,
+                place,
+                message,
+            },
+            Self::NoMesh(message) => FileError::NoMesh { path, message },
+            Self::Mesh(source) => FileError::Mesh { path, source },
+        }
+    }
+}
+
+/// All bytes of a file.
+pub(super) fn bytes(path: &Path) -> std::result::Result<Vec<u8>, FileError> {
+    std::fs::read(path).map_err(|source| FileError::Io {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// Whether a file is called like those of VTK, whose regions a cell array tells.
+pub fn has_cell_arrays(path: &Path) -> bool {
+    extension(path) == "vtu"
+}
+
+fn extension(path: &Path) -> String {
+    let extension = path.extension().unwrap_or_default();
+    extension.to_string_lossy().to_lowercase()
+}
+
+/// Reads a mesh, of the dimension that its elements have: an Abaqus input file (`.inp`), an unstructured grid of VTK
+/// (`.vtu`), or else one of Gmsh. Coordinates are multiplied by `scale`; `groups` names the cell array of a grid that
+/// tells its regions and boundaries.
+///
+/// # Errors
+/// If the file cannot be read: with the line at fault, as far as it has lines.
+pub fn read(
+    path: &Path,
+    scale: f64,
+    groups: Option<&str>,
+) -> std::result::Result<AnyMesh, FileError> {
+    match extension(path).as_str() {
+        "inp" => abaqus::read(path, scale),
+        "vtu" => vtu::read(path, scale, groups),
+        _ => gmsh::read(path, scale),
+    }
+}

@@ -1,0 +1,93 @@
+//! Meshes as files of Gmsh, MSH 2.2 in ASCII: to look at what was read from others.
+
+use crate::mesh::{AnyMesh, Kind, Mesh, Topology, facet_nodes};
+use std::fmt::Write as _;
+
+/// The text of a file with the mesh and its regions and boundaries under their names.
+pub fn msh(mesh: &AnyMesh) -> String {
+    match mesh {
+        AnyMesh::Plane(mesh) => text(mesh),
+        AnyMesh::Space(mesh) => text(mesh),
+    }
+}
+
+/// Gmsh's number for an element or a facet.
+fn number(dimension: usize, corners: usize) -> u32 {
+    match (dimension, corners) {
+        (1, _) => 1,
+        (2, 3) => 2,
+        (2, _) => 3,
+        (_, 4) => 4,
+        (_, 6) => 6,
+        _ => 5,
+    }
+}
+
+/// An element in several groups stands in the file once for each, as Gmsh itself writes it.
+fn text<const D: usize>(mesh: &Mesh<D>) -> String
+where
+    Kind: Topology<D>,
+{
+    // A group of one region that others name, too, is but the name of what they share.
+    let named = |name: &String, regions: &Vec<u32>| {
+        let alone = |&region: &u32| mesh.regions[region as usize] == *name;
+        let elsewhere = |&region: &u32| {
+            (mesh.groups.iter()).any(|(other, all)| other != name && all.contains(&region))
+        };
+        !(regions.len() == 1 && regions.iter().all(alone) && regions.iter().all(elsewhere))
+    };
+    let groups: Vec<(&String, &Vec<u32>)> = (mesh.groups.iter())
+        .filter(|(name, regions)| named(name, regions))
+        .collect();
+    let boundaries: Vec<_> = (mesh.boundaries.iter())
+        .filter(|boundary| !boundary.1.is_empty())
+        .collect();
+    let mut text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n".to_owned();
+    let mut put = |arguments: std::fmt::Arguments| {
+        // Nothing is in the way of writing into a text.
+        let _ = text.write_fmt(arguments);
+        text.push('\n');
+    };
+    put(format_args!("{}", groups.len() + boundaries.len()));
+    for (tag, (name, _)) in (1..).zip(&groups) {
+        put(format_args!("{D} {tag} \"{name}\""));
+    }
+    for (tag, (name, _)) in (1..).zip(&boundaries) {
+        put(format_args!("{} {tag} \"{name}\"", D - 1));
+    }
+    put(format_args!(
+        "$EndPhysicalNames\n$Nodes\n{}",
+        mesh.nodes.len()
+    ));
+    for (node, x) in (1..).zip(&mesh.nodes) {
+        let z = x.get(2).copied().unwrap_or(0.0);
+        put(format_args!("{node} {:?} {:?} {z:?}", x[0], x[1]));
+    }
+    let mut tags_of: Vec<Vec<usize>> = vec![Vec::new(); mesh.regions.len()];
+    for (tag, (_, regions)) in (1..).zip(&groups) {
+        regions
+            .iter()
+            .for_each(|&region| tags_of[region as usize].push(tag));
+    }
+    let mut rows: Vec<(u32, usize, &[u32])> = Vec::new();
+    for (tag, (_, facets)) in (1..).zip(&boundaries) {
+        let facets = facets.iter().map(facet_nodes);
+        rows.extend(facets.map(|nodes| (number(D - 1, nodes.len()), tag, nodes)));
+    }
+    for element in &mesh.elements {
+        let kind = number(D, element.nodes().len());
+        for &tag in &tags_of[element.region as usize] {
+            rows.push((kind, tag, element.nodes()));
+        }
+    }
+    put(format_args!("$EndNodes\n$Elements\n{}", rows.len()));
+    for (row, (kind, tag, nodes)) in (1..).zip(rows) {
+        let nodes: Vec<String> = nodes.iter().map(|node| (node + 1).to_string()).collect();
+        put(format_args!(
+            "{row} {kind} 2 {tag} {tag} {}",
+            nodes.join(" ")
+        ));
+    }
+    put(format_args!("$EndElements"));
+    text
+}

@@ -1,0 +1,137 @@
+//! As much of XML as grids of VTK are written in: tags with attributes, comments, text.
+
+use super::{Failure, Result};
+
+/// An element of the file.
+#[derive(Debug)]
+pub(super) struct Node<'a> {
+    pub name: &'a str,
+    attributes: Vec<(&'a str, &'a str)>,
+    /// From 1.
+    pub line: usize,
+    /// The one it stands in.
+    pub parent: Option<usize>,
+    /// What stands between its tags, as far as that is text.
+    pub text: &'a str,
+}
+
+impl<'a> Node<'a> {
+    pub fn attribute(&self, name: &str) -> Option<&'a str> {
+        let found = self.attributes.iter().find(|attribute| attribute.0 == name);
+        found.map(|attribute| attribute.1)
+    }
+}
+
+/// The elements of a file in their order, and where the data behind them begins.
+pub(super) struct Document<'a> {
+    pub nodes: Vec<Node<'a>>,
+    /// The bytes of `<AppendedData>` after their underscore.
+    pub appended: &'a [u8],
+}
+
+pub(super) fn read(bytes: &[u8]) -> Result<Document<'_>> {
+    let mut nodes: Vec<Node> = Vec::new();
+    let mut open: Vec<usize> = Vec::new();
+    // The place, and its line.
+    let (mut at, mut line) = (0, 1);
+    while let Some(next) = bytes[at..].iter().position(|&b| b == b'<') {
+        let begin = at + next;
+        line += lines(&bytes[at..begin]);
+        let comment = bytes[begin..].starts_with(b"<!--");
+        let end: &[u8] = if comment { b"-->" } else { b">" };
+        let length = bytes[begin..]
+            .windows(end.len())
+            .position(|window| window == end)
+            .ok_or_else(|| Failure::line(line, "the file is cut short in a tag"))?;
+        let tag = &bytes[begin + 1..begin + length];
+        let here = line;
+        line += lines(tag);
+        at = begin + length + end.len();
+        if comment || tag.starts_with(b"?") || tag.starts_with(b"!") {
+            continue;
+        }
+        let tag = text(tag, here)?;
+        if let Some(name) = tag.strip_prefix('/') {
+            let message = match open.pop() {
+                Some(last) if nodes[last].name == name.trim() => continue,
+                Some(last) => format!(
+                    "<{}> of line {} is not closed",
+                    nodes[last].name, nodes[last].line
+                ),
+                None => format!("</{name}> closes nothing"),
+            };
+            return Err(Failure::line(here, message));
+        }
+        let parent = open.last().copied();
+        if tag.starts_with("AppendedData") {
+            let start = bytes[at..].iter().position(|&b| b == b'_');
+            let start =
+                start.ok_or_else(|| Failure::line(here, "the appended data begins with no _"))?;
+            nodes.push(node(tag, here, parent, ""));
+            return Ok(Document {
+                nodes,
+                appended: &bytes[at + start + 1..],
+            });
+        }
+        let until = bytes[at..].iter().position(|&b| b == b'<');
+        let content = &bytes[at..at + until.unwrap_or(0)];
+        let closed = tag.ends_with('/');
+        nodes.push(node(
+            tag.trim_end_matches('/'),
+            here,
+            parent,
+            text(content, here)?,
+        ));
+        if !closed {
+            open.push(nodes.len() - 1);
+        }
+    }
+    match open.last() {
+        None => Ok(Document {
+            nodes,
+            appended: &[],
+        }),
+        Some(&last) => {
+            let (name, line) = (nodes[last].name, nodes[last].line);
+            Err(Failure::line(line, format!("<{name}> is not closed")))
+        }
+    }
+}
+
+fn lines(bytes: &[u8]) -> usize {
+    bytes.iter().filter(|&&b| b == b'\n').count()
+}
+
+fn text(bytes: &[u8], line: usize) -> Result<&str> {
+    std::str::from_utf8(bytes).map_err(|_| Failure::line(line, "this is not text"))
+}
+
+/// An element with the attributes of its tag: `name="value"`, in either kind of quotation marks.
+fn node<'a>(tag: &'a str, line: usize, parent: Option<usize>, text: &'a str) -> Node<'a> {
+    let (name, mut rest) = tag
+        .split_once(|c: char| c.is_whitespace())
+        .unwrap_or((tag, ""));
+    let mut attributes = Vec::new();
+    while let Some((key, after)) = rest.split_once('=') {
+        let after = after.trim_start();
+        let Some(mark) = after
+            .chars()
+            .next()
+            .filter(|mark| matches!(mark, '"' | '\''))
+        else {
+            break;
+        };
+        let Some((value, behind)) = after[1..].split_once(mark) else {
+            break;
+        };
+        attributes.push((key.trim(), value));
+        rest = behind;
+    }
+    Node {
+        name,
+        attributes,
+        line,
+        parent,
+        text,
+    }
+}

@@ -1,0 +1,106 @@
+//! Directions about an axis: those of cylindrical coordinates.
+
+use crate::mesh::vector::{cross, dot, length, minus, unit};
+
+/// What the directions about an axis are called, in the order of a right-handed system.
+pub(super) const AROUND: [&str; 3] = ["radial", "hoop", "axial"];
+
+/// An axis in space; in the plane a point, through which the axis stands upright.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis<const D: usize = 2> {
+    point: [f64; D],
+    /// Of any length; (0, 0, 1) in the plane.
+    direction: [f64; 3],
+}
+
+impl Axis {
+    /// That of a point of the plane.
+    pub fn at(point: [f64; 2]) -> Self {
+        Self::through(point, [0.0, 0.0, 1.0])
+    }
+}
+
+impl Axis<3> {
+    /// Through a point, along a direction of any length.
+    pub fn new(point: [f64; 3], direction: [f64; 3]) -> Self {
+        Self::through(point, direction)
+    }
+}
+
+impl<const D: usize> Axis<D> {
+    /// In D dimensions; in the plane along (0, 0, 1).
+    pub(crate) fn through(point: [f64; D], direction: [f64; 3]) -> Self {
+        Self { point, direction }
+    }
+
+    /// What cannot be meant.
+    pub(super) fn fault(&self) -> Option<&'static str> {
+        let finite = |x: &[f64]| x.iter().all(|v| v.is_finite());
+        let is_axis =
+            finite(&self.point) && finite(&self.direction) && length(self.direction) > 0.0;
+        (!is_axis).then_some("an axis needs a finite point and a direction that is not zero")
+    }
+
+    /// The way from the axis to a point, across it.
+    pub(super) fn arm(&self, x: [f64; D]) -> [f64; 3] {
+        let (way, along) = (spatial(minus(x, self.point)), unit(self.direction));
+        let part = dot(way, along);
+        std::array::from_fn(|c| way[c] - part * along[c])
+    }
+
+    /// How a turn about the axis moves a point: across the axis and the arm, as long as the arm.
+    pub(super) fn turn(&self, x: [f64; D]) -> [f64; D] {
+        flat(cross(unit(self.direction), self.arm(x)))
+    }
+
+    /// The unit vectors outwards, around and along at a point; in the plane the last is zero. None on the axis, or
+    /// closer to it than `least`.
+    pub(super) fn directions(&self, x: [f64; D], least: f64) -> Option<[[f64; D]; 3]> {
+        let arm = self.arm(x);
+        if !(length(arm) > least) {
+            return None;
+        }
+        let (along, outwards) = (unit(self.direction), unit(arm));
+        Some([outwards, cross(along, outwards), along].map(flat))
+    }
+
+    /// Such unit vectors where the first is any across the axis.
+    pub(super) fn any_directions(&self) -> [[f64; D]; 3] {
+        let along = unit(self.direction);
+        let least = |a: &usize, b: &usize| along[*a].abs().total_cmp(&along[*b].abs());
+        let axis = (0..3).min_by(least).unwrap_or(0);
+        let far = std::array::from_fn(|c| f64::from(u8::from(c == axis)));
+        let outwards = unit(cross(along, cross(far, along)));
+        [outwards, cross(along, outwards), along].map(flat)
+    }
+}
+
+/// A vector of the plane in space.
+fn spatial<const D: usize>(v: [f64; D]) -> [f64; 3] {
+    std::array::from_fn(|c| v.get(c).copied().unwrap_or(0.0))
+}
+
+/// What of a vector lies in D dimensions.
+fn flat<const D: usize>(v: [f64; 3]) -> [f64; D] {
+    std::array::from_fn(|c| v[c])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_are_those_of_a_cylinder() {
+        let axis = Axis::new([1.0, 2.0, 3.0], [0.0, 0.0, -2.0]);
+        let found = axis.directions([4.0, 2.0, 9.0], 0.0);
+        let expected = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
+        assert_eq!(found, Some(expected));
+        assert_eq!(axis.turn([4.0, 2.0, 9.0]), [0.0, -3.0, 0.0]);
+        assert_eq!(axis.directions([1.0, 2.0, 7.0], 0.0), None);
+        let plane = Axis::at([1.0, 0.0]);
+        let found = plane.directions([1.0, 2.0], 0.0);
+        assert_eq!(found, Some([[0.0, 1.0], [-1.0, 0.0], [0.0, 0.0]]));
+        assert!(Axis::new([0.0; 3], [0.0; 3]).fault().is_some());
+        assert!(axis.fault().is_none() && plane.fault().is_none());
+    }
+}

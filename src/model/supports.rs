@@ -1,0 +1,379 @@
+//! Prescribed displacements: which nodes supports hold, along which directions, and by how much in each step.
+
+use super::axis::AROUND;
+use super::entities::{AXES, Place, Support};
+use super::error::{Fault, ModelError};
+use super::loads::known;
+use super::{Definition, Quantity};
+use crate::contact::Space;
+use crate::elasticity::{Body, Unknowns};
+use crate::mesh::vector::{dot, length, minus, unit};
+use crate::mesh::{Facet, Kind as ElementKind, Mesh, Place as At, Topology, facet_nodes};
+use std::collections::{BTreeMap, HashSet};
+
+/// The sine of an angle between directions below which they count as one.
+const SAME: f64 = 1e-5;
+/// Facets whose normals differ by more than this are not of one plane: files have six digits at least.
+const PLANE: f64 = 1e-5;
+
+/// A direction that is prescribed at a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Way<const D: usize> {
+    /// One of the axes.
+    Axis(usize),
+    /// A unit vector.
+    Along([f64; D]),
+}
+
+impl<const D: usize> Way<D> {
+    fn vector(self) -> [f64; D] {
+        match self {
+            Self::Axis(axis) => std::array::from_fn(|c| f64::from(u8::from(c == axis))),
+            Self::Along(vector) => vector,
+        }
+    }
+
+    /// A direction that is an axis where it is one to the last digits.
+    fn of(vector: [f64; D]) -> Self {
+        match (0..D).find(|&c| vector[c] > 1.0 - 1e-15) {
+            Some(axis) if (0..D).all(|c| c == axis || vector[c] == 0.0) => Self::Axis(axis),
+            _ => Self::Along(vector),
+        }
+    }
+}
+
+/// A displacement of a node that a support prescribes.
+#[derive(Clone, Debug)]
+struct Prescription<const D: usize> {
+    node: u32,
+    way: Way<D>,
+    /// The number of the support.
+    support: usize,
+    /// Under the load factor 1.
+    value: f64,
+    /// The component that it prescribes: along an axis, or a direction of the node; None where those before it, at a
+    /// node with directions of its own, prescribe all of it already.
+    component: Option<usize>,
+}
+
+/// All that supports prescribe, in their order.
+#[derive(Clone, Debug)]
+pub(super) struct Prescriptions<const D: usize> {
+    all: Vec<Prescription<D>>,
+    /// Orthonormal directions of the nodes that are not held along axes alone.
+    frames: BTreeMap<u32, [[f64; D]; D]>,
+}
+
+/// The nodes of a support, with the directions and quantities that it prescribes of each.
+type Held<'s, const D: usize> = Vec<(u32, Vec<(Way<D>, &'s Quantity<D>)>)>;
+
+impl<const D: usize> Support<D> {
+    fn nodes<'s>(&'s self, mesh: &Mesh<D>, zero: &'s Quantity<D>) -> Result<Held<'s, D>, Fault>
+    where
+        ElementKind: Topology<D>,
+    {
+        let stated = (self.components.iter().enumerate())
+            .filter_map(|(c, value)| Some((Way::Axis(c), value.as_ref()?)));
+        let stated: Vec<_> = stated.collect();
+        let mut nodes = Held::new();
+        match &self.place {
+            Place::Point(point) => nodes.push((nearest_node(mesh, *point)?, stated)),
+            Place::Boundary(names) => {
+                for name in names.all() {
+                    let facets = known(mesh, mesh.facets(name))?;
+                    let mut ways = stated.clone();
+                    if self.symmetry {
+                        ways.push((across(mesh, name, facets)?, zero));
+                    }
+                    let held = facets.iter().flat_map(facet_nodes);
+                    nodes.extend(held.map(|&node| (node, ways.clone())));
+                }
+            }
+        }
+        if self.around.iter().any(Option::is_some) {
+            let size = diagonal(mesh);
+            for (node, ways) in &mut nodes {
+                ways.extend(self.ways_around(mesh.nodes[*node as usize], size)?);
+            }
+        }
+        Ok(nodes)
+    }
+
+    /// What it prescribes about its axis at x, on a mesh of a size.
+    fn ways_around(&self, x: [f64; D], size: f64) -> Result<Vec<(Way<D>, &Quantity<D>)>, Fault> {
+        let axis = self.axis.as_ref().expect("checked: there is an axis");
+        let along = |directions: [[f64; D]; 3]| {
+            let stated = self.around.iter().zip(directions);
+            stated
+                .filter_map(|(value, way)| Some((Way::of(way), value.as_ref()?)))
+                .collect()
+        };
+        if let Some(directions) = axis.directions(x, 1e-9 * size) {
+            return Ok(along(directions));
+        }
+        // On the axis both directions across it are as good as any others, if nothing is to move along them.
+        let [radial, hoop, _] = self
+            .around
+            .each_ref()
+            .map(|value| value.as_ref().map(|q| q.at(x)));
+        match (radial, hoop) {
+            (None, None) | (Some(0.0), Some(0.0)) => Ok(along(axis.any_directions())),
+            _ => Err(Fault::Stated(format!(
+                "the node at {} lies on the axis, where {} and {} have no direction: hold both at 0 there, or hold this \
+                 boundary along {}",
+                At::from(x),
+                AROUND[0],
+                AROUND[1],
+                &AXES[..D].join(", "),
+            ))),
+        }
+    }
+}
+
+/// The direction across a plane boundary.
+fn across<const D: usize>(mesh: &Mesh<D>, name: &str, facets: &[Facet<D>]) -> Result<Way<D>, Fault>
+where
+    ElementKind: Topology<D>,
+{
+    let along = |&axis: &usize| {
+        (facets.iter()).all(|facet| mesh.facet_normal(facet).1[axis].abs() > 1.0 - 1e-9)
+    };
+    if let Some(axis) = (0..D).find(along) {
+        return Ok(Way::Axis(axis));
+    }
+    let first = facets
+        .first()
+        .map_or([0.0; D], |facet| mesh.facet_normal(facet).1);
+    // Facets inside a body have no outside: either sign.
+    let mut sum = [0.0; D];
+    for facet in facets {
+        let (area, normal) = mesh.facet_normal(facet);
+        let area = area.copysign(dot(normal, first));
+        (0..D).for_each(|c| sum[c] += area * normal[c]);
+    }
+    let mean = unit(sum);
+    let flat = |facet: &Facet<D>| {
+        let normal = mesh.facet_normal(facet).1;
+        let part = dot(normal, mean);
+        length(std::array::from_fn::<_, D, _>(|c| {
+            normal[c] - part * mean[c]
+        })) <= PLANE
+    };
+    if facets.iter().all(flat) {
+        return Ok(Way::of(mean));
+    }
+    let (what, instead) = match D {
+        2 => ("straight", "a straight one"),
+        _ => ("plane", "a plane one"),
+    };
+    Err(Fault::Stated(format!(
+        "boundary \"{name}\" is not {what}: symmetry needs {instead}; around an axis hold it by radial, hoop or axial"
+    )))
+}
+
+/// Of the box around a mesh.
+fn diagonal<const D: usize>(mesh: &Mesh<D>) -> f64
+where
+    ElementKind: Topology<D>,
+{
+    let (low, high) = mesh.bounding_box();
+    length(minus(high, low))
+}
+
+/// The node nearest to a point, which has to lie on the body or close to it.
+fn nearest_node<const D: usize>(mesh: &Mesh<D>, point: [f64; D]) -> Result<u32, Fault>
+where
+    ElementKind: Topology<D>,
+{
+    let distance = |node: &u32| length(minus(mesh.nodes[*node as usize], point));
+    let nearest = (0..mesh.nodes.len() as u32)
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .expect("a mesh has nodes");
+    let far = distance(&nearest);
+    if far <= 0.05 * diagonal(mesh) {
+        return Ok(nearest);
+    }
+    let point: Vec<String> = point.iter().map(f64::to_string).collect();
+    Err(Fault::Stated(format!(
+        "the node nearest to ({}) is {far:.3e} away: is the point on the body?",
+        point.join(", ")
+    )))
+}
+
+impl<const D: usize> Prescriptions<D> {
+    /// Node, component and support of what is prescribed, each where it is prescribed first; components are along the
+    /// axes, or along the directions of the node.
+    pub(super) fn held(&self) -> Vec<(u32, usize, usize)> {
+        let mut seen = HashSet::new();
+        let all = self.all.iter();
+        all.filter_map(|p| Some((p.node, p.component?, p.support)))
+            .filter(|&(node, component, _)| seen.insert((node, component)))
+            .collect()
+    }
+
+    /// Gives the nodes that are held along other directions than axes directions of their own, and says which of these
+    /// each support prescribes first.
+    fn turn_nodes(&mut self) {
+        let along = |p: &&Prescription<D>| matches!(p.way, Way::Along(_));
+        let turned: HashSet<u32> = self.all.iter().filter(along).map(|p| p.node).collect();
+        if turned.is_empty() {
+            return;
+        }
+        let mut bases: BTreeMap<u32, Vec<[f64; D]>> = BTreeMap::new();
+        for p in (self.all.iter_mut()).filter(|p| turned.contains(&p.node)) {
+            let basis = bases.entry(p.node).or_default();
+            p.component = extended(basis, p.way.vector(), SAME).then(|| basis.len() - 1);
+        }
+        for (node, mut basis) in bases {
+            for axis in 0..D {
+                // Some axis is left whole enough for each direction that is missing.
+                extended(&mut basis, Way::Axis(axis).vector(), 0.3);
+            }
+            let frame = std::array::from_fn(|c| basis[c]);
+            self.frames.insert(node, frame);
+        }
+    }
+}
+
+/// Adds what is left of a unit vector across those of an orthonormal basis, if that is longer than `least`.
+fn extended<const D: usize>(basis: &mut Vec<[f64; D]>, vector: [f64; D], least: f64) -> bool {
+    let mut left = vector;
+    for _ in 0..2 {
+        for before in basis.iter() {
+            let part = dot(*before, left);
+            left = std::array::from_fn(|c| left[c] - part * before[c]);
+        }
+    }
+    let is_new = basis.len() < D && length(left) > least;
+    if is_new {
+        basis.push(unit(left));
+    }
+    is_new
+}
+
+impl<const D: usize> Definition<D>
+where
+    ElementKind: Space<D>,
+{
+    /// All that supports prescribe, in their order.
+    pub(super) fn prescriptions(&self, mesh: &Mesh<D>) -> Result<Prescriptions<D>, ModelError> {
+        let zero = Quantity::from(0.0);
+        let mut all = Vec::new();
+        for (number, support) in self.supports.iter().enumerate() {
+            let nodes = support.nodes(mesh, &zero);
+            for (node, ways) in nodes.map_err(|fault| support.entity(number).error(fault))? {
+                for (way, quantity) in ways {
+                    all.push(Prescription {
+                        node,
+                        way,
+                        support: number,
+                        value: quantity.at(mesh.nodes[node as usize]),
+                        component: match way {
+                            Way::Axis(axis) => Some(axis),
+                            Way::Along(_) => None,
+                        },
+                    });
+                }
+            }
+        }
+        let mut all = Prescriptions {
+            all,
+            frames: BTreeMap::new(),
+        };
+        all.turn_nodes();
+        Ok(all)
+    }
+
+    /// The centroid of the boundaries of each support, or its node.
+    pub(super) fn support_centres(
+        &self,
+        body: &Body<D>,
+        prescriptions: &Prescriptions<D>,
+    ) -> Vec<[f64; D]> {
+        let centre = |(number, support): (usize, &Support<D>)| {
+            let Place::Boundary(names) = &support.place else {
+                let own = prescriptions.all.iter().find(|p| p.support == number);
+                return own.map_or([0.0; D], |p| body.mesh.nodes[p.node as usize]);
+            };
+            let mut facets: Vec<Facet<D>> = (names.all().iter())
+                .filter_map(|name| body.mesh.boundaries.get(name))
+                .flatten()
+                .copied()
+                .collect();
+            facets.sort_unstable();
+            facets.dedup();
+            let mut shares = vec![0.0; body.mesh.nodes.len()];
+            body.integrate_on_boundary(&facets, &|_| 1.0, &mut shares);
+            let area: f64 = shares.iter().sum();
+            let place = |c: usize| -> f64 {
+                let nodes = body.mesh.nodes.iter().zip(&shares);
+                nodes.map(|(x, share)| x[c] * share).sum()
+            };
+            std::array::from_fn(|c| place(c) / area)
+        };
+        self.supports.iter().enumerate().map(centre).collect()
+    }
+
+    /// The numbering of what supports leave free, with the prescribed displacements of all nodes in a step.
+    pub(super) fn unknowns(
+        &self,
+        mesh: &Mesh<D>,
+        prescriptions: &Prescriptions<D>,
+        step: usize,
+    ) -> Result<Unknowns<D>, ModelError> {
+        let factors = self.supports.iter().map(|s| self.factor(&s.factors, step));
+        let factors: Vec<f64> = factors.collect();
+        let mut prescribed = vec![[None; D]; mesh.nodes.len()];
+        for p in &prescriptions.all {
+            let value = factors[p.support] * p.value;
+            let here = &mut prescribed[p.node as usize];
+            let place = At::from(mesh.nodes[p.node as usize]);
+            let fault = if !value.is_finite() {
+                format!("the displacement is {value} at {place}")
+            } else if let Err(way) = set(here, p, prescriptions.frames.get(&p.node), value) {
+                format!("two supports prescribe different displacements in {way} at {place}")
+            } else {
+                continue;
+            };
+            return Err(self.supports[p.support].entity(p.support).error(fault));
+        }
+        Ok(Unknowns::new(prescribed).along(prescriptions.frames.clone()))
+    }
+}
+
+/// Prescribes a value at a node; if that contradicts what is prescribed there already, in which direction.
+fn set<const D: usize>(
+    here: &mut [Option<f64>; D],
+    p: &Prescription<D>,
+    frame: Option<&[[f64; D]; D]>,
+    value: f64,
+) -> Result<(), String> {
+    let differ =
+        |a: f64, b: f64, tolerance: f64| (a - b).abs() > tolerance * f64::max(a.abs(), b.abs());
+    let (Some(frame), vector) = (frame, p.way.vector()) else {
+        let component = p.component.expect("an axis");
+        return match here[component].replace(value) {
+            Some(old) if differ(old, value, 1e-12) => Err(AXES[component].to_owned()),
+            _ => Ok(()),
+        };
+    };
+    // What the directions before it, of which it may have a part, have prescribed of it.
+    let parts = frame.map(|way| dot(way, vector));
+    let others = (0..D).filter(|&c| Some(c) != p.component);
+    let (mut known, mut size) = (0.0, 0.0_f64);
+    for (part, value) in others.map(|c| (parts[c], here[c].unwrap_or(0.0))) {
+        known += part * value;
+        size = size.max(value.abs());
+    }
+    match p.component {
+        Some(component) => {
+            here[component] = Some((value - known) / parts[component]);
+            Ok(())
+        }
+        None if (value - known).abs() <= 1e-12 * value.abs() + 2.0 * SAME * size => Ok(()),
+        None => Err(match p.way {
+            Way::Axis(axis) => AXES[axis].to_owned(),
+            Way::Along(way) => format!("direction {}", At::from(way)),
+        }),
+    }
+}

@@ -1,0 +1,232 @@
+//! What contacts and supports carry at the end of a step: resultants, moments, work.
+
+use super::{ContactFields, NodeStatus};
+use crate::contact::Space;
+use crate::elasticity::internal_forces;
+use crate::mesh::vector::{dot, length, minus};
+use crate::mesh::{Kind, Topology};
+use crate::model::{Elastic, StepData};
+use crate::quasistatic::StepSolution;
+use serde::Serialize;
+
+/// A pressure above this part of the largest is near it: beside the edge of a punch it falls to 0.6 of it from one node
+/// to the next, on any mesh.
+const PEAK: f64 = 0.7;
+
+/// What a contact carries at the end of a step.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct ContactReport {
+    /// The boundary that carries the multipliers.
+    pub boundary: String,
+    /// The other boundary, or what kind of obstacle.
+    pub against: String,
+    /// The law and its figure.
+    pub friction: String,
+    /// Resultant on the body of `boundary` along the axes, in the unit of force as all that follow.
+    pub force: Vec<f64>,
+    /// Its moment about `centre`, in the unit of force times that of length: in the plane one number, about z.
+    pub moment: Vec<f64>,
+    /// The centroid of what may come into contact.
+    pub centre: Vec<f64>,
+    /// Σ λν.
+    pub normal_force: f64,
+    /// −Σ λτ: along the tangents, as the traction on the body; in space the length of the resultant of friction.
+    pub tangential_force: f64,
+    /// What friction has dissipated in the step: Σ λτ · (slip since the step before), with λτ at its end.
+    pub slipping_work: f64,
+    /// The largest nodal pressure.
+    pub max_pressure: f64,
+    /// Area in contact.
+    pub area: f64,
+    /// Nodes that touch nothing.
+    pub separated: usize,
+    /// Nodes in contact, their traction below the slip bound.
+    pub stick: usize,
+    /// Nodes in contact, their traction at the slip bound.
+    pub slip: usize,
+    /// Nodes in contact without a law of friction.
+    pub frictionless: usize,
+    /// Nodes with a pressure near the largest: above 0.7 of it.
+    #[serde(skip)]
+    pub peak_nodes: usize,
+}
+
+/// What a support carries at the end of a step.
+#[derive(Clone, Debug, Serialize)]
+pub struct SupportReport {
+    /// Its boundary or point.
+    pub support: String,
+    /// Resultant on the body along the axes, in N; a component that two supports hold counts for the first.
+    pub force: Vec<f64>,
+    /// Its moment about `centre`, as that of a contact.
+    pub moment: Vec<f64>,
+    /// The centroid of its boundaries, or its point.
+    pub centre: Vec<f64>,
+}
+
+/// The forces of the contact nodes on their body along the axes: those of pressure and those of friction.
+fn contact_forces<'a, const D: usize>(
+    elastic: &'a Elastic<D>,
+    solution: &'a StepSolution<D>,
+) -> impl Iterator<Item = [[f64; D]; 2]> + 'a
+where
+    Kind: Topology<D>,
+{
+    let (normal, tangential) = solution.lambda.split_at(elastic.contact.nodes.len());
+    let nodes = elastic.contact.nodes.iter().zip(normal);
+    (nodes.zip(tangential.chunks(D - 1))).map(|((node, normal), tangential)| {
+        let tangents = || node.frame[1..].iter().zip(tangential);
+        [
+            node.frame[0].map(|nu| -normal * nu),
+            std::array::from_fn(|c| -tangents().map(|(tau, force)| force * tau[c]).sum::<f64>()),
+        ]
+    })
+}
+
+/// The moment of a force at the end of an arm: about z in the plane, else about the axes.
+fn moment<const D: usize>(arm: [f64; D], force: [f64; D]) -> Vec<f64> {
+    let about = |a: usize, b: usize| arm[a] * force[b] - arm[b] * force[a];
+    match D {
+        2 => vec![about(0, 1)],
+        _ => vec![about(1, 2), about(2, 0), about(0, 1)],
+    }
+}
+
+/// Adds to a sum.
+fn add(sum: &mut [f64], more: &[f64]) {
+    sum.iter_mut()
+        .zip(more)
+        .for_each(|(sum, more)| *sum += more);
+}
+
+/// The centroids of what the pairs may touch with.
+fn pair_centres<const D: usize>(elastic: &Elastic<D>) -> Vec<[f64; D]>
+where
+    Kind: Topology<D>,
+{
+    let mut sums = vec![([0.0; D], 0.0); elastic.pairs.len()];
+    for (node, &pair) in elastic.contact.nodes.iter().zip(&elastic.pair_of) {
+        let (sum, area) = &mut sums[pair as usize];
+        let x = elastic.mesh.nodes[node.node as usize];
+        (0..D).for_each(|c| sum[c] += node.area * x[c]);
+        *area += node.area;
+    }
+    sums.into_iter()
+        .map(|(sum, area)| sum.map(|v| v / area))
+        .collect()
+}
+
+/// What the contacts carry; `before` is the slip at the beginning of the step, empty where it begins from rest.
+pub(super) fn contact_reports<const D: usize>(
+    elastic: &Elastic<D>,
+    solution: &StepSolution<D>,
+    fields: &ContactFields<D>,
+    before: &[f64],
+) -> Vec<ContactReport>
+where
+    Kind: Topology<D>,
+{
+    let (normal, tangential) = solution.lambda.split_at(elastic.contact.nodes.len());
+    let centres = pair_centres(elastic);
+    let mut contacts: Vec<ContactReport> = (elastic.pairs.iter().zip(&centres))
+        .map(|(pair, centre)| ContactReport {
+            boundary: pair.boundary.clone(),
+            against: pair.against.clone(),
+            friction: pair.friction.clone(),
+            force: vec![0.0; D],
+            moment: moment([0.0; D], [0.0; D]),
+            centre: centre.to_vec(),
+            ..Default::default()
+        })
+        .collect();
+    let mut friction = vec![[0.0; D]; contacts.len()];
+    for (i, [pressed, rubbed]) in contact_forces(elastic, solution).enumerate() {
+        let pair = elastic.pair_of[i] as usize;
+        let contact = &mut contacts[pair];
+        for c in 0..D {
+            contact.force[c] += pressed[c] + rubbed[c];
+            friction[pair][c] += rubbed[c];
+        }
+        let place = elastic.mesh.nodes[elastic.contact.nodes[i].node as usize];
+        let whole = std::array::from_fn(|c| pressed[c] + rubbed[c]);
+        add(
+            &mut contact.moment,
+            &moment(minus(place, centres[pair]), whole),
+        );
+        for k in (D - 1) * i..(D - 1) * (i + 1) {
+            let from = before.get(k).copied().unwrap_or(0.0);
+            contact.slipping_work += tangential[k] * (fields.slip[k] - from);
+        }
+        contact.normal_force += normal[i];
+        if D == 2 {
+            contact.tangential_force -= tangential[i];
+        }
+        contact.max_pressure = contact.max_pressure.max(fields.pressure[i]);
+        let status = fields.status(i);
+        *match status {
+            NodeStatus::Separated => &mut contact.separated,
+            NodeStatus::Stick => &mut contact.stick,
+            NodeStatus::Slip => &mut contact.slip,
+            NodeStatus::Frictionless => &mut contact.frictionless,
+        } += 1;
+        if status != NodeStatus::Separated {
+            contact.area += elastic.contact.nodes[i].area;
+        }
+    }
+    if D == 3 {
+        for (contact, friction) in contacts.iter_mut().zip(friction) {
+            contact.tangential_force = length(friction);
+        }
+    }
+    for (pressure, &pair) in fields.pressure.iter().zip(&elastic.pair_of) {
+        let contact = &mut contacts[pair as usize];
+        contact.peak_nodes += usize::from(*pressure > PEAK * contact.max_pressure);
+    }
+    contacts
+}
+
+/// What the supports carry: inner forces less all others at the nodes that they hold.
+pub(super) fn support_reports<const D: usize>(
+    elastic: &Elastic<D>,
+    data: &StepData<D>,
+    solution: &StepSolution<D>,
+) -> Vec<SupportReport>
+where
+    Kind: Space<D>,
+{
+    let mut outer = data.forces.clone();
+    let forces = contact_forces(elastic, solution);
+    for (node, [pressed, rubbed]) in (elastic.contact.nodes.iter()).zip(forces) {
+        for c in 0..D {
+            let force = pressed[c] + rubbed[c];
+            outer[node.node as usize][c] += force;
+            for &(partner, weight) in &node.partners {
+                outer[partner as usize][c] -= weight * force;
+            }
+        }
+    }
+    let displacement = data.unknowns.displacements(&solution.u);
+    let inner = internal_forces(&elastic.body(), &data.unknowns, &displacement);
+    let centres = &elastic.support_centres;
+    let mut supports: Vec<SupportReport> = (elastic.supports.iter().zip(centres))
+        .map(|(name, centre)| SupportReport {
+            support: name.clone(),
+            force: vec![0.0; D],
+            moment: moment([0.0; D], [0.0; D]),
+            centre: centre.to_vec(),
+        })
+        .collect();
+    for &(node, c, number) in &elastic.held {
+        let rest = minus(inner[node as usize], outer[node as usize]);
+        let mut force = [0.0; D];
+        match data.unknowns.frame(node) {
+            None => force[c] = rest[c],
+            Some(frame) => force = frame[c].map(|way| dot(frame[c], rest) * way),
+        }
+        let support = &mut supports[number];
+        add(&mut support.force, &force);
+        let arm = minus(elastic.mesh.nodes[node as usize], centres[number]);
+        add(&mut support.moment, &moment(arm, force));
+    }
+    supports
+}
