@@ -9,8 +9,8 @@
 mod common;
 
 use common::half_space::{
-    STEEL, balanced, compare, growing, hertz_fit, hertz_share, modulus, shear_modulus, sizes,
-    under_a_pressed_disc, under_a_torque,
+    STEEL, balanced, compare, growing, hertz_fit, hertz_share, modulus, on_rings, rings,
+    shear_modulus, sizes, under_a_pressed_disc, under_a_torque,
 };
 use common::models::answer;
 use common::space::Vector;
@@ -142,35 +142,14 @@ fn hertz_sphere_on_tetrahedra() {
 /// A quarter whose grid follows the circle of radius 1: squares bent into circles there and left alone far away and
 /// near the axis; fine on both sides of the circle, with so many cells from the axis to it, and from it outwards and down.
 fn disc_mesh(across: usize, size: f64, [out, down]: [usize; 2]) -> Mesh<3> {
-    let radii: Vec<f64> = (0..=across)
-        .map(|k| (0.5 * PI * k as f64 / across as f64).sin())
-        .collect();
-    let last = 1.0 - radii[across - 1];
-    let radii = growing(&radii, last, out, size);
+    let (radii, last) = rings(across, out, size);
     let deep = growing(&[0.0], last, down, size);
     let n = radii.len() - 1;
-    quarter(
-        [n, n, deep.len() - 1],
-        SolidShape::Hexahedron,
-        1.0,
-        |[i, j, k]| {
-            let shell = i.max(j);
-            let rho = radii[shell];
-            let [s, t] = [i, j].map(|i| i as f64 / shell.max(1) as f64);
-            let round = if rho <= 1.0 {
-                rho
-            } else {
-                (size - rho) / (size - 1.0)
-            };
-            let square = if rho <= 1.0 { 0.7 } else { 1.0 } * (1.0 - round);
-            let bent = [
-                s * (1.0 - 0.5 * t * t).sqrt(),
-                t * (1.0 - 0.5 * s * s).sqrt(),
-            ];
-            let at = |c: usize| rho * (square * [s, t][c] + round * bent[c]);
-            [at(0), at(1), -deep[k]]
-        },
-    )
+    let cells = [n, n, deep.len() - 1];
+    quarter(cells, SolidShape::Hexahedron, 1.0, |[i, j, k]| {
+        let [x, y] = on_rings(&radii, size, [i, j]);
+        [x, y, -deep[k]]
+    })
 }
 
 fn floor() -> Obstacle<3> {

@@ -6,7 +6,7 @@
 
 use super::{ContactError, ContactNode, SlipBound};
 use crate::elasticity::{Body, Unknowns};
-use crate::mesh::vector::dot;
+use crate::mesh::vector::{dot, minus};
 use crate::mesh::{Kind, Place, Topology};
 use crate::sparse::Csr;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -15,6 +15,9 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 type Entry = (usize, f64);
 /// What a prescribed displacement adds to a row: node, component, factor.
 type Held = (u32, usize, f64);
+
+/// A sliding of which less than this part is left free by supports counts as none.
+const KEPT: f64 = 0.25;
 
 /// N, T, d, g over the unknowns, with the contact nodes that their rows belong to.
 #[derive(Clone, Debug)]
@@ -35,8 +38,9 @@ pub struct ContactRows<const D: usize = 2> {
     held: [Vec<Vec<Held>>; 2],
     /// Candidates whose normal motion is prescribed altogether: their place, gap, and that motion.
     fixed: Vec<(Place, f64, Vec<Held>)>,
-    /// In space: nodes with friction along one tangent only, and what supports prescribe along the other.
-    along_one: Vec<(Place, Vec<Held>)>,
+    /// In space: nodes with friction along one tangent only, what supports prescribe along the other, and the part of it
+    /// that they may be off by.
+    along_one: Vec<(Place, Vec<Held>, f64)>,
 }
 
 /// Writes the rows of the contact nodes.
@@ -66,6 +70,8 @@ where
     let (mut nodes, mut numbers, mut fixed) = (Vec::new(), Vec::new(), Vec::new());
     let mut rows: [Vec<Vec<Entry>>; 2] = Default::default();
     let mut held: [Vec<Vec<Held>>; 2] = Default::default();
+    // What supports prescribe along the tangents of nodes that they keep from sliding there.
+    let mut kept = Vec::new();
     for (number, candidate) in candidates.iter().enumerate() {
         let (entries, motion) = row(unknowns, candidate, candidate.frame[0]);
         if entries.is_empty() {
@@ -76,12 +82,15 @@ where
         held[0].push(motion);
         let node = turned(candidate, unknowns);
         for &tangent in &node.frame[1..] {
-            let (mut entries, mut motion) = row(unknowns, &node, tangent);
-            if kept_along(unknowns, &node, tangent) {
-                (entries, motion) = Default::default();
-            }
+            let (entries, motion) = row(unknowns, &node, tangent);
+            let is_kept = !entries.is_empty() && kept_along(unknowns, &node, tangent);
+            let (entries, motion, instead) = match is_kept {
+                true => (Vec::new(), Vec::new(), Some(motion)),
+                false => (entries, motion, None),
+            };
             rows[1].push(entries);
             held[1].push(motion);
+            kept.push(instead);
         }
         nodes.push(node);
         numbers.push(number);
@@ -94,7 +103,12 @@ where
         if let (3, [a]) = (D, &empty[..])
             && node.slip_bound.is_any()
         {
-            along_one.push((place(node.node), held[1][(D - 1) * i + a].clone()));
+            let row = (D - 1) * i + a;
+            let (motion, rest) = match &kept[row] {
+                Some(motion) => (motion, KEPT),
+                None => (&held[1][row], 0.0),
+            };
+            along_one.push((place(node.node), motion.clone(), rest));
         }
         let (given, mu) = match node.slip_bound {
             _ if rows.iter().all(Vec::is_empty) => (0.0, 0.0),
@@ -147,9 +161,9 @@ fn make_independent<const D: usize>(
     for (rows, node) in rows[1].chunks_mut(D - 1).zip(nodes) {
         for row in rows {
             if !row.is_empty() && !independent.add(row, own(node.node)) {
-                let met = std::mem::take(row);
+                row.clear();
                 // What it meets could slide, but has too few unknowns for all that it meets.
-                if node.slip_bound.is_any() && partners_slide(&met, node, unknowns) {
+                if node.slip_bound.is_any() && !node.partners.is_empty() {
                     let place = place(node.node);
                     return Err(ContactError::Dependent { place });
                 }
@@ -159,37 +173,22 @@ fn make_independent<const D: usize>(
     Ok(())
 }
 
-/// In space: whether supports keep a node from sliding along a tangent, and what it meets as well. A row would consist of
-/// what the weights of partners nearby make of their deformation, as on a plane of symmetry that cuts both bodies:
-/// their mean place lies on it, and their mean motion is none.
+/// In space: whether supports keep a node from sliding along a tangent, and what it meets as well. All that is left of
+/// the row then is what partners nearby deform by, as on a plane of symmetry that cuts both bodies: the mean place of
+/// partners lies on it, so that their mean motion across it is none, and friction would act on next to nothing.
 fn kept_along<const D: usize>(
     unknowns: &Unknowns<D>,
     node: &ContactNode<D>,
     tangent: [f64; D],
 ) -> bool {
-    let held = unknowns.prescribed(node.node).map(|u| u.is_some());
-    let part = |c: usize| tangent[c] * tangent[c];
-    let kept: f64 = (0..D).filter(|&c| held[c]).map(part).sum();
-    let free = |&(partner, weight): &(u32, f64)| -> f64 {
-        let other = unknowns.prescribed(partner);
-        let both = (0..D).filter(|&c| held[c] && other[c].is_none());
-        weight * both.map(part).sum::<f64>()
-    };
-    let slides: f64 = node.partners.iter().map(free).sum();
-    D > 2 && !node.partners.is_empty() && kept > 0.1 && slides.abs() < 0.25 * kept
-}
-
-/// Whether what a node meets has a part of its own in a row, in directions in which supports hold the node itself. On
-/// a plane of symmetry that cuts through both bodies it has none, but for what the facets of curved boundaries make.
-fn partners_slide<const D: usize>(
-    row: &[Entry],
-    node: &ContactNode<D>,
-    unknowns: &Unknowns<D>,
-) -> bool {
-    let held = unknowns.prescribed(node.node);
-    let part = (row.iter()).filter(|entry| held[entry.0 % D].is_some());
-    let is_free = held.iter().all(Option::is_none);
-    !node.partners.is_empty() && (is_free || part.map(|entry| entry.1.abs()).sum::<f64>() > 0.1)
+    let kept = minus(tangent, unknowns.free_part(node.node, tangent));
+    let mut slides = 0.0;
+    for &(partner, weight) in &node.partners {
+        let free = unknowns.free_part(partner, kept);
+        slides += weight * dot(free, free);
+    }
+    let size = dot(kept, kept);
+    D > 2 && !node.partners.is_empty() && size > 0.1 && slides.abs() < KEPT * size
 }
 
 /// The node with its tangents turned, in space, so that the first has no part in the only direction in which
@@ -356,8 +355,12 @@ impl<const D: usize> ContactRows<D> {
             }
         }
         let mut driven = self.along_one.iter();
-        match driven.find(|(_, held)| motion(held, unknowns) != 0.0) {
-            Some((place, _)) => Err(ContactError::DrivenAlong {
+        let is_off = |(_, held, rest): &&(Place, Vec<Held>, f64)| {
+            let terms = held.iter().map(|held| motion(&[*held], unknowns).abs());
+            motion(held, unknowns).abs() > rest * terms.fold(0.0, f64::max)
+        };
+        match driven.find(is_off) {
+            Some((place, ..)) => Err(ContactError::DrivenAlong {
                 place: place.clone(),
             }),
             None => Ok(()),

@@ -131,6 +131,35 @@ pub fn growing(inner: &[f64], first: f64, n: usize, end: f64) -> Vec<f64> {
     places
 }
 
+/// Where squares around the axis lie that are bent into circles at the radius 1 and left alone at `size` and near the
+/// axis: so many of them up to that radius, finest there, and `out` more. The width of the last one inside is the second
+/// entry.
+pub fn rings(across: usize, out: usize, size: f64) -> (Vec<f64>, f64) {
+    let radii: Vec<f64> = (0..=across)
+        .map(|k| (0.5 * PI * k as f64 / across as f64).sin())
+        .collect();
+    let last = 1.0 - radii[across - 1];
+    (growing(&radii, last, out, size), last)
+}
+
+/// The place of the node [i, j] of a quarter of [`rings`].
+pub fn on_rings(radii: &[f64], size: f64, [i, j]: [usize; 2]) -> [f64; 2] {
+    let shell = i.max(j);
+    let rho = radii[shell];
+    let [s, t] = [i, j].map(|i| i as f64 / shell.max(1) as f64);
+    let round = if rho <= 1.0 {
+        rho
+    } else {
+        (size - rho) / (size - 1.0)
+    };
+    let square = if rho <= 1.0 { 0.7 } else { 1.0 } * (1.0 - round);
+    let bent = [
+        s * (1.0 - 0.5 * t * t).sqrt(),
+        t * (1.0 - 0.5 * s * s).sqrt(),
+    ];
+    [0, 1].map(|c| rho * (square * [s, t][c] + round * bent[c]))
+}
+
 /// Prints what an answer took.
 pub fn sizes(name: &str, answer: &Answer<3>) {
     let (nodes, solution) = (answer.built.elastic.mesh.nodes.len(), &answer.solution);

@@ -200,7 +200,7 @@ fn patch(
             model = model.traction(Traction::on(name.as_str()).x(x).y(y).z(z));
         }
     }
-    let answer = answer(model, 1e-12, stiffness);
+    let answer = answer(model, 1e-11, stiffness);
     let back = |x: Vector| turn.map(|column| dot(column, x));
     let mut worst = 0.0f64;
     let mut off = |value: f64, expected: f64, scale: f64| {
