@@ -1,28 +1,44 @@
 // A hub of 80 mm across and 40 mm wide on a shaft of 40 mm; z is the axis. Drawn apart, so that Gmsh makes two meshes
-// that need not match; lengths in mm.
+// that need not match. Both are extruded: wedges and, in the hub, hexahedra. Lengths in mm.
 // gmsh -3 shrink-fit.geo -o shrink-fit.msh -format msh41
-SetFactory("OpenCASCADE");
-Cylinder(1) = {0, 0, -20, 0, 0, 80, 20};
-Cylinder(2) = {0, 0, 0, 0, 0, 40, 40};
-Cylinder(3) = {0, 0, -1, 0, 0, 42, 20};
-BooleanDifference(4) = { Volume{2}; Delete; }{ Volume{3}; Delete; };
-e = 1e-3;
-Physical Volume("shaft") = {1};
-Physical Volume("hub") = {4};
-shaft() = Boundary{ Volume{1}; };
-hub() = Boundary{ Volume{4}; };
-// The bore reaches less far than the rim.
-bore() = Surface In BoundingBox{-20 - e, -20 - e, -e, 20 + e, 20 + e, 40 + e};
-ends() = Surface In BoundingBox{-20 - e, -20 - e, -20 - e, 20 + e, 20 + e, -20 + e};
-far() = Surface In BoundingBox{-20 - e, -20 - e, 60 - e, 20 + e, 20 + e, 60 + e};
-Physical Surface("bore") = { bore() };
-Physical Surface("drive") = { far() };
-seat() = shaft(); seat() -= { ends(), far() };
-Physical Surface("seat") = { seat() };
-sides() = Surface In BoundingBox{-41, -41, -e, 41, 41, e};
-sides() += Surface In BoundingBox{-41, -41, 40 - e, 41, 41, 40 + e};
-rim() = hub(); rim() -= { bore(), sides() };
-Physical Surface("rim") = { rim() };
-Mesh.MeshSizeMax = 5.5;
-Mesh.MeshSizeFromCurvature = 28;
-Mesh.Algorithm3D = 1;
+seat = 20; rim = 40; width = 40; before = 20; behind = 20;
+
+// A circle about the axis: points p .. p + 3 and curves p .. p + 3, with n elements on each quarter.
+Macro Circle4
+  For k In {0:3}
+    Point(p + k) = {r * Cos(k * Pi / 2), r * Sin(k * Pi / 2), z, size};
+  EndFor
+  Point(p + 4) = {0, 0, z};
+  For k In {0:3}
+    Circle(p + k) = {p + k, p + 4, p + (k + 1) % 4};
+  EndFor
+  Transfinite Curve {p:p + 3} = n + 1;
+Return
+
+p = 1; r = seat; z = -before; size = 5; n = 9; Call Circle4;
+Curve Loop(1) = {1:4};
+Plane Surface(1) = {1};
+shaft[] = Extrude {0, 0, before + width + behind} { Surface{1}; Layers{ {4, 8, 4}, {0.25, 0.75, 1} }; Recombine; };
+Physical Volume("shaft") = {shaft[1]};
+Physical Surface("seat") = {shaft[2], shaft[3], shaft[4], shaft[5]};
+Physical Surface("drive") = {shaft[0]};
+
+// The hub by quarters, with n elements around and 5 across, smaller towards the bore.
+n = 7;
+p = 1001; r = seat; z = 0; Call Circle4;
+p = 1011; r = rim; Call Circle4;
+For k In {0:3}
+  Line(1021 + k) = {1001 + k, 1011 + k};
+EndFor
+Transfinite Curve {1021:1024} = 6 Using Progression 1.25;
+hub[] = {}; bore[] = {}; around[] = {};
+For k In {0:3}
+  l = newcl; Curve Loop(l) = {1021 + k, 1011 + k, -(1021 + (k + 1) % 4), -(1001 + k)};
+  s = news; Plane Surface(s) = {l};
+  Transfinite Surface{s}; Recombine Surface{s};
+  part[] = Extrude {0, 0, width} { Surface{s}; Layers{7}; Recombine; };
+  hub[] += part[1]; around[] += part[3]; bore[] += part[5];
+EndFor
+Physical Volume("hub") = hub[];
+Physical Surface("bore") = bore[];
+Physical Surface("rim") = around[];

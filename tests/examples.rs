@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-const TEMPLATES: [&str; 9] = [
+const TEMPLATES: [&str; 12] = [
     "stack",
     "press",
     "cylinder",
@@ -14,6 +14,9 @@ const TEMPLATES: [&str; 9] = [
     "roller",
     "bracket-3d",
     "ball",
+    "shrink-fit",
+    "brake",
+    "ball-joint",
     "matrices/block",
 ];
 
@@ -81,7 +84,14 @@ fn templates_on_an_adapter_in_f64() {
 fn templates_on_an_adapter_in_f32() {
     // One of each kind: without a real GPU these take long.
     all(
-        &["press", "cylinder", "dovetail", "matrices/block"],
+        &[
+            "press",
+            "cylinder",
+            "dovetail",
+            "ball-joint",
+            "shrink-fit",
+            "matrices/block",
+        ],
         &["--backend", "gpu", "--precision", "f32"],
     );
 }

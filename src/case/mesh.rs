@@ -83,7 +83,7 @@ impl<'a> Stated<'a> {
             (None, None, Some(block)) => ("box", Source::Box(block)),
             (None, None, None) => {
                 return Err(format!(
-                    "{what} says nothing of the bodies: it needs a file, a rectangle or, for a solid, a box"
+                    "{what} says nothing of the bodies: it needs either file or rectangle or, for a solid, box"
                 ));
             }
             (file, rectangle, block) => {

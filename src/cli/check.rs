@@ -10,6 +10,7 @@ use signorini::model::Elastic;
 use signorini::model::PairData;
 use signorini::problem::ContactProblem;
 use std::path::Path;
+use toml::Spanned;
 
 pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
     let case = Case::read(path, settings).map_err(|e| told(&e))?;
@@ -189,6 +190,17 @@ where
             load.map(|v| format!("{v:.6e}")).join(", "),
             units.force
         ));
+    }
+    for table in case.tables.traction.iter().map(Spanned::get_ref) {
+        if let (Some(torque), Some(axis)) = (table.torque, &table.axis) {
+            lines.push(format!(
+                "torque        \"{}\": {torque} {} {} about {}",
+                table.boundary,
+                units.force,
+                units.length,
+                axis.get_ref()
+            ));
+        }
     }
     for (name, table) in elastic.supports.iter().zip(&case.tables.support) {
         let s = table.get_ref();

@@ -96,12 +96,6 @@ impl Prepared<'_> {
         for body in build.free_bodies() {
             log.tell(&format!("{body}: only contact holds it"));
         }
-        if self.pictures.is_some() && build.elastic.is_some() && !<Kind as Draw<D>>::BODIES {
-            log.tell(
-                "--plots: pictures of solids are not there yet, only charts of the whole solve are drawn; ParaView opens \
-                 the solids (solution.vtu)",
-            );
-        }
         let mut run = Run {
             start: self.start,
             case,

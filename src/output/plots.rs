@@ -1,19 +1,29 @@
 //! Pictures of a solve (SVG) and `report.html`, a page with all of them.
 
+mod camera;
 pub mod chart;
+mod contact_surface;
 mod curves;
 mod html;
+mod legend;
+mod obstacles;
 mod picture;
 mod raster;
+mod sheet;
+mod solid;
+mod surface;
+mod view;
+mod zbuffer;
 
 use super::files::write;
 use super::{ContactFields, OutputError, Report, StepFields};
 use crate::case::Build;
 use crate::contact::Space;
-use crate::mesh::Kind;
-use crate::model::StepData;
+use crate::mesh::{Kind, Topology};
+use crate::model::{Elastic, StepData};
 use crate::quasistatic::StepSolution;
 use std::path::{Path, PathBuf};
+pub use view::View;
 
 /// A picture of a solve.
 #[derive(Clone, Debug)]
@@ -26,6 +36,8 @@ pub struct Picture {
     pub title: String,
     /// The picture itself.
     pub svg: String,
+    /// What can be turned beside it in `report.html`.
+    pub view: Option<View>,
 }
 
 /// Implemented by [`Kind`] for both dimensions: what can be drawn of bodies there.
@@ -33,9 +45,6 @@ pub trait Draw<const D: usize>: Space<D>
 where
     Kind: Space<D>,
 {
-    /// Whether bodies and what happens along their contacts are drawn; charts of the whole solve always are.
-    const BODIES: bool;
-
     /// The pictures at the end of the step that was added to the report last. `several` says whether there are more
     /// steps, which goes into the names.
     fn step_pictures(
@@ -49,8 +58,6 @@ where
 
 /// The deformed bodies, and a chart for each contact.
 impl Draw<2> for Kind {
-    const BODIES: bool = true;
-
     fn step_pictures(
         report: &Report,
         build: &Build,
@@ -62,18 +69,82 @@ impl Draw<2> for Kind {
     }
 }
 
-/// Solids are for ParaView so far.
+/// The deformed bodies from two sides, and each contact surface.
 impl Draw<3> for Kind {
-    const BODIES: bool = false;
-
     fn step_pictures(
-        _: &Report,
-        _: &Build<3>,
-        _: Option<&StepData<3>>,
-        _: &StepSolution<3>,
-        _: bool,
+        report: &Report,
+        build: &Build<3>,
+        data: Option<&StepData<3>>,
+        solution: &StepSolution<3>,
+        several: bool,
     ) -> Vec<Picture> {
-        Vec::new()
+        of_space(report, build, data, solution, several)
+    }
+}
+
+/// The names of the pictures of the step that was added to the report last.
+struct Names<'a> {
+    report: &'a Report,
+    step: usize,
+    /// Behind the names of files, and behind titles.
+    suffix: String,
+    of_step: String,
+}
+
+impl<'a> Names<'a> {
+    fn new(report: &'a Report, several: bool) -> Self {
+        let step = report.steps.len();
+        let (suffix, of_step) = if several {
+            (format!("-{step:03}"), format!(", load step {step}"))
+        } else {
+            Default::default()
+        };
+        Self {
+            report,
+            step,
+            suffix,
+            of_step,
+        }
+    }
+
+    /// What stands above the deformed bodies.
+    fn title(&self) -> String {
+        let title = match self.report.title.as_str() {
+            "" => "Deformed bodies",
+            title => title,
+        };
+        format!("{title}{}", self.of_step)
+    }
+
+    /// The picture of the deformed bodies.
+    fn deformed(&self, svg: String) -> Picture {
+        Picture {
+            name: format!("deformed{}", self.suffix),
+            step: Some(self.step),
+            title: format!("Deformed bodies{}", self.of_step),
+            svg,
+            view: None,
+        }
+    }
+
+    /// The picture of a contact.
+    fn contact<const D: usize>(&self, elastic: &Elastic<D>, pair: usize, svg: String) -> Picture
+    where
+        Kind: Topology<D>,
+    {
+        let number = match elastic.pairs.len() {
+            1 => String::new(),
+            _ => format!("-{}", pair + 1),
+        };
+        let (suffix, of_step) = (&self.suffix, &self.of_step);
+        let pair = &elastic.pairs[pair];
+        Picture {
+            name: format!("contact{number}{suffix}"),
+            step: Some(self.step),
+            title: format!("Contact {} / {}{of_step}", pair.boundary, pair.against),
+            svg,
+            view: None,
+        }
     }
 }
 
@@ -88,39 +159,43 @@ fn of_plane(
     let (Some(elastic), Some(data)) = (&build.elastic, data) else {
         return Vec::new();
     };
-    let step = report.steps.len();
-    let (suffix, of_step) = if several {
-        (format!("-{step:03}"), format!(", load step {step}"))
-    } else {
-        Default::default()
-    };
+    let names = Names::new(report, several);
     let fields = StepFields::new(elastic, data, solution);
     let contact = ContactFields::new(build, elastic, data, solution);
-    let title = if report.title.is_empty() {
-        "Deformed bodies"
-    } else {
-        &report.title
+    let drawn = picture::svg(&names.title(), names.step, elastic, &fields, &contact);
+    let mut pictures = vec![names.deformed(drawn)];
+    for pair in 0..elastic.pairs.len() {
+        let mut chart = curves::contact(elastic, &contact, pair);
+        chart.title += &names.of_step;
+        pictures.push(names.contact(elastic, pair, chart.svg()));
+    }
+    pictures
+}
+
+/// The pictures of a step in space.
+fn of_space(
+    report: &Report,
+    build: &Build<3>,
+    data: Option<&StepData<3>>,
+    solution: &StepSolution<3>,
+    several: bool,
+) -> Vec<Picture> {
+    let (Some(elastic), Some(data)) = (&build.elastic, data) else {
+        return Vec::new();
     };
-    let title = format!("{title}{of_step}");
-    let mut pictures = vec![Picture {
-        name: format!("deformed{suffix}"),
-        step: Some(step),
-        title: format!("Deformed bodies{of_step}"),
-        svg: picture::svg(&title, step, elastic, &fields, &contact),
-    }];
-    for (i, pair) in elastic.pairs.iter().enumerate() {
-        let number = match elastic.pairs.len() {
-            1 => String::new(),
-            _ => format!("-{}", i + 1),
-        };
-        let mut chart = curves::contact(elastic, &contact, i);
-        chart.title += &of_step;
-        pictures.push(Picture {
-            name: format!("contact{number}{suffix}"),
-            step: Some(step),
-            title: format!("Contact {} / {}{of_step}", pair.boundary, pair.against),
-            svg: chart.svg(),
-        });
+    let names = Names::new(report, several);
+    let fields = StepFields::new(elastic, data, solution);
+    let contact = ContactFields::new(build, elastic, data, solution);
+    let solids = solid::Solids::new(elastic, &fields, &contact);
+    let mut deformed = names.deformed(solids.svg(&names.title(), names.step));
+    deformed.view = Some(View::new(&solids, names.step));
+    let mut pictures = vec![deformed];
+    for (number, pair) in elastic.pairs.iter().enumerate() {
+        let of_step = &names.of_step;
+        let title = format!("{} / {}{of_step}", pair.boundary, pair.against);
+        let id = format!("p{number}t{}", names.step);
+        let drawn = contact_surface::svg(&title, &id, elastic, &contact, number);
+        pictures.push(names.contact(elastic, number, drawn));
     }
     pictures
 }
@@ -138,6 +213,7 @@ pub fn pictures(report: &Report) -> Vec<Picture> {
             step: None,
             title: chart.title.clone(),
             svg: chart.svg(),
+            view: None,
         })
         .collect()
 }

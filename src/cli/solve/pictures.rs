@@ -19,9 +19,7 @@ pub struct Pictures(Vec<Picture>);
 
 /// Nothing is drawn, in whichever dimension.
 #[cfg(not(feature = "plots"))]
-pub trait Draw<const D: usize>: signorini::contact::Space<D> {
-    const BODIES: bool = true;
-}
+pub trait Draw<const D: usize>: signorini::contact::Space<D> {}
 
 #[cfg(not(feature = "plots"))]
 impl<const D: usize, T: signorini::contact::Space<D>> Draw<D> for T {}

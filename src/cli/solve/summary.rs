@@ -128,10 +128,21 @@ fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = 
             return String::new();
         }
         let length = &report.units.length;
+        // What is left of a centre at the origin is rounding.
+        let snapped = |&c: &f64| {
+            if c.abs() < 1e-12 * report.size {
+                0.0
+            } else {
+                c
+            }
+        };
+        let centre: Vec<String> = (centre.iter().map(snapped))
+            .map(|c| format!("{c:.4e}"))
+            .collect();
         format!(
             ", moment ({}) {unit} {length} about ({})",
             listed(moment),
-            listed(centre)
+            centre.join(", ")
         )
     };
     let contacts = step.contacts.iter().map(move |contact| {

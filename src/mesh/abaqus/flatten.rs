@@ -21,6 +21,17 @@ struct Placed<'a> {
     first_element: u32,
 }
 
+impl Placed<'_> {
+    /// Its nodes or elements by their numbers in the file, and where ours begin.
+    fn labels(&self, of_nodes: bool) -> (&HashMap<u64, u32>, u32) {
+        if of_nodes {
+            (&self.part.node_of, self.first_node)
+        } else {
+            (&self.part.element_of, self.first_element)
+        }
+    }
+}
+
 /// Sets go into sets no deeper than this.
 const DEEPEST: usize = 50;
 
@@ -229,12 +240,15 @@ impl<'a> Flat<'a> {
                 Member::One(instance, label) => {
                     found.push(self.one(number, of_nodes, *line, instance.as_deref(), *label)?);
                 }
+                // Ranges may run over numbers that nothing has.
                 Member::Range(instance, [from, to, step]) => {
-                    for label in (*from..=*to).step_by(*step as usize) {
-                        let one = self.one(number, of_nodes, *line, instance.as_deref(), label);
-                        // Ranges may run over numbers that nothing has.
-                        found.extend(one.ok());
-                    }
+                    let placed = self.placed(number, *line, instance.as_deref())?;
+                    let (labels, first) = placed.labels(of_nodes);
+                    let inside = |label: u64| {
+                        (*from..=*to).contains(&label) && (label - from).is_multiple_of(*step)
+                    };
+                    let all = labels.iter().filter(|label| inside(*label.0));
+                    found.extend(all.map(|(_, place)| first + place));
                 }
                 Member::Set(name) if depth < DEEPEST => {
                     found.extend(self.set(number, of_nodes, *line, name, depth + 1)?);
@@ -304,6 +318,15 @@ impl<'a> Flat<'a> {
         }
     }
 
+    /// The part itself, or an instance by its name in capitals.
+    fn placed(&self, number: usize, line: usize, instance: Option<&str>) -> Result<&Placed<'a>> {
+        match instance {
+            None => Ok(&self.placed[number]),
+            Some(name) => (self.placed.iter().find(|placed| placed.key == name))
+                .ok_or_else(|| Failure::line(line, format!("there is no instance \"{name}\""))),
+        }
+    }
+
     /// A node or an element by its number: of the part, or of an instance.
     fn one(
         &self,
@@ -313,19 +336,8 @@ impl<'a> Flat<'a> {
         instance: Option<&str>,
         label: u64,
     ) -> Result<u32> {
-        let placed = match instance {
-            None => Some(&self.placed[number]),
-            Some(name) => self.placed.iter().find(|placed| placed.key == name),
-        };
-        let Some(placed) = placed else {
-            let text = format!("there is no instance \"{}\"", instance.unwrap_or_default());
-            return Err(Failure::line(line, text));
-        };
-        let (found, first) = if of_nodes {
-            (placed.part.node_of.get(&label), placed.first_node)
-        } else {
-            (placed.part.element_of.get(&label), placed.first_element)
-        };
+        let (labels, first) = self.placed(number, line, instance)?.labels(of_nodes);
+        let found = labels.get(&label);
         found.map(|place| first + place).ok_or_else(|| {
             let what = if of_nodes { "node" } else { "element" };
             Failure::line(

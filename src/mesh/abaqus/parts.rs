@@ -148,16 +148,21 @@ impl<'a> Reader<'a> {
     fn keyword(&mut self, k: &Keyword<'a>) -> Result<Block<'a>> {
         let refuse = |what: &str| Err(Failure::line(k.line, format!("*{}: {what}", k.name)));
         let option = |name| k.option(name).filter(|value| !value.is_empty());
+        if self.in_instance && matches!(k.name.as_str(), "NODE" | "ELEMENT") {
+            self.open_own_part(k)?;
+        }
+        // A set that stands in an instance is one of its part.
+        let of_instance = match self.assembly.instances.last() {
+            Some(instance) if self.in_instance && self.part.is_none() => Some(key(&instance.name)),
+            _ => option("INSTANCE").map(key),
+        };
         let set = |of_nodes: bool, key: String| Block::Set {
             of_nodes,
             key,
-            instance: option("INSTANCE").map(self::key),
+            instance: of_instance.clone(),
             generate: k.option("GENERATE").is_some(),
         };
         Ok(match k.name.as_str() {
-            "NODE" | "ELEMENT" if self.in_instance => {
-                return refuse("nodes and elements of an instance stand in its part here");
-            }
             "NODE" => {
                 if option("SYSTEM").is_some_and(|system| system != "R") {
                     return refuse("only rectangular coordinates are read (SYSTEM=R)");
@@ -168,6 +173,10 @@ impl<'a> Reader<'a> {
                 let name = k.needed("TYPE")?;
                 let cell = cell(name).map_err(|text| Failure::line(k.line, text))?;
                 Block::Elements(cell, option("ELSET"))
+            }
+            // Numbers of entities of Gmsh that meshio hands on as if they were of elements.
+            "ELSET" if option("ELSET").is_some_and(|name| name == "gmsh:bounding_entities") => {
+                Block::Skip
             }
             "NSET" => set(true, self.named_set(true, k, k.needed("NSET")?)),
             "ELSET" => set(false, self.named_set(false, k, k.needed("ELSET")?)),
@@ -213,6 +222,7 @@ impl<'a> Reader<'a> {
             }
             "END INSTANCE" => {
                 self.in_instance = false;
+                self.part = None;
                 Block::Skip
             }
             "INCLUDE" => {
@@ -226,6 +236,29 @@ impl<'a> Reader<'a> {
             "SYSTEM" => return refuse("coordinates have to be those of the whole model"),
             _ => Block::Skip,
         })
+    }
+
+    /// An instance that is meshed by itself has nodes and elements of its own, and its part has none.
+    fn open_own_part(&mut self, keyword: &Keyword) -> Result<()> {
+        let instance = self.assembly.instances.last_mut();
+        let (Some(instance), None) = (instance, self.part) else {
+            return Ok(());
+        };
+        let parts = &mut self.assembly.parts;
+        let has_nodes =
+            |part: &&(String, Part)| key(&part.0) == instance.part && !part.1.nodes.is_empty();
+        if parts.iter().any(|part| has_nodes(&part)) {
+            return Err(Failure::line(
+                keyword.line,
+                "an instance has nodes or elements of its own beside those of its part: let the program write a flat file",
+            ));
+        }
+        // No part of the file is called so.
+        let name = format!("*{}", instance.name);
+        instance.part = key(&name);
+        self.part = Some(parts.len());
+        parts.push((name, Part::default()));
+        Ok(())
     }
 
     /// Makes a set, unless it is there already and goes on.

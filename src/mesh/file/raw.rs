@@ -236,7 +236,9 @@ impl GroupSets {
         let all = sets.map(|set| self.sets[set as usize].clone());
         let union = self.number(all.concat().into_iter().map(|tag| tag as i64));
         if self.sets[union as usize].len() > MOST_GROUPS {
-            return Err(format!("an element is in more than {MOST_GROUPS} groups"));
+            return Err(format!(
+                "an element is in more than {MOST_GROUPS} physical groups (sets)"
+            ));
         }
         Ok(union)
     }

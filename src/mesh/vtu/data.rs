@@ -219,10 +219,11 @@ impl<'a> File<'a> {
             return data.ok_or_else(no_base64);
         }
         self.unpacked(line, |from, length| {
-            if from + length <= header {
+            if from.saturating_add(length) <= header {
                 return head.get(from..from + length).map(<[u8]>::to_vec);
             }
-            part(behind, 0, from - header + length).map(|mut all| all.split_off(from - header))
+            part(behind, 0, (from - header).saturating_add(length))
+                .map(|mut all| all.split_off(from - header))
         })
     }
 
@@ -241,11 +242,11 @@ impl<'a> File<'a> {
         if !self.compressed {
             return take(self.word, first).ok_or_else(short);
         }
-        let mut packed = 0;
+        let mut packed = 0_usize;
         let mut lengths = Vec::new();
         for block in 0..first {
             lengths.push(word(3 + block)?);
-            packed += lengths[block];
+            packed = packed.saturating_add(lengths[block]);
         }
         let packed = take(self.word * (3 + first), packed).ok_or_else(short)?;
         let (mut all, mut at) = (Vec::new(), 0);
@@ -274,7 +275,7 @@ impl<'a> File<'a> {
 /// `length` bytes from `from` on of what base64 encodes at the beginning of a text.
 fn part(encoded: &[u8], from: usize, length: usize) -> Option<Vec<u8>> {
     let end = from.checked_add(length)?;
-    let text = encoded.get(..4 * end.div_ceil(3))?;
+    let text = encoded.get(..end.div_ceil(3).saturating_mul(4))?;
     let all = STANDARD.decode(text).ok()?;
     all.get(from..end).map(<[u8]>::to_vec)
 }

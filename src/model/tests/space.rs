@@ -393,7 +393,7 @@ fn cases_say_which_line_does_not_fit_the_dimension() {
         (
             "[mesh.box]\nsize = [1, 1, 1]\ncells = [2, 2, 2]\n",
             "[mesh]\n",
-            "[mesh] says nothing of the bodies: it needs a file, a rectangle or, for a solid, a box",
+            "[mesh] says nothing of the bodies: it needs either file or rectangle or, for a solid, box",
         ),
         (
             "\"bottom\"",

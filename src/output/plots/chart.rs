@@ -2,10 +2,9 @@
 
 mod scale;
 
-pub(super) use scale::nice;
+pub(super) use scale::{Scale, nice};
 
 use crate::output::put;
-use scale::Scale;
 
 /// Colours of series and zones that are told apart without colour vision as well (after Okabe and Ito 2008).
 pub mod colour {
@@ -121,11 +120,14 @@ pub struct Chart {
 
 const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 400.0;
-/// The ends of the axes.
+/// Where the axes begin.
 const LEFT: f64 = 78.0;
-const RIGHT: f64 = WIDTH - 20.0;
 const TOP: f64 = 44.0;
-const BOTTOM: f64 = HEIGHT - 84.0;
+/// What lies behind their ends.
+const BESIDE: f64 = 20.0;
+const BELOW: f64 = 84.0;
+/// Between the lines of the legend.
+const LINE: f64 = 20.0;
 const DASHES: &str = " stroke-dasharray=\"5 4\"";
 /// The style of all pictures.
 pub(super) const STYLE: &str = "font-family=\"system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', Arial, sans-serif\" font-size=\"13\" fill=\"#222222\"";
@@ -141,13 +143,24 @@ pub(super) fn escape(text: &str) -> String {
 impl Chart {
     /// The picture.
     pub fn svg(&self) -> String {
+        self.sized(WIDTH, HEIGHT)
+    }
+
+    /// The picture in another size.
+    pub(super) fn sized(&self, width: f64, height: f64) -> String {
+        let entries = self.legend(width);
+        let lines = entries.last().map_or(0, |entry| entry.line) as f64;
+        let below = BELOW + LINE * lines;
         let points = || self.series.iter().flat_map(|s| s.points.iter());
         let ends = self.zones.iter().flat_map(|z| [z.from, z.to]);
         let all_x = points().map(|p| p.0).chain(ends);
         let mut drawing = Drawing {
             chart: self,
-            xs: Scale::new(&self.x, all_x, LEFT, RIGHT, 0.0),
-            ys: Scale::new(&self.y, points().map(|p| p.1), BOTTOM, TOP, 0.06),
+            xs: Scale::new(&self.x, all_x, LEFT, width - BESIDE, 0.0),
+            ys: Scale::new(&self.y, points().map(|p| p.1), height - below, TOP, 0.06),
+            width,
+            height,
+            below,
             svg: String::new(),
         };
         drawing.head();
@@ -157,7 +170,7 @@ impl Chart {
             drawing.series(series);
         }
         drawing.labels();
-        drawing.legend();
+        drawing.legend(&entries);
         drawing.svg + "</svg>\n"
     }
 }
@@ -167,6 +180,10 @@ struct Drawing<'a> {
     chart: &'a Chart,
     xs: Scale,
     ys: Scale,
+    width: f64,
+    height: f64,
+    /// What lies below the axes.
+    below: f64,
     svg: String,
 }
 
@@ -175,14 +192,23 @@ impl Drawing<'_> {
         put(&mut self.svg, line);
     }
 
+    fn right(&self) -> f64 {
+        self.width - BESIDE
+    }
+
+    fn bottom(&self) -> f64 {
+        self.height - self.below
+    }
+
     /// The beginning of the file, and the title.
     fn head(&mut self) {
         let title = escape(&self.chart.title);
+        let (width, height) = (self.width, self.height);
         self.put(format_args!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"{WIDTH}\" height=\"{HEIGHT}\" role=\"img\" {STYLE}>"
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" role=\"img\" {STYLE}>"
         ));
         self.put(format_args!(
-            "<title>{title}</title><rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#ffffff\"/>"
+            "<title>{title}</title><rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>"
         ));
         self.put(format_args!(
             "<text x=\"{LEFT}\" y=\"26\" font-size=\"16\" font-weight=\"600\">{title}</text>"
@@ -191,12 +217,13 @@ impl Drawing<'_> {
 
     /// The coloured zones, behind everything else.
     fn zones(&mut self) {
+        let bottom = self.bottom();
         for zone in &self.chart.zones {
             let (a, b) = (self.xs.place(zone.from), self.xs.place(zone.to));
             self.put(format_args!(
                 "<rect x=\"{a:.2}\" y=\"{TOP}\" width=\"{:.2}\" height=\"{:.2}\" fill=\"{}\"/>",
                 (b - a).max(0.0),
-                BOTTOM - TOP,
+                bottom - TOP,
                 zone.colour
             ));
         }
@@ -204,30 +231,31 @@ impl Drawing<'_> {
 
     /// Ticks with their numbers, the vertical lines, the two axes.
     fn axes(&mut self) {
+        let (right, bottom) = (self.right(), self.bottom());
         for (v, label) in self.ys.ticks(6.0) {
             let y = self.ys.place(v);
             self.put(format_args!(
-                "<path d=\"M{LEFT} {y:.2}H{RIGHT}\" stroke=\"#000000\" stroke-opacity=\"{}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",
+                "<path d=\"M{LEFT} {y:.2}H{right}\" stroke=\"#000000\" stroke-opacity=\"{}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",
                 if v == 0.0 { 0.45 } else { 0.1 },
                 LEFT - 8.0,
                 y + 4.5
             ));
         }
-        for (v, label) in self.xs.ticks(9.0) {
+        for (v, label) in self.xs.ticks(9.0 * self.width / WIDTH) {
             let x = self.xs.place(v);
             self.put(format_args!(
-                "<path d=\"M{x:.2} {BOTTOM}v5\" stroke=\"#222222\"/><text x=\"{x:.2}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>",
-                BOTTOM + 20.0
+                "<path d=\"M{x:.2} {bottom}v5\" stroke=\"#222222\"/><text x=\"{x:.2}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>",
+                bottom + 20.0
             ));
         }
         for &rule in &self.chart.rules {
             let x = self.xs.place(rule);
             self.put(format_args!(
-                "<path d=\"M{x:.2} {TOP}V{BOTTOM}\" stroke=\"#000000\" stroke-opacity=\"0.25\" stroke-dasharray=\"2 3\"/>"
+                "<path d=\"M{x:.2} {TOP}V{bottom}\" stroke=\"#000000\" stroke-opacity=\"0.25\" stroke-dasharray=\"2 3\"/>"
             ));
         }
         self.put(format_args!(
-            "<path d=\"M{LEFT} {TOP}V{BOTTOM}H{RIGHT}\" fill=\"none\" stroke=\"#222222\"/>"
+            "<path d=\"M{LEFT} {TOP}V{bottom}H{right}\" fill=\"none\" stroke=\"#222222\"/>"
         ));
     }
 
@@ -266,39 +294,75 @@ impl Drawing<'_> {
         let y = escape(&self.ys.label(&self.chart.y));
         self.put(format_args!(
             "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{x}</text>",
-            0.5 * (LEFT + RIGHT),
-            BOTTOM + 42.0
+            0.5 * (LEFT + self.right()),
+            self.bottom() + 42.0
         ));
         self.put(format_args!(
             "<text transform=\"translate(20 {:.1}) rotate(-90)\" text-anchor=\"middle\">{y}</text>",
-            0.5 * (TOP + BOTTOM)
+            0.5 * (TOP + self.bottom())
         ));
     }
 
-    /// The names of series and zones with samples of them, from left to right.
-    fn legend(&mut self) {
-        let mut entries: Vec<(String, &str)> = (self.chart.series.iter())
-            .filter(|series| !series.name.is_empty())
-            .map(|series| (sample(series), series.name.as_str()))
-            .collect();
-        for (i, zone) in self.chart.zones.iter().enumerate() {
-            if self.chart.zones[..i].iter().all(|z| z.name != zone.name) {
-                let colour = zone.colour;
-                let sample = format!(
-                    "<rect y=\"-11\" width=\"26\" height=\"13\" fill=\"{colour}\" stroke=\"#bbbbbb\"/>"
-                );
-                entries.push((sample, zone.name));
-            }
-        }
-        let (mut x, y) = (LEFT, HEIGHT - 14.0);
-        for (sample, name) in entries {
+    /// The names of series and zones with samples of them.
+    fn legend(&mut self, entries: &[Entry]) {
+        let lines = (self.below - BELOW) / LINE;
+        for Entry {
+            sample,
+            name,
+            x,
+            line,
+        } in entries
+        {
+            let y = self.height - 14.0 - LINE * (lines - *line as f64);
             self.put(format_args!(
                 "<g transform=\"translate({x:.1} {y})\">{sample}<text x=\"32\">{}</text></g>",
                 escape(name)
             ));
-            // About the width of a text in these fonts.
-            x += 52.0 + 7.0 * name.chars().count() as f64;
         }
+    }
+}
+
+/// A name in the legend, with a sample of what it stands for, and its place.
+struct Entry<'a> {
+    sample: String,
+    name: &'a str,
+    x: f64,
+    line: usize,
+}
+
+impl Chart {
+    /// The names of series and zones from left to right; in narrow pictures in several lines.
+    fn legend(&self, width: f64) -> Vec<Entry<'_>> {
+        let mut named: Vec<(String, &str)> = (self.series.iter())
+            .filter(|series| !series.name.is_empty())
+            .map(|series| (sample(series), series.name.as_str()))
+            .collect();
+        for (i, zone) in self.zones.iter().enumerate() {
+            if self.zones[..i].iter().all(|z| z.name != zone.name) {
+                let colour = zone.colour;
+                let sample = format!(
+                    "<rect y=\"-11\" width=\"26\" height=\"13\" fill=\"{colour}\" stroke=\"#bbbbbb\"/>"
+                );
+                named.push((sample, zone.name));
+            }
+        }
+        let (mut x, mut line) = (LEFT, 0);
+        let mut entries = Vec::new();
+        for (sample, name) in named {
+            // About the width of a text in these fonts.
+            let wide = 52.0 + 7.0 * name.chars().count() as f64;
+            if x > LEFT && x + wide > width && width < WIDTH {
+                (x, line) = (LEFT, line + 1);
+            }
+            entries.push(Entry {
+                sample,
+                name,
+                x,
+                line,
+            });
+            x += wide;
+        }
+        entries
     }
 }
 

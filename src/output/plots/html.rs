@@ -1,7 +1,7 @@
 //! `report.html`: everything of a solve on one page that a browser opens offline.
 
-use super::Picture;
 use super::chart::escape;
+use super::{Picture, view};
 use crate::output::{Report, StepReport, put};
 use crate::ssnm::Status;
 
@@ -37,7 +37,7 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
     let mut page = String::new();
     let out = &mut page;
     head(out, report);
-    figures(out, report, pictures);
+    let has_view = figures(out, report, pictures);
     if let Some(step) = report.steps.last() {
         contacts(out, report, step);
         balance(out, report, step);
@@ -47,6 +47,9 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
     }
     conditions(out, report);
     work(out, report);
+    if has_view {
+        view::put_script(out);
+    }
     page + "</body></html>\n"
 }
 
@@ -59,7 +62,8 @@ fn head(out: &mut String, report: &Report) {
     put(
         out,
         format_args!(
-            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\"><title>{title}</title><style>{STYLE}</style></head>\n<body>\n<h1>{title}</h1>"
+            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\"><title>{title}</title><style>{STYLE}{}</style></head>\n<body>\n<h1>{title}</h1>",
+            view::STYLE
         ),
     );
     let (class, text) = match report.status {
@@ -86,19 +90,35 @@ fn head(out: &mut String, report: &Report) {
     }
 }
 
-/// The pictures of the last step and of the whole, then those of earlier steps, folded.
-fn figures(out: &mut String, report: &Report, pictures: &[Picture]) {
+/// The pictures of the last step and of the whole, then those of earlier steps, folded. Whether there is a view of solids
+/// that can be turned.
+fn figures(out: &mut String, report: &Report, pictures: &[Picture]) -> bool {
     let last = report.steps.len();
     let of = |step| pictures.iter().filter(move |picture| picture.step == step);
+    let is_on_page =
+        |picture: &&Picture| last <= MOST_STEPS || picture.step.is_none_or(|s| s == last);
+    let used = (pictures.iter().filter(is_on_page)).map(|picture| picture.svg.len());
+    let used: usize = used.sum();
+    let views: Vec<_> = pictures.iter().filter_map(|p| p.view.as_ref()).collect();
+    let mut has_view = false;
     for picture in of(Some(last)).chain(of(None)) {
         let (title, svg) = (escape(&picture.title), &picture.svg);
-        put(
-            out,
-            format_args!("<h2>{title}</h2>\n<figure>\n{svg}</figure>"),
-        );
+        put(out, format_args!("<h2>{title}</h2>"));
+        if picture.view.is_some() && view::put_view(out, &views, used) {
+            has_view = true;
+            // Folded by the script where the view works.
+            put(
+                out,
+                format_args!(
+                    "<details id=\"still\" open><summary>Still picture</summary><figure>\n{svg}</figure></details>"
+                ),
+            );
+        } else {
+            put(out, format_args!("<figure>\n{svg}</figure>"));
+        }
     }
     if last > MOST_STEPS {
-        return;
+        return has_view;
     }
     for step in 1..last {
         put(
@@ -110,6 +130,7 @@ fn figures(out: &mut String, report: &Report, pictures: &[Picture]) {
         }
         put(out, format_args!("</details>"));
     }
+    has_view
 }
 
 /// The components of a force.

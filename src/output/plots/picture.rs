@@ -1,11 +1,12 @@
 //! The deformed mesh with its von Mises stresses: a raster image of the field inside an SVG.
 
-use super::chart::{STYLE, colour, escape, nice};
-use super::raster::{Raster, viridis};
+use super::chart::{STYLE, escape};
+use super::legend::{self, ColourBar, magnification, short};
+use super::raster::Raster;
 use crate::contact::Obstacle;
 use crate::mesh::{Mesh, bounds};
 use crate::model::Elastic;
-use crate::output::{ContactFields, NodeStatus, StepFields, put};
+use crate::output::{ContactFields, StepFields, put};
 use base64::Engine as _;
 use std::collections::HashMap;
 
@@ -20,41 +21,6 @@ const FOOT: f64 = 44.0;
 const FINE: f64 = 2.0;
 /// Edges of elements are drawn where these are larger than this many units on average.
 const VISIBLE_EDGE: f64 = 7.0;
-/// Displacements are scaled to this part of the size of the mesh.
-const SHOWN: f64 = 0.04;
-/// Scaled bodies overlap where they have closed a gap: by this part of the size of the mesh at most.
-const FALSE_OVERLAP: f64 = 0.003;
-
-/// A factor for the displacements: a round one that shows them, near 1 where bodies would overlap by it.
-fn magnification(elastic: &Elastic, largest: f64, contact: &ContactFields) -> f64 {
-    let (low, high) = elastic.mesh.bounding_box();
-    let size = (high[0] - low[0]).hypot(high[1] - low[1]);
-    if !(largest > 0.0) {
-        return 1.0;
-    }
-    // A gap d that becomes g is drawn as d + s (g − d).
-    let room = FALSE_OVERLAP * size;
-    let wanted = (elastic.contact.nodes.iter().zip(&contact.gap))
-        .map(|(node, gap)| (node.gap, node.gap - gap))
-        .filter(|&(before, closed)| closed > 1e-9 * before)
-        .map(|(before, closed)| (before + room) / closed)
-        .fold(SHOWN * size / largest, f64::min);
-    if wanted < 1.0 {
-        return 1.0;
-    }
-    // The round number at or below.
-    let up = nice(wanted);
-    if up <= wanted * (1.0 + 1e-9) {
-        up
-    } else {
-        [up / 2.0, up / 2.5]
-            .into_iter()
-            .find(|&f| (nice(f) / f - 1.0).abs() < 1e-9)
-            .unwrap_or(up / 2.0)
-            .max(1.0)
-    }
-}
-
 /// The edges of the elements, each once, from the lower to the higher node, and how many elements have it.
 fn edges(mesh: &Mesh) -> Vec<([u32; 2], usize)> {
     let mut count: HashMap<[u32; 2], usize> = HashMap::new();
@@ -132,15 +98,7 @@ impl<'a> Scene<'a> {
 
         let von_mises: Vec<f64> = fields.at_nodes.iter().map(|s| s.von_mises()).collect();
         let largest = von_mises.iter().copied().fold(0.0, f64::max);
-        // A few singular corners must not take all the colours.
-        let mut sorted = von_mises.clone();
-        sorted.sort_by(f64::total_cmp);
-        let usual = sorted[(sorted.len() - 1) * 998 / 1000];
-        let top = if largest > 1.3 * usual && usual > 0.0 {
-            usual
-        } else {
-            largest.max(f64::MIN_POSITIVE)
-        };
+        let top = legend::top(&von_mises);
         Self {
             number,
             elastic,
@@ -286,33 +244,12 @@ impl<'a> Scene<'a> {
         raster
     }
 
-    /// What contact nodes may do in this case, and the colours of it.
-    fn states(&self) -> Vec<(NodeStatus, &'static str)> {
-        let contact = self.contact;
-        let mut states = vec![
-            (NodeStatus::Frictionless, colour::PURPLE),
-            (NodeStatus::Stick, colour::BLUE),
-            (NodeStatus::Slip, colour::ORANGE),
-            (NodeStatus::Separated, "#ffffff"),
-        ];
-        // Bodies without friction know no stick and slip, and most with friction nothing else.
-        let has_friction = contact.any_friction();
-        let mut all = 0..contact.pressure.len();
-        let without = all.any(|i| contact.status(i) == NodeStatus::Frictionless);
-        states.retain(|&(state, _)| match state {
-            NodeStatus::Frictionless => without,
-            NodeStatus::Separated => true,
-            NodeStatus::Stick | NodeStatus::Slip => has_friction,
-        });
-        states
-    }
-
     /// The contact nodes in the colours of their states.
     fn contact_nodes(&mut self) {
         let nodes = &self.elastic.contact.nodes;
         let extent = self.size[0].max(self.size[1]);
         let radius = (0.25 * extent / nodes.len().max(1) as f64).clamp(1.6, 3.4);
-        for (state, fill) in self.states() {
+        for (state, fill) in legend::states(self.contact) {
             let dots: String = (nodes.iter().enumerate())
                 .filter(|&(i, _)| self.contact.status(i) == state)
                 .map(|(_, node)| {
@@ -328,43 +265,16 @@ impl<'a> Scene<'a> {
 
     /// The colours of the stresses, and the largest where it has none of them.
     fn colour_bar(&mut self) {
-        let (number, top) = (self.number, self.top);
-        let (x, y) = (MARGIN + self.size[0] + 30.0, HEAD + 22.0);
-        let bar = (self.size[1].max(180.0) - 30.0).min(320.0);
-        self.put(format_args!("<g transform=\"translate({x:.1} {y})\">"));
-        let stops: String = (0..=10)
-            .map(|k| {
-                let [r, g, b] = viridis(f64::from(k) / 10.0);
-                let offset = 10 * k;
-                format!("<stop offset=\"{offset}%\" stop-color=\"rgb({r},{g},{b})\"/>")
-            })
-            .collect();
-        self.put(format_args!(
-            "<defs><linearGradient id=\"viridis{number}\" x1=\"0\" y1=\"1\" x2=\"0\" y2=\"0\">{stops}</linearGradient></defs>"
-        ));
-        let unit = escape(&self.elastic.units.stress());
-        self.put(format_args!(
-            "<rect width=\"16\" height=\"{bar:.0}\" fill=\"url(#viridis{number})\" stroke=\"#222222\" stroke-width=\"0.6\"/><text y=\"-8\">{unit}</text>"
-        ));
-        let step = nice(top / 8.0);
-        let mut value = 0.0;
-        while value <= top * (1.0 + 1e-9) {
-            let at = bar * (1.0 - value / top);
-            self.put(format_args!(
-                "<path d=\"M16 {at:.1}h5\" stroke=\"#222222\"/><text x=\"25\" y=\"{:.1}\">{}</text>",
-                at + 4.5,
-                short(value)
-            ));
-            value += step;
-        }
-        self.put(format_args!("</g>"));
-        if self.largest > top {
-            let largest = short(self.largest);
-            self.put(format_args!(
-                "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"12\">largest {largest}</text>",
-                y + bar + 18.0
-            ));
-        }
+        let place = [MARGIN + self.size[0] + 30.0, HEAD + 22.0];
+        let height = (self.size[1].max(180.0) - 30.0).min(320.0);
+        let bar = ColourBar {
+            name: format!("viridis{}", self.number),
+            unit: &self.elastic.units.stress(),
+            top: self.top,
+            largest: self.largest,
+            height,
+        };
+        bar.draw(&mut self.svg, place);
     }
 
     /// The colours of the contact nodes, below the field.
@@ -373,52 +283,12 @@ impl<'a> Scene<'a> {
             return;
         }
         let (mut x, y) = (MARGIN, self.height() - 14.0);
-        for (state, fill) in self.states() {
+        for (state, fill) in legend::states(self.contact) {
             let name = state.name();
             self.put(format_args!(
                 "<g transform=\"translate({x:.0} {y:.0})\"><circle cx=\"5\" cy=\"-4.5\" r=\"4\" fill=\"{fill}\" stroke=\"#222222\" stroke-width=\"0.6\"/><text x=\"15\">{name}</text></g>"
             ));
             x += 30.0 + 8.0 * name.len() as f64;
-        }
-    }
-}
-
-/// A number of three digits.
-fn short(value: f64) -> String {
-    if value == 0.0 {
-        "0".to_owned()
-    } else if (0.01..1e4).contains(&value.abs()) {
-        let digits = (2 - value.abs().log10().floor() as i32).max(0) as usize;
-        let text = format!("{value:.digits$}");
-        if text.contains('.') {
-            text.trim_end_matches('0').trim_end_matches('.').to_owned()
-        } else {
-            text
-        }
-    } else {
-        let text = format!("{value:.2e}");
-        let (digits, exponent) = text.split_once('e').unwrap_or((&text, "0"));
-        let digits = digits.trim_end_matches('0').trim_end_matches('.');
-        format!("{digits}e{exponent}")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::short;
-
-    #[test]
-    fn numbers_have_three_digits() {
-        for (value, text) in [
-            (0.0, "0"),
-            (0.5, "0.5"),
-            (-1.25, "-1.25"),
-            (123.4, "123"),
-            (9999.4, "9999"),
-            (2e4, "2e4"),
-            (1.234e-5, "1.23e-5"),
-        ] {
-            assert_eq!(short(value), text);
         }
     }
 }

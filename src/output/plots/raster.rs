@@ -1,7 +1,7 @@
 //! Fields as images: the colours and the pixels of triangles.
 
 /// Stops of the colour map viridis (Smith and van der Walt 2015), evenly spaced.
-const VIRIDIS: [[f64; 3]; 11] = [
+pub(super) const VIRIDIS: [[f64; 3]; 11] = [
     [68.0, 1.0, 84.0],
     [72.0, 36.0, 117.0],
     [65.0, 68.0, 135.0],
@@ -45,6 +45,27 @@ impl Raster {
 
     /// A triangle with a linear field; corners in pixels.
     pub fn triangle(&mut self, x: [[f64; 2]; 3], v: [f64; 3]) {
+        let values = &mut self.values;
+        Self::each_in(self.width, self.height, x, |pixel, weights| {
+            values[pixel] = weights.iter().zip(v).map(|(w, v)| w * v).sum();
+        });
+    }
+
+    /// A triangle where each pixel gets the value of the nearest corner.
+    pub fn nearest(&mut self, x: [[f64; 2]; 3], v: [f64; 3]) {
+        let values = &mut self.values;
+        Self::each_in(self.width, self.height, x, |pixel, weights| {
+            values[pixel] = v[largest(weights)];
+        });
+    }
+
+    /// The pixels of a picture, row by row, that lie in a triangle, and the weights of its corners there.
+    pub fn each_in(
+        width: usize,
+        height: usize,
+        x: [[f64; 2]; 3],
+        mut put: impl FnMut(usize, [f64; 3]),
+    ) {
         let cross = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {
             (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
         };
@@ -60,8 +81,8 @@ impl Raster {
             let last = (high - 0.5).floor().min(end as f64 - 1.0);
             first..if last < 0.0 { 0 } else { last as usize + 1 }
         };
-        for row in range(1, self.height) {
-            for column in range(0, self.width) {
+        for row in range(1, height) {
+            for column in range(0, width) {
                 let p = [column as f64 + 0.5, row as f64 + 0.5];
                 let weights = [
                     cross(p, x[1], x[2]) / area,
@@ -70,8 +91,7 @@ impl Raster {
                 ];
                 // A little outside, so that neighbours leave no seam.
                 if weights.iter().all(|&w| w >= -1e-9) {
-                    self.values[row * self.width + column] =
-                        weights.iter().zip(v).map(|(w, v)| w * v).sum();
+                    put(row * width + column, weights);
                 }
             }
         }
@@ -79,26 +99,48 @@ impl Raster {
 
     /// As PNG, transparent where there is nothing; `top` has the last of the colours.
     pub fn png(&self, top: f64) -> Vec<u8> {
+        self.coloured(|value| viridis(value / top))
+    }
+
+    /// As PNG, transparent where there is nothing, in the colours of the values.
+    pub fn coloured(&self, colour: impl Fn(f64) -> [u8; 3]) -> Vec<u8> {
         let mut pixels = Vec::with_capacity(4 * self.values.len());
         for &value in &self.values {
             if value.is_nan() {
                 pixels.extend([255, 255, 255, 0]);
             } else {
-                let [r, g, b] = viridis(value / top);
+                let [r, g, b] = colour(value);
                 pixels.extend([r, g, b, 255]);
             }
         }
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, self.width as u32, self.height as u32);
-        encoder.set_color(png::ColorType::Rgba);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_compression(png::Compression::High);
-        let written = encoder
-            .write_header()
-            .and_then(|mut writer| writer.write_image_data(&pixels));
-        written.expect("writing to memory cannot fail");
-        bytes
+        png(self.width, self.height, &pixels)
     }
+}
+
+/// The place of the largest of three weights.
+pub(super) fn largest(weights: [f64; 3]) -> usize {
+    let [a, b, c] = weights;
+    if a >= b && a >= c {
+        0
+    } else if b >= c {
+        1
+    } else {
+        2
+    }
+}
+
+/// Pixels, row by row, as PNG: red, green, blue and how opaque each is.
+pub(super) fn png(width: usize, height: usize, pixels: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::High);
+    let written = encoder
+        .write_header()
+        .and_then(|mut writer| writer.write_image_data(pixels));
+    written.expect("writing to memory cannot fail");
+    bytes
 }
 
 #[cfg(test)]

@@ -104,7 +104,7 @@ fn held_directions<const B: usize>(a: &BlockCsr<B>, i: usize) -> Vec<[f64; B]> {
     };
     // Gram–Schmidt on the rows of the square spans what is tied; what is left of the axes is not.
     let mut basis: Vec<[f64; B]> = Vec::with_capacity(B);
-    let mut rows: Vec<[f64; B]> = square.to_vec();
+    let mut rows = square;
     while let Some((length, row)) = (rows.iter())
         .map(|row| (row.iter().map(|v| v * v).sum::<f64>().sqrt(), *row))
         .max_by(|a, b| a.0.total_cmp(&b.0))

@@ -3,7 +3,7 @@
 use super::Axis;
 
 /// From values to places along an axis.
-pub(super) struct Scale {
+pub(in crate::output::plots) struct Scale {
     low: f64,
     high: f64,
     logarithmic: bool,
@@ -14,7 +14,7 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    pub(super) fn new(
+    pub(in crate::output::plots) fn new(
         axis: &Axis,
         values: impl Iterator<Item = f64>,
         start: f64,
@@ -61,7 +61,7 @@ impl Scale {
         }
     }
 
-    pub(super) fn place(&self, v: f64) -> f64 {
+    pub(in crate::output::plots) fn place(&self, v: f64) -> f64 {
         let part = if self.logarithmic {
             (v / self.low).log10() / (self.high / self.low).log10()
         } else {
@@ -70,7 +70,7 @@ impl Scale {
         self.start + part * (self.end - self.start)
     }
 
-    pub(super) fn ticks(&self, wanted: f64) -> Vec<(f64, String)> {
+    pub(in crate::output::plots) fn ticks(&self, wanted: f64) -> Vec<(f64, String)> {
         if self.logarithmic {
             let (a, b) = (
                 self.low.log10().ceil() as i32,
@@ -113,7 +113,7 @@ impl Scale {
     }
 
     /// The label of the axis with its unit.
-    pub(super) fn label(&self, axis: &Axis) -> String {
+    pub(in crate::output::plots) fn label(&self, axis: &Axis) -> String {
         let factor = match self.unit.log10().round() as i32 {
             0 => String::new(),
             k => power_of_ten(k),

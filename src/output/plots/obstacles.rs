@@ -1,0 +1,212 @@
+//! The part of a rigid obstacle in space that lies near its contact, as triangles.
+
+use crate::contact::{Obstacle, frame};
+use crate::mesh::vector::{cross, dot, length, minus, unit};
+use crate::model::Elastic;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// How far it is drawn beyond what is near it, as a part of the size of the mesh.
+const AROUND: f64 = 0.07;
+/// What is near, as a part of that size.
+const NEAR: f64 = 0.02;
+/// Facets along a half circle.
+const ROUND: f64 = 48.0;
+
+/// A patch of a surface: rows of points.
+pub(super) struct Patch {
+    pub rows: Vec<Vec<[f64; 3]>>,
+}
+
+impl Patch {
+    /// Its triangles.
+    pub fn triangles(&self) -> impl Iterator<Item = [[f64; 3]; 3]> {
+        let pairs = self.rows.windows(2).flat_map(|rows| {
+            (1..rows[0].len()).map(|k| [rows[0][k - 1], rows[0][k], rows[1][k], rows[1][k - 1]])
+        });
+        pairs.flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]])
+    }
+
+    /// The lines along its border.
+    pub fn outline(&self) -> Vec<Vec<[f64; 3]>> {
+        let column = |of: fn(&Vec<[f64; 3]>) -> Option<&[f64; 3]>| -> Vec<[f64; 3]> {
+            self.rows.iter().filter_map(of).copied().collect()
+        };
+        let ends = [self.rows.first(), self.rows.last()];
+        let mut lines: Vec<_> = ends.into_iter().flatten().cloned().collect();
+        let sides = [column(|row| row.first()), column(|row| row.last())];
+        // What is closed around has no sides.
+        if sides[0]
+            .iter()
+            .zip(&sides[1])
+            .any(|(a, b)| length(minus(*a, *b)) > 0.0)
+        {
+            lines.extend(sides);
+        }
+        lines
+    }
+}
+
+/// Those of the rigid obstacles of a case.
+pub(super) fn patches(elastic: &Elastic<3>) -> Vec<Patch> {
+    let (low, high) = elastic.mesh.bounding_box();
+    let size = length(minus(high, low));
+    (elastic.pairs.iter().enumerate())
+        .filter_map(|(number, pair)| {
+            let obstacle = pair.obstacle?;
+            let mut places: Vec<[f64; 3]> = (elastic.contact.nodes.iter().zip(&elastic.pair_of))
+                .filter(|&(_, &owner)| owner as usize == number)
+                .map(|(node, _)| elastic.mesh.nodes[node.node as usize])
+                .collect();
+            let distance = |x: &[f64; 3]| obstacle.distance(*x).0;
+            let nearest = places.iter().map(distance).fold(f64::INFINITY, f64::min);
+            places.retain(|x| distance(x) <= nearest + NEAR * size);
+            (!places.is_empty()).then(|| patch(&obstacle, &places, AROUND * size))
+        })
+        .collect()
+}
+
+/// The part of an obstacle around some places.
+fn patch(obstacle: &Obstacle<3>, places: &[[f64; 3]], margin: f64) -> Patch {
+    match *obstacle {
+        Obstacle::HalfPlane { point, normal } => {
+            let axes = frame(unit(normal));
+            let ends = [1, 2].map(|c| range(places, |x| dot(minus(x, point), axes[c]), margin));
+            let corner = |a: f64, b: f64| along(point, &[(a, axes[1]), (b, axes[2])]);
+            let [[a, b], [c, d]] = ends;
+            let rows = [a, b].map(|s| vec![corner(s, c), corner(s, d)]);
+            Patch {
+                rows: rows.to_vec(),
+            }
+        }
+        Obstacle::Circle { center, radius } => {
+            let axes = frame(towards(places.iter().map(|&x| minus(x, center))));
+            let angle = |x| dot(unit(minus(x, center)), axes[0]).clamp(-1.0, 1.0).acos();
+            let widest = range(places, angle, margin / radius)[1].min(PI);
+            let rows = steps([0.0, widest]).map(|theta| {
+                let (across, up) = (radius * theta.sin(), radius * theta.cos());
+                let point = |phi: f64| {
+                    let (sin, cos) = phi.sin_cos();
+                    let parts = [
+                        (up, axes[0]),
+                        (across * cos, axes[1]),
+                        (across * sin, axes[2]),
+                    ];
+                    along(center, &parts)
+                };
+                around(point)
+            });
+            Patch {
+                rows: rows.collect(),
+            }
+        }
+        Obstacle::Cylinder {
+            point,
+            axis,
+            radius,
+        } => {
+            let axis = unit(axis);
+            let across = |x: [f64; 3]| {
+                let to = minus(x, point);
+                along(to, &[(-dot(to, axis), axis)])
+            };
+            let first = towards(places.iter().map(|&x| across(x)));
+            let first = unit(along(first, &[(-dot(first, axis), axis)]));
+            let second = cross(axis, first);
+            let angle = |x| dot(across(x), second).atan2(dot(across(x), first));
+            let [from, to] = range(places, |x| dot(minus(x, point), axis), margin);
+            let ends = range(places, angle, margin / radius);
+            let is_closed = ends[1] - ends[0] > 3.0 * FRAC_PI_2;
+            let row = |s: f64| {
+                let at = |phi: f64| {
+                    let (sin, cos) = phi.sin_cos();
+                    along(
+                        point,
+                        &[(s, axis), (radius * cos, first), (radius * sin, second)],
+                    )
+                };
+                if is_closed {
+                    around(at)
+                } else {
+                    steps(ends).map(at).collect()
+                }
+            };
+            Patch {
+                rows: vec![row(from), row(to)],
+            }
+        }
+    }
+}
+
+/// A point and multiples of some directions.
+fn along(point: [f64; 3], parts: &[(f64, [f64; 3])]) -> [f64; 3] {
+    std::array::from_fn(|c| point[c] + parts.iter().map(|(s, axis)| s * axis[c]).sum::<f64>())
+}
+
+/// The mean direction of vectors; any where there is none.
+fn towards(vectors: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
+    let sum = vectors.fold([0.0; 3], |sum, v| std::array::from_fn(|c| sum[c] + v[c]));
+    let mean = unit(sum);
+    if mean.iter().all(|v| v.is_finite()) {
+        mean
+    } else {
+        [1.0, 0.0, 0.0]
+    }
+}
+
+/// The least and the largest of a coordinate, and a margin.
+fn range(places: &[[f64; 3]], of: impl Fn([f64; 3]) -> f64, margin: f64) -> [f64; 2] {
+    let values = places.iter().map(|&x| of(x));
+    let ends = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| {
+        [a.min(v), b.max(v)]
+    });
+    [ends[0] - margin, ends[1] + margin]
+}
+
+/// Angles in a range, ends included.
+fn steps([from, to]: [f64; 2]) -> impl Iterator<Item = f64> {
+    let count = (ROUND * (to - from) / PI).ceil().max(1.0);
+    (0..=count as usize).map(move |k| from + (to - from) * k as f64 / count)
+}
+
+/// Points all around, the first of them again at the end.
+fn around(point: impl Fn(f64) -> [f64; 3]) -> Vec<[f64; 3]> {
+    let mut row: Vec<[f64; 3]> = steps([0.0, 2.0 * PI]).map(point).collect();
+    // To the last bit.
+    row.pop();
+    row.extend(row.first().copied());
+    row
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patches_lie_on_their_obstacles_and_reach_around_the_places() {
+        let places = [[0.1, 0.0, 1.0], [0.0, 0.2, 1.1], [-0.1, -0.1, 0.9]];
+        for obstacle in [
+            Obstacle::HalfPlane {
+                point: [5.0, 3.0, 0.5],
+                normal: [0.0, 0.0, 3.0],
+            },
+            Obstacle::Circle {
+                center: [0.0, 0.0, -1.0],
+                radius: 1.5,
+            },
+            Obstacle::Cylinder {
+                point: [0.0, 7.0, 0.0],
+                axis: [0.0, 2.0, 0.0],
+                radius: 0.5,
+            },
+        ] {
+            let patch = patch(&obstacle, &places, 0.3);
+            let points = || patch.triangles().flatten();
+            assert!(points().all(|x| obstacle.distance(x).0.abs() < 1e-12));
+            for c in [0, 1] {
+                let [low, high] = range(&points().collect::<Vec<_>>(), |x| x[c], 0.0);
+                assert!(low < -0.2 && high > 0.25, "{obstacle:?}: {low} {high}");
+            }
+            assert!(!patch.outline().is_empty());
+        }
+    }
+}

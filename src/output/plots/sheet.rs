@@ -1,0 +1,585 @@
+//! Contact surfaces in space laid flat: seen along their mean normal, or unrolled where they go round an axis.
+
+mod circle;
+
+use crate::dense::symmetric_eigen;
+use crate::mesh::vector::{cross, dot, unit};
+use crate::mesh::{Facet, Mesh, facet_nodes};
+use circle::circle;
+use faer::Mat;
+use std::collections::HashMap;
+use std::f64::consts::PI;
+
+/// Facets are seen well along a direction whose cosine with their normal is larger.
+const SEEN_WELL: f64 = 0.5;
+/// And at all, if it is larger than this one.
+const SEEN: f64 = 0.02;
+/// The cosine between the normals of facets of one piece, and of facets of two.
+const SMOOTH: f64 = 0.766;
+/// Less than this part of the area need not be seen: the last facets at the rim of a hollow.
+const HIDDEN: f64 = 0.04;
+/// A direction is taken for an axis where the cosine between them is larger.
+const NEARLY: f64 = 0.995;
+/// The cosine between the normals of its facets and the radius is at least this one.
+const ALONG: f64 = 0.8;
+/// No more pieces of a surface are shown.
+const MOST: usize = 4;
+
+/// A surface, or a part of one, laid flat.
+pub(super) struct Sheet {
+    /// Places of corners in the sheet, and their nodes; what is nearer to the viewer later.
+    pub triangles: Vec<([[f64; 2]; 3], [u32; 3])>,
+    /// The edges of facets, and whether the sheet ends there.
+    pub edges: Vec<([[f64; 2]; 2], bool)>,
+    /// What is seen, and from where.
+    pub caption: String,
+    /// What both coordinates measure.
+    pub labels: [String; 2],
+    way: Way,
+}
+
+/// How a surface becomes a sheet.
+#[derive(Clone, Copy)]
+enum Way {
+    /// Two directions.
+    Flat([[f64; 3]; 2]),
+    /// The arc about an axis, from the second direction to the third, and the place along the first.
+    Rolled {
+        axes: [[f64; 3]; 3],
+        centre: [f64; 2],
+        radius: f64,
+    },
+}
+
+impl Way {
+    /// The place of x in the sheet; angles lie around `near`.
+    fn place(&self, x: [f64; 3], near: f64) -> [f64; 2] {
+        match *self {
+            Self::Flat(axes) => axes.map(|axis| dot(axis, x)),
+            Self::Rolled {
+                axes,
+                centre,
+                radius,
+            } => {
+                let angle = angle(&axes, centre, x);
+                let turns = ((angle - near) / (2.0 * PI)).round();
+                [radius * (angle - 2.0 * PI * turns), dot(axes[0], x)]
+            }
+        }
+    }
+
+    /// The directions of both coordinates at x.
+    fn directions(&self, x: [f64; 3]) -> [[f64; 3]; 2] {
+        match *self {
+            Self::Flat(axes) => axes,
+            Self::Rolled { axes, centre, .. } => {
+                let (sin, cos) = angle(&axes, centre, x).sin_cos();
+                let around = std::array::from_fn(|c| cos * axes[2][c] - sin * axes[1][c]);
+                [around, axes[0]]
+            }
+        }
+    }
+}
+
+/// The angle of x about an axis.
+fn angle(axes: &[[f64; 3]; 3], centre: [f64; 2], x: [f64; 3]) -> f64 {
+    (dot(axes[2], x) - centre[1]).atan2(dot(axes[1], x) - centre[0])
+}
+
+impl Sheet {
+    /// The part of a vector at x along the sheet.
+    pub fn vector(&self, x: [f64; 3], vector: [f64; 3]) -> [f64; 2] {
+        self.way.directions(x).map(|axis| dot(axis, vector))
+    }
+}
+
+/// The facets of a contact on their way to sheets.
+struct Facets<'a> {
+    mesh: &'a Mesh<3>,
+    facets: &'a [Facet<3>],
+    /// Areas and outward normals.
+    normals: Vec<(f64, [f64; 3])>,
+    /// The pressure at a node.
+    pressure: &'a dyn Fn(u32) -> f64,
+}
+
+/// The sheets of a boundary, that with the largest forces first.
+pub(super) fn sheets(
+    mesh: &Mesh<3>,
+    facets: &[Facet<3>],
+    pressure: &dyn Fn(u32) -> f64,
+) -> Vec<Sheet> {
+    let all = Facets {
+        mesh,
+        facets,
+        normals: facets
+            .iter()
+            .map(|facet| mesh.facet_normal(facet))
+            .collect(),
+        pressure,
+    };
+    let whole: Vec<usize> = (0..facets.len()).collect();
+    if let Some(sheet) = all.one(&whole) {
+        return vec![sheet];
+    }
+    let mut pieces = all.pieces();
+    if pieces.len() == 1 {
+        return all.sides(&whole);
+    }
+    pieces.sort_by(|a, b| all.force(b).total_cmp(&all.force(a)));
+    let mut sheets: Vec<Sheet> = (pieces.iter())
+        .flat_map(|piece| match all.one(piece) {
+            Some(sheet) => vec![sheet],
+            None => all.sides(piece),
+        })
+        .collect();
+    let count = sheets.len();
+    sheets.truncate(MOST);
+    for (k, sheet) in (1..).zip(&mut sheets) {
+        sheet.caption = format!("part {k} of {count}, {}", sheet.caption);
+    }
+    if let Some(last) = sheets.last_mut().filter(|_| count > MOST) {
+        last.caption += "; those with smaller forces are left out";
+    }
+    sheets
+}
+
+impl Facets<'_> {
+    /// One sheet for some facets, where one shows them all.
+    fn one(&self, part: &[usize]) -> Option<Sheet> {
+        let mean = self.mean(part, |_| 1.0);
+        let seen = part.iter().map(|&f| dot(self.normals[f].1, mean));
+        // Where there is no mean, nothing is seen along it.
+        let least = seen.fold(1.0, |least, v| if v >= least { least } else { v });
+        if least > SEEN_WELL {
+            return Some(self.flat(part, mean));
+        }
+        match self.rolled(part) {
+            None if self.hidden(part, mean) < HIDDEN => Some(self.flat(part, mean)),
+            rolled => rolled,
+        }
+    }
+
+    /// The part of the area of some facets that is not seen along a direction.
+    fn hidden(&self, part: &[usize], along: [f64; 3]) -> f64 {
+        let area = |is_meant: &dyn Fn(f64) -> bool| -> f64 {
+            let meant = part
+                .iter()
+                .filter(|&&f| is_meant(dot(self.normals[f].1, along)));
+            meant.map(|&f| self.normals[f].0).sum()
+        };
+        area(&|seen| !(seen > SEEN)) / area(&|_| true)
+    }
+
+    /// The mean normal of some facets, weighted; not finite where there is none.
+    fn mean(&self, part: &[usize], weight: impl Fn(usize) -> f64) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for &f in part {
+            let (area, normal) = self.normals[f];
+            let weight = area * weight(f);
+            sum = std::array::from_fn(|c| sum[c] + weight * normal[c]);
+        }
+        unit(sum)
+    }
+
+    /// The mean pressure of a facet.
+    fn pressure(&self, f: usize) -> f64 {
+        let nodes = facet_nodes(&self.facets[f]);
+        let sum: f64 = nodes.iter().map(|&node| (self.pressure)(node)).sum();
+        sum / nodes.len() as f64
+    }
+
+    fn force(&self, part: &[usize]) -> f64 {
+        let forces = part.iter().map(|&f| self.normals[f].0 * self.pressure(f));
+        forces.sum()
+    }
+
+    /// The principal directions of the normals of some facets and their parts, the least first.
+    fn principal(&self, part: &[usize]) -> Option<[(f64, [f64; 3]); 3]> {
+        let mut matrix = Mat::zeros(3, 3);
+        let mut total = 0.0;
+        for &f in part {
+            let (area, n) = self.normals[f];
+            total += area;
+            for i in 0..3 {
+                for j in 0..3 {
+                    matrix[(i, j)] += area * n[i] * n[j];
+                }
+            }
+        }
+        let (values, vectors) = symmetric_eigen(&matrix)?;
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+        Some(order.map(|k| {
+            let axis = [0, 1, 2].map(|c| vectors[(c, k)]);
+            (values[k] / total, tidy(axis))
+        }))
+    }
+
+    /// Facets as they are seen along a direction, their mean normal.
+    fn flat(&self, part: &[usize], normal: [f64; 3]) -> Sheet {
+        let normal = match normal.iter().position(|v| v.abs() > NEARLY) {
+            Some(c) => std::array::from_fn(|k| if k == c { normal[c].signum() } else { 0.0 }),
+            None => tidy(normal),
+        };
+        let axes = flat_axes(normal);
+        let side = if dot(cross(axes[0], axes[1]), normal) > 0.0 {
+            "from outside"
+        } else {
+            "through the body"
+        };
+        let caption = format!("seen {side} along the normal {}", direction(normal));
+        let labels = [0, 1].map(|c| match name(axes[c]) {
+            Some(name) => name.to_owned(),
+            None => format!("{} along {}", ["u", "v"][c], direction(axes[c])),
+        });
+        self.sheet(part, Way::Flat(axes), caption, labels, normal)
+    }
+
+    /// Facets around an axis, unrolled so that the largest pressure lies in the middle; None if they are not round.
+    fn rolled(&self, part: &[usize]) -> Option<Sheet> {
+        let [(least, axis), ..] = self.principal(part)?;
+        if !(least < 0.02) {
+            return None;
+        }
+        // Upwards.
+        let turn = if axis.iter().sum::<f64>() < 0.0 {
+            -1.0
+        } else {
+            1.0
+        };
+        let axis = axis.map(|v| turn * v + 0.0);
+        let first = flat_axes(axis)[0];
+        let mut axes = [axis, first, cross(axis, first)];
+        let mut nodes: Vec<u32> = (part.iter())
+            .flat_map(|&f| facet_nodes(&self.facets[f]))
+            .copied()
+            .collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let place = |node: u32| self.mesh.nodes[node as usize];
+        let (centre, radius) = {
+            let points: Vec<[f64; 2]> = (nodes.iter())
+                .map(|&node| [1, 2].map(|k: usize| dot(axes[k], place(node))))
+                .collect();
+            circle(&points)?
+        };
+        let outward = |x: [f64; 3]| {
+            let (sin, cos) = angle(&axes, centre, x).sin_cos();
+            std::array::from_fn(|c| cos * axes[1][c] + sin * axes[2][c])
+        };
+        let is_round = part.iter().all(|&f| {
+            let mut corners = facet_nodes(&self.facets[f]).iter();
+            corners.all(|&node| dot(outward(place(node)), self.normals[f].1).abs() > ALONG)
+        });
+        if !is_round {
+            return None;
+        }
+        // Zero where the pressure is largest.
+        let peak = nodes.iter().copied().max_by(|&a, &b| {
+            let [a, b] = [a, b].map(|node| (self.pressure)(node));
+            a.total_cmp(&b)
+        })?;
+        let turned = angle(&axes, centre, place(peak));
+        let (sin, cos) = turned.sin_cos();
+        let (e1, e2) = (axes[1], axes[2]);
+        axes[1] = std::array::from_fn(|c| cos * e1[c] + sin * e2[c]);
+        axes[2] = std::array::from_fn(|c| cos * e2[c] - sin * e1[c]);
+        let centre = [
+            cos * centre[0] + sin * centre[1],
+            cos * centre[1] - sin * centre[0],
+        ];
+        let caption = format!(
+            "unrolled about its axis along {}, radius {}; arc 0 lies towards {}",
+            direction(axis),
+            super::legend::short(radius),
+            direction(axes[1])
+        );
+        let labels = [
+            "arc".to_owned(),
+            name(axis).map_or_else(|| format!("v along {}", direction(axis)), str::to_owned),
+        ];
+        let way = Way::Rolled {
+            axes,
+            centre,
+            radius,
+        };
+        Some(self.sheet(part, way, caption, labels, axis))
+    }
+
+    /// Facets from the side with the larger pressures, and from the other one.
+    fn sides(&self, part: &[usize]) -> Vec<Sheet> {
+        let pressed = self.mean(part, |f| self.pressure(f));
+        let axis = match self.principal(part) {
+            _ if pressed.iter().all(|v| v.is_finite()) => pressed,
+            Some([.., (_, axis)]) => axis,
+            None => [0.0, 0.0, 1.0],
+        };
+        let (front, behind): (Vec<usize>, Vec<usize>) =
+            (part.iter()).partition(|&&f| dot(self.normals[f].1, axis) >= 0.0);
+        let views = [(front, axis), (behind, axis.map(|v| -v))];
+        (views.into_iter())
+            .filter(|(part, _)| !part.is_empty())
+            .map(|(part, axis)| self.flat(&part, axis))
+            .collect()
+    }
+
+    /// The pieces that sharp edges leave.
+    fn pieces(&self) -> Vec<Vec<usize>> {
+        let mut beside: HashMap<[u32; 2], Vec<usize>> = HashMap::new();
+        for (f, facet) in self.facets.iter().enumerate() {
+            for [a, b] in sides(facet_nodes(facet)) {
+                beside.entry([a.min(b), a.max(b)]).or_default().push(f);
+            }
+        }
+        let mut found = vec![false; self.facets.len()];
+        let mut pieces = Vec::new();
+        for start in 0..self.facets.len() {
+            if std::mem::replace(&mut found[start], true) {
+                continue;
+            }
+            let (mut piece, mut next) = (vec![start], 0);
+            while let Some(&f) = piece.get(next) {
+                next += 1;
+                for [a, b] in sides(facet_nodes(&self.facets[f])) {
+                    for &other in &beside[&[a.min(b), a.max(b)]] {
+                        let is_smooth = dot(self.normals[f].1, self.normals[other].1) > SMOOTH;
+                        if is_smooth && !std::mem::replace(&mut found[other], true) {
+                            piece.push(other);
+                        }
+                    }
+                }
+            }
+            pieces.push(piece);
+        }
+        pieces
+    }
+
+    /// Facets laid flat.
+    fn sheet(
+        &self,
+        part: &[usize],
+        way: Way,
+        caption: String,
+        labels: [String; 2],
+        towards: [f64; 3],
+    ) -> Sheet {
+        let place = |node: u32| self.mesh.nodes[node as usize];
+        let mut triangles = Vec::new();
+        let mut ends: HashMap<[u32; 2], ([[f64; 2]; 2], usize)> = HashMap::new();
+        let mut order = part.to_vec();
+        let depth = |f: usize| dot(towards, place(self.facets[f][0]));
+        order.sort_by(|&a, &b| depth(a).total_cmp(&depth(b)));
+        for f in order {
+            let nodes = facet_nodes(&self.facets[f]);
+            // All corners on the same side of the cut, that on which the middle lies.
+            let near = match way {
+                Way::Flat(_) => 0.0,
+                Way::Rolled { axes, centre, .. } => {
+                    let sum = |c: usize| nodes.iter().map(|&n| place(n)[c]).sum::<f64>();
+                    let middle = std::array::from_fn(|c| sum(c) / nodes.len() as f64);
+                    angle(&axes, centre, middle)
+                }
+            };
+            let at: Vec<[f64; 2]> = (nodes.iter()).map(|&n| way.place(place(n), near)).collect();
+            for k in 1..nodes.len() - 1 {
+                triangles.push((
+                    [at[0], at[k], at[k + 1]],
+                    [nodes[0], nodes[k], nodes[k + 1]],
+                ));
+            }
+            for (k, [a, b]) in sides(nodes).enumerate() {
+                let line = [at[k], at[(k + 1) % at.len()]];
+                ends.entry([a.min(b), a.max(b)]).or_insert((line, 0)).1 += 1;
+            }
+        }
+        let mut edges: Vec<_> = ends.into_iter().collect();
+        edges.sort_unstable_by_key(|(ends, _)| *ends);
+        Sheet {
+            triangles,
+            edges: edges
+                .into_iter()
+                .map(|(_, (line, n))| (line, n == 1))
+                .collect(),
+            caption,
+            labels,
+            way,
+        }
+    }
+}
+
+/// The edges of a facet.
+fn sides(nodes: &[u32]) -> impl Iterator<Item = [u32; 2]> {
+    (0..nodes.len()).map(|k| [nodes[k], nodes[(k + 1) % nodes.len()]])
+}
+
+/// Two directions of a picture across a normal: those of the axes where the normal is one, to the right and upwards.
+fn flat_axes(normal: [f64; 3]) -> [[f64; 3]; 2] {
+    let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+    let main = (0..3).max_by(|&a, &b| normal[a].abs().total_cmp(&normal[b].abs()));
+    match main {
+        _ if name(normal.map(f64::abs)).is_none() => {
+            let level = if normal[2].abs() > 0.9 {
+                x
+            } else {
+                unit(cross(z, normal))
+            };
+            let along = dot(level, normal);
+            let right = unit(std::array::from_fn(|c| level[c] - along * normal[c]));
+            let up = cross(normal, right);
+            let turn = if up[2] < -0.1 || (up[2] < 0.1 && up[1] < 0.0) {
+                -1.0
+            } else {
+                1.0
+            };
+            [right, up.map(|v| turn * v)].map(tidy)
+        }
+        Some(0) => [y, z],
+        Some(1) => [x, z],
+        _ => [x, y],
+    }
+}
+
+/// A direction without the rounding of its components.
+fn tidy(direction: [f64; 3]) -> [f64; 3] {
+    let kept = direction.map(|v| if v.abs() < 1e-3 { 0.0 } else { v });
+    unit(kept)
+}
+
+/// The axis that has a direction.
+fn name(direction: [f64; 3]) -> Option<&'static str> {
+    let axis = direction.iter().position(|v| *v > 1.0 - 1e-6)?;
+    Some(["x", "y", "z"][axis])
+}
+
+/// A direction in words.
+fn direction(of: [f64; 3]) -> String {
+    if let Some(name) = name(of) {
+        return name.to_owned();
+    }
+    if let Some(name) = name(of.map(|v| -v)) {
+        return format!("−{name}");
+    }
+    let rounded = of.map(|v| (100.0 * v).round() / 100.0 + 0.0);
+    let parts = rounded.map(|v| format!("{v:.2}").replace('-', "−"));
+    format!("({})", parts.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::structured::{SolidShape, block};
+    use crate::mesh::vector::minus;
+
+    /// A box of 33 × 2 × 3 cells.
+    fn cells() -> Mesh<3> {
+        let hexahedra = SolidShape::Hexahedron;
+        block([0.0; 3], [1.0; 3], [33, 2, 3], hexahedra, "body", "")
+    }
+
+    fn area(sheet: &Sheet) -> f64 {
+        let triangles = sheet.triangles.iter().map(|([a, b, c], _)| {
+            let (p, q) = (minus(*b, *a), minus(*c, *a));
+            0.5 * (p[0] * q[1] - p[1] * q[0]).abs()
+        });
+        triangles.sum()
+    }
+
+    #[test]
+    fn flat_surfaces_keep_their_axes() {
+        let mesh = cells();
+        let bottom = sheets(&mesh, &mesh.boundaries["bottom"], &|_| 1.0);
+        assert_eq!(bottom.len(), 1);
+        assert_eq!(bottom[0].labels, ["x", "y"]);
+        assert_eq!(
+            bottom[0].caption,
+            "seen through the body along the normal −z"
+        );
+        assert!((area(&bottom[0]) - 1.0).abs() < 1e-12);
+        assert_eq!(bottom[0].edges.iter().filter(|e| e.1).count(), 2 * (33 + 2));
+        assert_eq!(bottom[0].vector([0.3; 3], [1.0, 2.0, 3.0]), [1.0, 2.0]);
+        // Two faces of the box: one after the other, that with the forces first.
+        let both = [&mesh.boundaries["left"][..], &mesh.boundaries["top"]].concat();
+        let on_left = |node: u32| f64::from(u8::from(mesh.nodes[node as usize][0] == 0.0));
+        let parts = sheets(&mesh, &both, &on_left);
+        assert_eq!(parts.len(), 1, "{}", parts[0].caption);
+        let opposite = [&mesh.boundaries["left"][..], &mesh.boundaries["right"]].concat();
+        let parts = sheets(&mesh, &opposite, &on_left);
+        assert_eq!(
+            parts[0].caption,
+            "part 1 of 2, seen through the body along the normal −x"
+        );
+        assert_eq!(
+            parts[1].caption,
+            "part 2 of 2, seen from outside along the normal x"
+        );
+    }
+
+    #[test]
+    fn round_surfaces_are_unrolled_about_their_axis() {
+        // The box bent to three quarters of a ring about z; its outer side, of radius 3.
+        let mut mesh = cells();
+        for x in &mut mesh.nodes {
+            let (angle, radius) = (1.5 * PI * x[0], 2.0 + x[1]);
+            *x = [5.0 - radius * angle.cos(), radius * angle.sin(), x[2]];
+        }
+        let peak = [5.0, 3.0, 0.0];
+        let pressure = |node: u32| {
+            let to = minus(mesh.nodes[node as usize], peak);
+            -to[0].hypot(to[1])
+        };
+        let rolled = sheets(&mesh, &mesh.boundaries["back"], &pressure);
+        assert_eq!(rolled.len(), 1);
+        assert_eq!(rolled[0].labels, ["arc", "z"]);
+        let sheet = &rolled[0];
+        assert!(
+            sheet.caption.ends_with("radius 3; arc 0 lies towards y"),
+            "{}",
+            sheet.caption
+        );
+        assert!(
+            (area(sheet) - 4.5 * PI).abs() < 1e-9 * area(sheet),
+            "{}",
+            area(sheet)
+        );
+        let [around, up] = sheet.vector([5.0, 3.0, 0.0], [-2.0, 1.0, 7.0]);
+        assert!((around - 2.0).abs() < 1e-9 && (up - 7.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn closed_surfaces_are_seen_from_two_sides() {
+        // The octahedron.
+        let mut nodes = vec![[0.0; 3]; 7];
+        for c in 0..3 {
+            nodes[2 * c][c] = 1.0;
+            nodes[2 * c + 1][c] = -1.0;
+        }
+        let tetrahedra = (0..8).map(|k| {
+            let corner = |c: u32| 2 * c + (k >> c & 1);
+            crate::mesh::Element::tetrahedron([corner(0), corner(1), corner(2), 6], 0)
+        });
+        let regions = vec!["body".to_owned()];
+        let faces = (0..8).map(|k| {
+            let corner = |c: u32| 2 * c + (k >> c & 1);
+            crate::mesh::facet::<3>(&[corner(0), corner(1), corner(2)])
+        });
+        let boundaries = [("all".to_owned(), faces.collect())].into();
+        let mesh = Mesh::new(nodes, tetrahedra.collect(), regions, boundaries)
+            .unwrap_or_else(|error| panic!("{error}"));
+        let all = Facets {
+            mesh: &mesh,
+            facets: &mesh.boundaries["all"],
+            normals: (mesh.boundaries["all"].iter())
+                .map(|facet| mesh.facet_normal(facet))
+                .collect(),
+            pressure: &|node| f64::from(u8::from(node == 4)),
+        };
+        let part: Vec<usize> = (0..8).collect();
+        assert!(all.one(&part).is_none());
+        let sides = all.sides(&part);
+        assert_eq!(sides.len(), 2);
+        // Four faces each, which fill the square.
+        assert!(sides.iter().all(|side| (area(side) - 2.0).abs() < 1e-12));
+        assert_eq!(sides[0].caption, "seen from outside along the normal z");
+    }
+}

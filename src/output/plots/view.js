@@ -1,0 +1,526 @@
+// The view of solids in report.html that can be turned. It needs WebGL; where there is none, the still picture stays.
+(function () {
+  "use strict";
+
+  const VERTEX = `
+    attribute vec3 place, displacement, normal;
+    attribute float value, known;
+    uniform mat3 camera;
+    uniform vec3 centre;
+    uniform vec4 fit;
+    uniform float magnified, depth, lift;
+    varying vec3 facing;
+    varying float shown, defined;
+    void main() {
+      vec3 seen = camera * (place + magnified * displacement - centre);
+      gl_Position = vec4(seen.xy * fit.xy + fit.zw, -seen.z * depth - lift, 1.0);
+      facing = camera * normal;
+      shown = value;
+      defined = known;
+    }`;
+
+  // Faces are lit from the left above the viewer: brighter towards white, darker towards black.
+  const FACES = `
+    precision mediump float;
+    varying vec3 facing;
+    varying float shown, defined;
+    uniform sampler2D colours;
+    uniform vec4 plain;
+    void main() {
+      vec3 colour = vec3(0.80);
+      if (plain.a > 0.5) colour = plain.rgb;
+      else if (defined > 0.999) colour = texture2D(colours, vec2(clamp(shown, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
+      float light = 2.0 * max(dot(normalize(facing), normalize(vec3(-0.35, 0.45, 1.0))), 0.0) - 1.0;
+      gl_FragColor = vec4(light > 0.0 ? mix(colour, vec3(1.0), 0.20 * light) : colour * (1.0 + 0.33 * light), 1.0);
+    }`;
+
+  const LINES = `
+    precision mediump float;
+    uniform vec4 plain;
+    void main() { gl_FragColor = plain; }`;
+
+  // Of parts; after Okabe and Ito, lighter.
+  const PARTS = [[0.55, 0.72, 0.86], [0.93, 0.68, 0.45], [0.55, 0.78, 0.68], [0.83, 0.62, 0.76],
+    [0.94, 0.89, 0.55], [0.70, 0.70, 0.70], [0.64, 0.85, 0.95], [0.88, 0.55, 0.50]];
+
+  function bytes(text) {
+    const raw = atob(text), array = new Uint8Array(raw.length);
+    for (let i = 0; i < raw.length; i++) array[i] = raw.charCodeAt(i);
+    return array.buffer;
+  }
+
+  // Short numbers, as the pictures have them.
+  function number(value) {
+    if (value === 0) return "0";
+    const size = Math.abs(value);
+    return size >= 0.01 && size < 1e4 ? String(Number(value.toPrecision(3))) : value.toExponential(2).replace(/\.?0+e\+?/, "e");
+  }
+
+  function round(value) {
+    const power = Math.pow(10, Math.floor(Math.log10(value)));
+    return [1, 2, 5, 10].map((f) => f * power).find((v) => v >= value * (1 - 1e-9));
+  }
+
+  function element(kind, parent, properties) {
+    const made = document.createElement(kind);
+    Object.assign(made, properties || {});
+    if (parent) parent.appendChild(made);
+    return made;
+  }
+
+  // The surface: places, facets, edges.
+  function surface(data) {
+    const count = data.vertices, quantised = new Uint16Array(bytes(data.places));
+    const places = new Float32Array(3 * count);
+    for (let i = 0; i < 3 * count; i++) places[i] = (quantised[i] / 65535) * data.size[i % 3];
+    const short = new Int8Array(bytes(data.normals)), normals = new Float32Array(3 * count);
+    for (let i = 0; i < 3 * count; i++) normals[i] = short[i] / 127;
+    const corners = new Uint32Array(bytes(data.facets));
+    const triangles = new Uint32Array(6 * (corners.length / 4));
+    // Where the triangles of a facet begin; one with three corners names the last of them twice.
+    const begin = new Uint32Array(corners.length / 4 + 1);
+    let used = 0;
+    for (let f = 0; f < corners.length / 4; f++) {
+      const [a, b, c, d] = corners.subarray(4 * f, 4 * f + 4);
+      begin[f] = used;
+      triangles.set([a, b, c], used);
+      used += 3;
+      if (c !== d) {
+        triangles.set([a, c, d], used);
+        used += 3;
+      }
+    }
+    begin[corners.length / 4] = used;
+    return { count, places, normals, corners, triangles: triangles.subarray(0, used), begin,
+      edges: new Uint32Array(bytes(data.edges)) };
+  }
+
+  // The edges of all facets of a part, each once.
+  function wires(shape, part, count) {
+    const seen = new Set(), ends = [];
+    for (let f = part.facets[0]; f < part.facets[1]; f++) {
+      const nodes = shape.corners.subarray(4 * f, 4 * f + 4), n = nodes[2] === nodes[3] ? 3 : 4;
+      for (let k = 0; k < n; k++) {
+        const a = nodes[k], b = nodes[(k + 1) % n], key = Math.min(a, b) * count + Math.max(a, b);
+        if (!seen.has(key)) {
+          seen.add(key);
+          ends.push(a, b);
+        }
+      }
+    }
+    return new Uint32Array(ends);
+  }
+
+  // Displacements and fields of a step.
+  function step(data, shape, units) {
+    const quantised = new Int16Array(bytes(data.displacements));
+    const displacement = new Float32Array(3 * shape.count), lengths = new Float32Array(shape.count);
+    for (let i = 0; i < 3 * shape.count; i++) displacement[i] = (quantised[i] / 32767) * data.travel;
+    let most = 0;
+    for (let i = 0; i < shape.count; i++) {
+      lengths[i] = Math.hypot(displacement[3 * i], displacement[3 * i + 1], displacement[3 * i + 2]);
+      most = Math.max(most, lengths[i]);
+    }
+    const everywhere = new Float32Array(shape.count).fill(1);
+    const field = (of) => {
+      const values = new Float32Array(new Uint16Array(bytes(of.values))).map((v) => v / 65535);
+      const known = of.known ? new Float32Array(new Uint8Array(bytes(of.known))) : everywhere;
+      return { name: of.name, unit: units.stress, top: of.top, largest: of.largest, values, known };
+    };
+    const fields = data.fields.map(field);
+    fields.push({ name: "displacement", unit: units.length, top: most || 1, largest: most,
+      values: lengths.map((v) => v / (most || 1)), known: everywhere });
+    return { name: data.name, displacement, fields, magnified: data.magnified };
+  }
+
+  // The directions to the right, up and to the viewer; z is upright.
+  function axesOf(look) {
+    const [s, c] = [Math.sin(look.azimuth), Math.cos(look.azimuth)];
+    const [t, d] = [Math.sin(look.elevation), Math.cos(look.elevation)];
+    return { right: [-s, c, 0], up: [-t * c, -t * s, d], back: [d * c, d * s, t] };
+  }
+
+  // How far the surface reaches around its middle, to the right and up, in both directions together.
+  function extents(shape, size, { right, up }) {
+    const most = [0, 0];
+    for (let i = 0; i < shape.count; i++) {
+      const x = [0, 1, 2].map((c) => shape.places[3 * i + c] - 0.5 * size[c]);
+      [right, up].forEach((axis, k) => {
+        most[k] = Math.max(most[k], 2 * Math.abs(axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2]));
+      });
+    }
+    return most.map((v) => v || 1);
+  }
+
+  function program(gl, fragment) {
+    const made = gl.createProgram();
+    for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, fragment]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, text);
+      gl.compileShader(shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+      gl.attachShader(made, shader);
+    }
+    ["place", "displacement", "normal", "value", "known"].forEach((name, k) => gl.bindAttribLocation(made, k, name));
+    gl.linkProgram(made);
+    if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
+    const at = {};
+    for (const name of ["camera", "centre", "fit", "magnified", "depth", "lift", "colours", "plain"]) at[name] = gl.getUniformLocation(made, name);
+    return { made, at };
+  }
+
+  function buffer(gl, kind, data) {
+    const made = gl.createBuffer();
+    gl.bindBuffer(kind, made);
+    gl.bufferData(kind, data, gl.STATIC_DRAW);
+    return made;
+  }
+
+  function palette(gl, stops) {
+    const pixels = new Uint8Array(4 * 256);
+    for (let i = 0; i < 256; i++) {
+      const at = (i / 255) * (stops.length - 1), k = Math.min(Math.floor(at), stops.length - 2);
+      for (let c = 0; c < 3; c++) pixels[4 * i + c] = stops[k][c] + (at - k) * (stops[k + 1][c] - stops[k][c]);
+      pixels[4 * i + 3] = 255;
+    }
+    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 256, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+  }
+
+  // What the colours of a field mean.
+  function colourBar(legend, field, colours) {
+    legend.textContent = "";
+    element("div", legend, { textContent: field.unit });
+    const strip = element("div", legend, { className: "strip" });
+    strip.style.background = `linear-gradient(to top, ${colours.map((c) => `rgb(${c})`).join()})`;
+    const apart = round(field.top / 6), end = field.largest > 0 ? field.top * (1 + 1e-9) : 0;
+    for (let v = 0; v <= end; v += apart) {
+      element("span", strip, { textContent: number(v) }).style.bottom = `calc(${(100 * v) / field.top}% - .6em)`;
+    }
+    if (field.largest > field.top) element("div", legend, { textContent: `largest ${number(field.largest)}` });
+  }
+
+  function nameParts(legend, parts) {
+    legend.textContent = "";
+    parts.forEach((part, k) => {
+      const row = element("div", legend, { className: "part" });
+      element("i", row).style.background = `rgb(${PARTS[k % PARTS.length].map((v) => 255 * v)})`;
+      row.append(part.name);
+    });
+  }
+
+  // The directions of the axes, in the lower left corner.
+  function triad(overlay, { right, up, back }, ratio) {
+    const pen = overlay.getContext("2d"), long = 30 * ratio;
+    const [x, y] = [48 * ratio, overlay.height - 48 * ratio];
+    pen.clearRect(0, 0, overlay.width, overlay.height);
+    pen.strokeStyle = pen.fillStyle = "#444";
+    pen.lineWidth = 1.6 * ratio;
+    pen.font = `${13 * ratio}px system-ui, sans-serif`;
+    pen.textAlign = "center";
+    pen.textBaseline = "middle";
+    for (const k of [0, 1, 2].sort((a, b) => back[a] - back[b])) {
+      pen.beginPath();
+      pen.moveTo(x, y);
+      pen.lineTo(x + long * right[k], y - long * up[k]);
+      pen.stroke();
+      pen.fillText("xyz"[k], x + 1.35 * long * right[k], y - 1.35 * long * up[k]);
+    }
+  }
+
+  // Mouse, fingers, wheel and keys.
+  function listen(canvas, turn, shift, zoom) {
+    const held = new Map();
+    canvas.onpointerdown = (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      held.set(event.pointerId, [event.clientX, event.clientY]);
+    };
+    canvas.onpointerup = canvas.onpointercancel = (event) => held.delete(event.pointerId);
+    canvas.onpointermove = (event) => {
+      const before = held.get(event.pointerId);
+      if (!before) return;
+      const now = [event.clientX, event.clientY], other = [...held].find(([id]) => id !== event.pointerId);
+      const [right, down] = [now[0] - before[0], now[1] - before[1]];
+      held.set(event.pointerId, now);
+      if (other) {
+        const distance = (p) => Math.hypot(p[0] - other[1][0], p[1] - other[1][1]) || 1;
+        const frame = canvas.getBoundingClientRect(), middle = [0, 1].map((c) => 0.5 * (now[c] + other[1][c]));
+        zoom(distance(now) / distance(before), middle[0] - frame.left, middle[1] - frame.top);
+        shift(0.5 * right, 0.5 * down);
+      } else if (event.shiftKey || event.buttons & 6) shift(right, down);
+      else turn(0.01 * right, 0.01 * down);
+    };
+    canvas.oncontextmenu = (event) => event.preventDefault();
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      zoom(Math.exp(-0.0015 * event.deltaY), event.offsetX, event.offsetY);
+    }, { passive: false });
+    canvas.onkeydown = (event) => {
+      const larger = (by) => zoom(by, 0.5 * canvas.clientWidth, 0.5 * canvas.clientHeight);
+      const keys = { ArrowLeft: () => turn(-0.1, 0), ArrowRight: () => turn(0.1, 0), ArrowUp: () => turn(0, -0.1),
+        ArrowDown: () => turn(0, 0.1), "+": () => larger(1.2), "-": () => larger(1 / 1.2) };
+      if (!keys[event.key] || event.ctrlKey || event.metaKey) return;
+      event.preventDefault();
+      keys[event.key]();
+    };
+  }
+
+  // What the GPU holds, and how it is drawn.
+  class Painter {
+    constructor(gl, data, shape) {
+      Object.assign(this, { gl, shape, parts: data.surface.parts, size: data.surface.size });
+      this.radius = 0.5 * Math.hypot(...this.size);
+      this.obstacles = new Float32Array(bytes(data.surface.obstacles));
+      this.faces = program(gl, FACES);
+      this.lines = program(gl, LINES);
+      this.triangles = buffer(gl, gl.ELEMENT_ARRAY_BUFFER, shape.triangles);
+      this.sharp = buffer(gl, gl.ELEMENT_ARRAY_BUFFER, shape.edges);
+      this.places = buffer(gl, gl.ARRAY_BUFFER, shape.places);
+      this.normals = buffer(gl, gl.ARRAY_BUFFER, shape.normals);
+      this.around = buffer(gl, gl.ARRAY_BUFFER, this.obstacles);
+      for (const name of ["moved", "values", "known"]) this[name] = gl.createBuffer();
+      // The edges of the elements of each part, made when they are first drawn.
+      this.wires = this.parts.map(() => null);
+      palette(gl, data.colours);
+      gl.enable(gl.DEPTH_TEST);
+      // Of lines in one place the later is seen.
+      gl.depthFunc(gl.LEQUAL);
+      gl.clearColor(1, 1, 1, 1);
+      gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    }
+
+    fill(which, array) {
+      this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this[which]);
+      this.gl.bufferData(this.gl.ARRAY_BUFFER, array, this.gl.STATIC_DRAW);
+    }
+
+    // Turns to a program, with lines lifted a little towards the viewer.
+    use(which, look, shown, lift) {
+      const { gl } = this, { right, up, back } = axesOf(look), { width, height } = gl.canvas;
+      const unit = look.zoom * Math.min((0.8 * width) / look.extent[0], (0.86 * height) / look.extent[1]);
+      gl.useProgram(which.made);
+      gl.uniformMatrix3fv(which.at.camera, false, [0, 1, 2].flatMap((k) => [right[k], up[k], back[k]]));
+      gl.uniform3fv(which.at.centre, this.size.map((v) => 0.5 * v));
+      gl.uniform4f(which.at.fit, (2 * unit) / width, (2 * unit) / height, look.pan[0], look.pan[1]);
+      gl.uniform1f(which.at.magnified, shown.factor);
+      gl.uniform1f(which.at.depth, 1 / (3 * this.radius));
+      gl.uniform1f(which.at.lift, lift / look.zoom);
+      gl.uniform4f(which.at.plain, 0, 0, 0, 0);
+      return which.at;
+    }
+
+    paint(look, shown) {
+      const { gl } = this;
+      gl.viewport(0, 0, gl.canvas.width, gl.canvas.height);
+      gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+      [["places", 3], ["moved", 3], ["normals", 3], ["values", 1], ["known", 1]].forEach(([name, length], k) => {
+        gl.bindBuffer(gl.ARRAY_BUFFER, this[name]);
+        gl.enableVertexAttribArray(k);
+        gl.vertexAttribPointer(k, length, gl.FLOAT, false, 0, 0);
+      });
+      const visible = this.parts.map((part, k) => ({ part, k })).filter(({ k }) => !shown.hidden[k]);
+      this.paintFaces(this.use(this.faces, look, shown, 0), visible, shown);
+      gl.enable(gl.BLEND);
+      const at = this.use(this.lines, look, shown, 0.003);
+      if (shown.elements) this.paintElements(at, visible);
+      gl.uniform4f(at.plain, 0.1, 0.1, 0.1, 1);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.sharp);
+      for (const { part } of visible) {
+        gl.drawElements(gl.LINES, 2 * (part.edges[1] - part.edges[0]), gl.UNSIGNED_INT, 8 * part.edges[0]);
+      }
+      if (shown.obstacles && this.obstacles.length) this.paintObstacles(this.use(this.lines, look, shown, -0.004));
+      gl.disable(gl.BLEND);
+    }
+
+    paintFaces(at, visible, shown) {
+      const { gl } = this;
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.triangles);
+      for (const { part, k } of visible) {
+        if (shown.byPart) gl.uniform4f(at.plain, ...PARTS[k % PARTS.length], 1);
+        const [from, to] = part.facets.map((f) => this.shape.begin[f]);
+        gl.drawElements(gl.TRIANGLES, to - from, gl.UNSIGNED_INT, 4 * from);
+      }
+    }
+
+    paintElements(at, visible) {
+      const { gl } = this;
+      gl.uniform4f(at.plain, 0, 0, 0, 0.25);
+      for (const { part, k } of visible) {
+        if (!this.wires[k]) {
+          const ends = wires(this.shape, part, this.shape.count);
+          this.wires[k] = { buffer: buffer(gl, gl.ELEMENT_ARRAY_BUFFER, ends), length: ends.length };
+        }
+        gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.wires[k].buffer);
+        gl.drawElements(gl.LINES, this.wires[k].length, gl.UNSIGNED_INT, 0);
+      }
+    }
+
+    // Behind the faces that they touch, so that they do not veil them.
+    paintObstacles(at) {
+      const { gl } = this;
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.around);
+      gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+      for (let k = 1; k < 5; k++) gl.disableVertexAttribArray(k);
+      gl.uniform4f(at.plain, 0.6, 0.62, 0.65, 0.3);
+      gl.depthMask(false);
+      gl.drawArrays(gl.TRIANGLES, 0, this.obstacles.length / 3);
+      gl.depthMask(true);
+    }
+  }
+
+  // What is set above the view: a line of lists, boxes and a slider.
+  class Controls {
+    constructor(root) {
+      this.bar = element("div", root, { className: "controls" });
+    }
+
+    label(text) {
+      return element("label", this.bar, { textContent: text + " " });
+    }
+
+    choice(text, names, chosen, then) {
+      const list = element("select", this.label(text));
+      names.forEach((name, k) => element("option", list, { textContent: name, value: k }));
+      list.value = chosen;
+      list.onchange = () => then(Number(list.value));
+    }
+
+    slider(text, then) {
+      const label = this.label(text);
+      const input = element("input", label, { type: "range", min: 0, max: 200, value: 100 });
+      const told = element("span", label, { className: "number" });
+      input.oninput = then;
+      return { part: () => input.value / 100, tell: (value) => (told.textContent = value) };
+    }
+
+    box(text, on, then) {
+      const label = element("label", this.bar), input = element("input", label, { type: "checkbox", checked: on });
+      label.append(" " + text);
+      input.onchange = () => then(input.checked);
+    }
+
+    button(text, then) {
+      element("button", this.bar, { type: "button", textContent: text }).onclick = then;
+    }
+  }
+
+  // Begins the view; false where there is no WebGL that can draw it.
+  function start(root, data) {
+    const stage = element("div", null, { className: "stage" });
+    const canvas = element("canvas", stage, { tabIndex: 0 });
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", "The deformed bodies; drag or use the arrow keys to turn them");
+    const gl = canvas.getContext("webgl", { antialias: true, alpha: false });
+    if (!gl || !gl.getExtension("OES_element_index_uint")) return false;
+    const shape = surface(data.surface), parts = data.surface.parts, painter = new Painter(gl, data, shape);
+    const home = { azimuth: Math.atan2(data.back[1], data.back[0]), elevation: Math.asin(data.back[2]), zoom: 1 };
+    home.extent = extents(shape, data.surface.size, axesOf(home));
+    const look = { ...home, pan: [0, 0] };
+    const shown = { step: null, field: 0, factor: 1, elements: shape.corners.length / 4 <= 6000, obstacles: true,
+      byPart: false, hidden: parts.map(() => false) };
+    const decoded = data.steps.map(() => null);
+
+    const controls = new Controls(root);
+    root.appendChild(stage);
+    element("p", root, { className: "note", textContent:
+      "Drag to turn, with Shift or the right button to move; the wheel or two fingers zoom; with the view in focus also arrow keys, + and −." });
+    const overlay = element("canvas", stage, { className: "axes" });
+    const legend = element("div", stage, { className: "legend" });
+    if (data.steps.length > 1) controls.choice("Load step", data.steps.map((s) => s.name), data.steps.length - 1, toStep);
+    const names = data.steps[0].fields.map((f) => f.name).concat(["displacement"], parts.length > 1 ? ["parts"] : []);
+    controls.choice("Colours", names, 0, (k) => {
+      shown.byPart = names[k] === "parts";
+      if (!shown.byPart) shown.field = k;
+      fill();
+    });
+    const slider = controls.slider("Displacements ×", draw);
+    const set = (what) => (on) => {
+      what(on);
+      draw();
+    };
+    controls.box("elements", shown.elements, set((on) => (shown.elements = on)));
+    if (painter.obstacles.length) controls.box("obstacles", true, set((on) => (shown.obstacles = on)));
+    if (parts.length > 1 && parts.length <= 16) {
+      parts.forEach((part, k) => controls.box(part.name, true, set((on) => (shown.hidden[k] = !on))));
+    }
+    controls.button("Reset", set(() => Object.assign(look, home, { pan: [0, 0] })));
+
+    function toStep(k) {
+      decoded[k] = decoded[k] || step(data.steps[k], shape, data);
+      shown.step = k;
+      painter.fill("moved", decoded[k].displacement);
+      fill();
+    }
+
+    // Moves the field to the GPU, and says what its colours mean.
+    function fill() {
+      const field = decoded[shown.step].fields[shown.field];
+      painter.fill("values", field.values);
+      painter.fill("known", field.known);
+      if (shown.byPart) nameParts(legend, parts);
+      else colourBar(legend, field, data.colours);
+      draw();
+    }
+
+    let waiting = false;
+    function draw() {
+      if (!waiting) requestAnimationFrame(paint);
+      waiting = true;
+    }
+
+    function paint() {
+      waiting = false;
+      const ratio = window.devicePixelRatio || 1;
+      canvas.width = overlay.width = Math.round(stage.clientWidth * ratio);
+      canvas.height = overlay.height = Math.round(stage.clientHeight * ratio);
+      shown.factor = slider.part() * decoded[shown.step].magnified;
+      slider.tell(number(shown.factor));
+      painter.paint(look, shown);
+      triad(overlay, axesOf(look), ratio);
+    }
+
+    function turn(right, down) {
+      look.azimuth -= right;
+      look.elevation = Math.max(-Math.PI / 2, Math.min(Math.PI / 2, look.elevation + down));
+      draw();
+    }
+    function shift(right, down) {
+      look.pan = [look.pan[0] + (2 * right) / stage.clientWidth, look.pan[1] - (2 * down) / stage.clientHeight];
+      draw();
+    }
+    // About a point of the stage.
+    function zoom(by, x, y) {
+      const before = look.zoom;
+      look.zoom = Math.max(0.3, Math.min(60, look.zoom * by));
+      const at = [(2 * x) / stage.clientWidth - 1, 1 - (2 * y) / stage.clientHeight];
+      look.pan = look.pan.map((v, c) => at[c] + (v - at[c]) * (look.zoom / before));
+      draw();
+    }
+    listen(canvas, turn, shift, zoom);
+    // The GPU may be taken away: the still picture is there again.
+    canvas.addEventListener("webglcontextlost", () => {
+      root.hidden = true;
+      still(true);
+    });
+    window.addEventListener("resize", draw);
+    root.hidden = false;
+    toStep(data.steps.length - 1);
+    return true;
+  }
+
+  function still(open) {
+    const picture = document.getElementById("still");
+    if (picture) picture.open = open;
+  }
+
+  const root = document.getElementById("solid");
+  try {
+    if (start(root, JSON.parse(document.getElementById("solid-data").textContent))) still(false);
+  } catch (error) {
+    root.hidden = true;
+    console.warn(error);
+  }
+})();

@@ -1,0 +1,194 @@
+//! Pictures of surfaces in space, with what is hidden left out: samples that keep what is nearest to the viewer.
+
+use super::raster::{Raster, viridis};
+
+/// Samples per pixel in each direction.
+const SAMPLES: usize = 2;
+/// A point is hidden where all samples around it are nearer to the viewer by more than this many samples.
+const BEHIND: f32 = 2.0;
+/// The grey of what only lies around the bodies, how much of it shows in front of them and beside them.
+const VEIL: [f32; 3] = [205.0, 208.0, 212.0];
+const IN_FRONT: f32 = 0.22;
+const BESIDE: f32 = 0.62;
+/// How far the best lit faces are brightened, and those without light darkened.
+const BRIGHT: f32 = 0.2;
+const DARK: f32 = 0.33;
+
+/// What is seen at a sample.
+#[derive(Clone, Copy)]
+struct Sample {
+    /// Towards the viewer.
+    depth: f32,
+    value: f32,
+    shade: f32,
+    /// The depth of what only veils the bodies.
+    veil: f32,
+}
+
+/// A picture of surfaces on its way.
+pub(super) struct ZBuffer {
+    /// In pixels.
+    pub width: usize,
+    pub height: usize,
+    samples: Vec<Sample>,
+}
+
+/// A corner of a triangle: its place in pixels, to the right, down and towards the viewer, its value, and how
+/// bright it is: 0.5 leaves the colour of the value as it is.
+#[derive(Clone, Copy)]
+pub(super) struct Corner {
+    pub at: [f64; 3],
+    pub value: f64,
+    pub shade: f64,
+}
+
+impl ZBuffer {
+    /// An empty one.
+    pub fn new(width: usize, height: usize) -> Self {
+        let nothing = Sample {
+            depth: f32::NEG_INFINITY,
+            value: 0.0,
+            shade: 0.0,
+            veil: f32::NEG_INFINITY,
+        };
+        Self {
+            width,
+            height,
+            samples: vec![nothing; width * height * SAMPLES * SAMPLES],
+        }
+    }
+
+    /// A triangle of a body.
+    pub fn triangle(&mut self, corners: [Corner; 3]) {
+        self.each(corners.map(|corner| corner.at), |sample, weights, depth| {
+            if depth > sample.depth {
+                let mean = |of: fn(&Corner) -> f64| {
+                    let parts = corners.iter().zip(weights);
+                    parts.map(|(corner, w)| w * of(corner)).sum::<f64>() as f32
+                };
+                sample.depth = depth;
+                sample.value = mean(|corner| corner.value);
+                sample.shade = mean(|corner| corner.shade);
+            }
+        });
+    }
+
+    /// A triangle of something that bodies shine through.
+    pub fn veil(&mut self, at: [[f64; 3]; 3]) {
+        self.each(at, |sample, _, depth| sample.veil = sample.veil.max(depth));
+    }
+
+    /// The samples in a triangle, with the weights of its corners and the depth there.
+    fn each(&mut self, at: [[f64; 3]; 3], mut put: impl FnMut(&mut Sample, [f64; 3], f32)) {
+        let (fine, columns) = (SAMPLES as f64, self.width * SAMPLES);
+        let x = at.map(|p| [fine * p[0], fine * p[1]]);
+        Raster::each_in(columns, self.height * SAMPLES, x, |place, weights| {
+            let depth: f64 = weights.iter().zip(at).map(|(w, p)| w * p[2]).sum();
+            put(&mut self.samples[place], weights, depth as f32);
+        });
+    }
+
+    /// Whether bodies hide a point (in pixels, and towards the viewer).
+    pub fn hides(&self, at: [f64; 3]) -> bool {
+        let fine = SAMPLES as f64;
+        let [x, y] = [at[0], at[1]].map(|v| (fine * v).floor() as i64);
+        let depth = at[2] as f32 + BEHIND / SAMPLES as f32;
+        let (columns, rows) = (self.width * SAMPLES, self.height * SAMPLES);
+        let nearer = |column: i64, row: i64| {
+            let inside = (0..columns as i64).contains(&column) && (0..rows as i64).contains(&row);
+            inside && self.samples[row as usize * columns + column as usize].depth > depth
+        };
+        (y - 1..=y + 1).all(|row| (x - 1..=x + 1).all(|column| nearer(column, row)))
+    }
+
+    /// The colour of each pixel, red, green, blue and how opaque it is; `top` has the last of the colours.
+    pub fn pixels(&self, top: f64) -> Vec<u8> {
+        let columns = self.width * SAMPLES;
+        let mut pixels = Vec::with_capacity(4 * self.width * self.height);
+        for row in 0..self.height {
+            for column in 0..self.width {
+                // Colours are summed with how opaque they are.
+                let mut sum = [0.0; 4];
+                for k in 0..SAMPLES * SAMPLES {
+                    let (x, y) = (column * SAMPLES + k % SAMPLES, row * SAMPLES + k / SAMPLES);
+                    let ([r, g, b], opaque) = self.samples[y * columns + x].colour(top);
+                    let parts = [r * opaque, g * opaque, b * opaque, opaque];
+                    for (sum, part) in sum.iter_mut().zip(parts) {
+                        *sum += part;
+                    }
+                }
+                let opaque = sum[3].max(f32::MIN_POSITIVE);
+                let [r, g, b] = [0, 1, 2].map(|c| (sum[c] / opaque).round() as u8);
+                let all = (SAMPLES * SAMPLES) as f32;
+                pixels.extend([r, g, b, (255.0 * sum[3] / all).round() as u8]);
+            }
+        }
+        pixels
+    }
+}
+
+impl Sample {
+    /// Its colour, and how opaque it is.
+    fn colour(&self, top: f64) -> ([f32; 3], f32) {
+        if self.depth == f32::NEG_INFINITY {
+            let beside = self.veil > f32::NEG_INFINITY;
+            return (VEIL, if beside { BESIDE } else { 0.0 });
+        }
+        let full = viridis(f64::from(self.value) / top);
+        // What touches the bodies does not veil them.
+        let is_veiled = self.veil > self.depth + BEHIND / SAMPLES as f32;
+        let veiled = if is_veiled { IN_FRONT } else { 0.0 };
+        // Towards white or black, so that dark colours are lit, too.
+        let (to, part) = match 2.0 * self.shade - 1.0 {
+            bright if bright > 0.0 => (255.0, BRIGHT * bright),
+            dark => (0.0, DARK * -dark),
+        };
+        let colour = std::array::from_fn(|c| {
+            let plain = f32::from(full[c]);
+            let lit = plain + part * (to - plain);
+            (lit + veiled * (VEIL[c] - lit)).clamp(0.0, 255.0)
+        });
+        (colour, 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flat(corners: [[f64; 2]; 3], depth: f64, value: f64) -> [Corner; 3] {
+        corners.map(|[x, y]| Corner {
+            at: [x, y, depth],
+            value,
+            shade: 0.5,
+        })
+    }
+
+    #[test]
+    fn what_is_nearer_hides_what_is_behind_in_any_order() {
+        let left = [[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]];
+        let all = [[-9.0, -9.0], [20.0, -9.0], [-9.0, 20.0]];
+        let [near, far] = [flat(left, 9.0, 1.0), flat(all, 1.0, 0.0)];
+        for triangles in [[near, far], [far, near]] {
+            let mut picture = ZBuffer::new(4, 4);
+            triangles.into_iter().for_each(|t| picture.triangle(t));
+            let pixels = picture.pixels(1.0);
+            // The last and the first colour of viridis.
+            assert_eq!(pixels[..4], [253, 231, 37, 255]);
+            assert_eq!(pixels[4 * 15..], [68, 1, 84, 255]);
+            assert!(picture.hides([1.0, 1.0, 1.0]) && !picture.hides([1.0, 1.0, 9.0]));
+            assert!(!picture.hides([3.5, 3.5, 1.0]) && picture.hides([3.0, 3.0, -5.0]));
+        }
+    }
+
+    #[test]
+    fn bodies_shine_through_a_veil() {
+        let all = [[-9.0, -9.0], [20.0, -9.0], [-9.0, 20.0]];
+        let mut picture = ZBuffer::new(2, 1);
+        picture.triangle(flat([[0.0, -4.0], [1.0, 0.0], [0.0, 4.0]], 1.0, 1.0));
+        picture.veil(all.map(|[x, y]| [x, y, 5.0]));
+        let pixels = picture.pixels(1.0);
+        assert_eq!((pixels[3], pixels[7]), (255, 158));
+        assert!(pixels[2] > 37 && pixels[2] < 100, "{pixels:?}");
+    }
+}
