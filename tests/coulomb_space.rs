@@ -761,7 +761,7 @@ fn random_problems(seeds: std::ops::Range<u64>) {
     }
     println!("{converged} of {total} converged, {products} products; open: {open:#?}");
     // A block relieved between a wall and a floor that is steeper than one in one.
-    assert!(open.len() <= (total + 79) / 80, "{open:#?}");
+    assert!(open.len() <= total.div_ceil(80), "{open:#?}");
 }
 
 #[test]
