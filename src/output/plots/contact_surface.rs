@@ -438,7 +438,9 @@ impl Scene<'_> {
             }
         }
         let (border, ground) = ("#ffffff", "#2a788e");
-        let touching = rows.iter().filter(|&&i| self.status(i) != NodeStatus::Separated);
+        let touching = rows
+            .iter()
+            .filter(|&&i| self.status(i) != NodeStatus::Separated);
         if ![0, rows.len()].contains(&touching.count()) {
             entries.push((
             format!(
