@@ -24,5 +24,5 @@ Physical Surface("ball") = { ball() };
 Physical Surface("hollow") = { hollow() };
 Physical Surface("shell") = { shell() };
 Mesh.MeshSizeMax = 3;
-Mesh.MeshSizeFromCurvature = 34;
+Mesh.MeshSizeFromCurvature = 50;
 Mesh.Algorithm3D = 1;

@@ -39,8 +39,9 @@
 //!   empty that is known before the first product.
 //! - **Coulomb's law.** Where g = μλν the tangential multipliers of slipping nodes follow the normal ones in
 //!   the inner problem (`face`, `gcr`), the error (10) is that with g = μλν of the same point, and the point stays on
-//!   the law's cones. Nothing is minimised then: steps are accepted while the error falls every few of them, then made
-//!   in other ways, then given up (`docs/coulomb.md`); `quasistatic` goes on from there.
+//!   the law's cones. In space what is predicted to separate bears no friction from the start of a step, and a step takes the
+//!   sets that the last one has put multipliers on. Nothing is minimised then: steps are accepted while the error
+//!   falls every few of them, then made in other ways, then given up (`docs/coulomb.md`); `quasistatic` goes on from there.
 //! - **The safeguard** (`safeguard`). The iterates are feasible and the change of q between them is known for nothing.
 //!   Steps that lower neither the best q nor the best error are discarded: from the best point a
 //!   projected gradient step with ρ = 1/σ_max < 2/σ_max lowers q by at least a fixed part of ‖r̃‖²
@@ -239,7 +240,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 Method::Exact => EXACT * way.err0,
             };
             // Steps 2, 3.2 and 3.3, or what the safeguard puts in their place.
-            let plan = safeguard.plan(self.rho);
+            let longest = if D > 2 { self.alpha } else { f64::INFINITY };
+            let plan = safeguard.plan(self.rho.min(longest));
             let (sets, inner) = match self.step(way, plan, target) {
                 Ok(made) => made,
                 Err(error) => {

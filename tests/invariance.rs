@@ -4,6 +4,7 @@
 mod common;
 
 use common::models::{Answer, answer};
+use common::space::{UPRIGHT, Vector, close, dot, rotation, times};
 use common::{Random, distance};
 use signorini::contact::{Obstacle, Space};
 use signorini::elasticity::Material;
@@ -12,31 +13,6 @@ use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::mesh::{Kind, Mesh};
 use signorini::model::{Model, Pair, Support, Traction};
 use signorini::reference::{CASE_C, MATERIAL};
-
-type Vector = [f64; 3];
-
-/// Columns of a matrix, times a vector.
-fn times(columns: &[Vector; 3], v: Vector) -> Vector {
-    std::array::from_fn(|i| (0..3).map(|j| columns[j][i] * v[j]).sum())
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    (0..3).map(|c| a[c] * b[c]).sum()
-}
-
-fn length(v: Vector) -> f64 {
-    dot(v, v).sqrt()
-}
-
-#[track_caller]
-fn close<const D: usize>(value: [f64; D], expected: [f64; D], tolerance: f64) {
-    for c in 0..D {
-        assert!(
-            (value[c] - expected[c]).abs() <= tolerance,
-            "{value:?}, not {expected:?}"
-        );
-    }
-}
 
 /// The strip of the plane that the solids below extrude: crooked, clamped on the left, pressed down but for its end,
 /// which is pulled and lifted, with Tresca friction on what it stands on.
@@ -198,22 +174,6 @@ fn case_c(q: usize, rotation: [Vector; 3], length: f64, force: f64) -> Model<3> 
         .traction(Traction::on("top").x(top(0)).y(top(1)).z(top(2)))
         .traction(Traction::on("right").x(end[0]).y(end[1]).z(end[2]))
         .contact(Pair::obstacle("bottom", floor).tresca(CASE_C.tresca * stress))
-}
-
-const UPRIGHT: [Vector; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-
-/// The rotation by `angle` about an axis (Rodrigues), its columns.
-fn rotation(axis: Vector, angle: f64) -> [Vector; 3] {
-    let n = axis.map(|a| a / length(axis));
-    let (s, c) = angle.sin_cos();
-    UPRIGHT.map(|e| {
-        let cross = [
-            n[1] * e[2] - n[2] * e[1],
-            n[2] * e[0] - n[0] * e[2],
-            n[0] * e[1] - n[1] * e[0],
-        ];
-        std::array::from_fn(|i| c * e[i] + s * cross[i] + (1.0 - c) * dot(n, e) * n[i])
-    })
 }
 
 /// Outer steps and products with A.

@@ -132,7 +132,8 @@ fn case_c_by_pcg_costs_few_linear_solves() {
             }
             made
         });
-        assert!(distance(&found.u, &exact.u) < 1e-3);
+        // Twice what each of them may be off by.
+        assert!(distance(&found.u, &exact.u) < 2e-3);
         assert!(found.sets.differences(&exact.sets) <= problem.m() / 50);
     }
 }

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Solved, case, distance, price_of_coulomb, solve_case, solve_case_twice};
+use common::{Solved, case, distance, price_of_coulomb, published, solve_case, solve_case_twice};
 use signorini::output::NodeStatus;
 use std::f64::consts::PI;
 
@@ -158,18 +158,6 @@ fn blocks_pushed_sideways() {
     assert!(distance(&slip.solution().u, &none.solution().u) < 0.05);
 }
 
-/// The plate of [`greco_plate`] with so many elements a side.
-fn greco(cells: usize) -> String {
-    format!(
-        "[mesh]\nrectangle = {{ size = [0.04, 0.04], cells = [{cells}, {cells}] }}\n\
-         [[material]]\nyoung = 1.3e11\npoisson = 0.2\n\
-         [[support]]\nboundary = \"right\"\nx = 0\n[[support]]\npoint = [0.04, 0]\ny = 0\n\
-         [[traction]]\nboundary = \"left\"\npressure = 15e7\n[[traction]]\nboundary = \"top\"\npressure = 5e7\n\
-         [[contact]]\nboundary = \"bottom\"\nfriction = {{ coulomb = 1 }}\n\
-         obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}\n"
-    )
-}
-
 /// Coulomb friction takes at most 1.3 times the products that the slip bounds it ends with would take if they were
 /// given.
 fn at_the_price_of_tresca(text: &str) {
@@ -181,7 +169,7 @@ fn at_the_price_of_tresca(text: &str) {
 /// The GRECO plate (SSNV128). The reference is an independent 128 × 128 computation.
 #[test]
 fn greco_plate() {
-    let solved = solve_case(&greco(128), 1e-8);
+    let solved = solve_case(&published::greco(128), 1e-8);
     let u = solved.displacement();
     for (x, expected) in [
         (0.0, 2.860),
@@ -207,28 +195,7 @@ fn greco_plate() {
     let solution = solved.solution();
     println!("GRECO: {} products", solution.n_a());
     assert!(solution.rounds.len() == 1 && solution.n_a() <= 60);
-    at_the_price_of_tresca(&greco(128));
-}
-
-/// A quarter of a disc of radius r about (0, r) as a mapped rectangle, fine at (0, 0): sides `bottom` (the arc
-/// from the bottom to 45°), `right` (the rest), `left` (the axis) and `top` (the horizontal diameter).
-fn quarter_disc(r: f64, cells: usize, grade: f64) -> String {
-    let u = format!("({grade}*x + {}*x^3)", 1.0 - grade);
-    let v = format!("(1 - ({grade}*y + {}*y^3))", 1.0 - grade);
-    format!(
-        "rectangle = {{ size = [1, 1], cells = [{cells}, {cells}], \
-         map = [\"{r}*{u}*sqrt(1 - {v}^2/2)\", \"{r} - {r}*{v}*sqrt(1 - {u}^2/2)\"] }}"
-    )
-}
-
-/// A w × w block below y = 0, fine at (0, 0).
-fn block(w: f64, cells: usize, grade: f64) -> String {
-    let s = |x: &str| format!("{w}*({grade}*{x} + {}*{x}^3)", 1.0 - grade);
-    format!(
-        "rectangle = {{ size = [1, 1], cells = [{cells}, {cells}], map = [\"{}\", \"-{}\"] }}",
-        s("x"),
-        s("(1 - y)")
-    )
+    at_the_price_of_tresca(&published::greco(128));
 }
 
 /// r and k of the half ellipse y = k √(r² − x²) through points (x, y): y² over x² is a line.
@@ -253,27 +220,8 @@ fn hertz_fit(solved: &Solved) -> (f64, f64) {
     (a, k * a)
 }
 
-/// A cylinder under the force P (2 · 1/2) on a block, both elastic.
-fn hertz(
-    r: f64,
-    cells: usize,
-    grade: f64,
-    [cylinder, plate]: [f64; 2],
-    force: f64,
-    sides: &str,
-) -> Solved {
-    let half = 0.5 * force;
-    let text = format!(
-        "[[mesh.part]]\nname = \"disc\"\n{}\n[[mesh.part]]\nname = \"plate\"\n{}\n\
-         [[material]]\nregion = \"disc\"\nyoung = {cylinder}\npoisson = 0.3\n\
-         [[material]]\nregion = \"plate\"\nyoung = {plate}\npoisson = 0.3\n\
-         [[support]]\nboundary = \"disc-left\"\nx = 0\n[[support]]\nboundary = \"plate-left\"\nx = 0\n\
-         [[support]]\nboundary = \"plate-bottom\"\ny = 0\n[[traction]]\nboundary = \"disc-top\"\npressure = {}\n\
-         [[contact]]\n{sides}\n",
-        quarter_disc(r, cells, grade),
-        block(4.0 * r, 4 * cells / 5, grade / 4.0),
-        half / r
-    );
+fn hertz(r: f64, cells: usize, grade: f64, young: [f64; 2], force: f64, sides: &str) -> Solved {
+    let text = published::hertz(r, cells, grade, young, force, sides);
     solve_case(&text, 1e-8)
 }
 
@@ -396,7 +344,7 @@ fn figures() {
         .unwrap_or_else(|error| panic!("{error}"));
 
     let at = |cells: usize, x: f64| {
-        let solved = solve_case(&greco(cells), 1e-9);
+        let solved = solve_case(&published::greco(cells), 1e-9);
         solved.displacement()[solved.node_at([x, 0.0])][0]
     };
     let mut series = Vec::new();
@@ -485,34 +433,8 @@ fn bar_pull_out() {
     );
 }
 
-/// Two equal cylinders pressed together, then pushed sideways (Cattaneo 1938, Mindlin 1949): the lower half of
-/// the upper one is let down by δ and pulled by q along its diameter.
-fn cattaneo_text(delta: f64, friction: &str, cells: usize) -> String {
-    let half = |sign: &str| {
-        let u = "(0.2*x + 0.8*x^5)";
-        let v = "(1 - (0.2*y + 0.8*y^5))";
-        format!(
-            "rectangle = {{ origin = [-1, 0], size = [2, 1], cells = [{}, {cells}], \
-             map = [\"8*{u}*sqrt(1 - {v}^2/2)\", \"{sign}(8 - 8*{v}*sqrt(1 - {u}^2/2))\"] }}",
-            2 * cells
-        )
-    };
-    format!(
-        "[[mesh.part]]\nname = \"up\"\n{}\n[[mesh.part]]\nname = \"low\"\n{}\n\
-         [[material]]\nyoung = 200\npoisson = 0.3\n\
-         [[support]]\nboundary = \"low-top\"\ny = 0\n[[support]]\npoint = [0, -8]\nx = 0\n\
-         [[traction]]\nboundary = \"low-top\"\nx = -0.05851\nfactors = [0, 1]\n\
-         [[support]]\nboundary = \"up-top\"\ny = -{delta}\n\
-         [[traction]]\nboundary = \"up-top\"\nx = 0.05851\nfactors = [0, 1]\n\
-         [[contact]]\nboundary = \"up-bottom\"\nagainst = \"low-bottom\"\nfriction = {friction}\n\
-         [steps]\nfactors = [1, 1]\n",
-        half(""),
-        half("0-")
-    )
-}
-
 fn cattaneo(delta: f64, friction: &str, cells: usize) -> Solved {
-    solve_case(&cattaneo_text(delta, friction, cells), 1e-7)
+    solve_case(&published::cattaneo(delta, friction, cells), 1e-7)
 }
 
 #[test]
@@ -540,7 +462,7 @@ fn cattaneo_mindlin() {
             (d0, d1, f0) = (d1, d1 + (force - f1) * (d1 - d0) / (f1 - f0), f1);
             solved = cattaneo(d1, friction, 96);
         }
-        at_the_price_of_tresca(&cattaneo_text(d1, friction, 96));
+        at_the_price_of_tresca(&published::cattaneo(d1, friction, 96));
         let fields = solved.fields();
         let at = |x: f64| {
             // The larger of the neighbours on both sides, interpolated.

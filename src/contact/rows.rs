@@ -6,7 +6,7 @@
 
 use super::{ContactError, ContactNode, SlipBound};
 use crate::elasticity::{Body, Unknowns};
-use crate::mesh::vector::dot;
+use crate::mesh::vector::{dot, minus};
 use crate::mesh::{Kind, Place, Topology};
 use crate::sparse::Csr;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -15,6 +15,9 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 type Entry = (usize, f64);
 /// What a prescribed displacement adds to a row: node, component, factor.
 type Held = (u32, usize, f64);
+
+/// A sliding of which less than this part is left free by supports counts as none.
+const KEPT: f64 = 0.25;
 
 /// N, T, d, g over the unknowns, with the contact nodes that their rows belong to.
 #[derive(Clone, Debug)]
@@ -35,8 +38,9 @@ pub struct ContactRows<const D: usize = 2> {
     held: [Vec<Vec<Held>>; 2],
     /// Candidates whose normal motion is prescribed altogether: their place, gap, and that motion.
     fixed: Vec<(Place, f64, Vec<Held>)>,
-    /// In space: nodes with friction along one tangent only, and what supports prescribe along the other.
-    along_one: Vec<(Place, Vec<Held>)>,
+    /// In space: nodes with friction along one tangent only, what supports prescribe along the other, and the part of it
+    /// that they may be off by.
+    along_one: Vec<(Place, Vec<Held>, f64)>,
 }
 
 /// Writes the rows of the contact nodes.
@@ -66,6 +70,8 @@ where
     let (mut nodes, mut numbers, mut fixed) = (Vec::new(), Vec::new(), Vec::new());
     let mut rows: [Vec<Vec<Entry>>; 2] = Default::default();
     let mut held: [Vec<Vec<Held>>; 2] = Default::default();
+    // What supports prescribe along the tangents of nodes that they keep from sliding there.
+    let mut kept = Vec::new();
     for (number, candidate) in candidates.iter().enumerate() {
         let (entries, motion) = row(unknowns, candidate, candidate.frame[0]);
         if entries.is_empty() {
@@ -77,8 +83,14 @@ where
         let node = turned(candidate, unknowns);
         for &tangent in &node.frame[1..] {
             let (entries, motion) = row(unknowns, &node, tangent);
+            let is_kept = !entries.is_empty() && kept_along(unknowns, &node, tangent);
+            let (entries, motion, instead) = match is_kept {
+                true => (Vec::new(), Vec::new(), Some(motion)),
+                false => (entries, motion, None),
+            };
             rows[1].push(entries);
             held[1].push(motion);
+            kept.push(instead);
         }
         nodes.push(node);
         numbers.push(number);
@@ -91,7 +103,12 @@ where
         if let (3, [a]) = (D, &empty[..])
             && node.slip_bound.is_any()
         {
-            along_one.push((place(node.node), held[1][(D - 1) * i + a].clone()));
+            let row = (D - 1) * i + a;
+            let (motion, rest) = match &kept[row] {
+                Some(motion) => (motion, KEPT),
+                None => (&held[1][row], 0.0),
+            };
+            along_one.push((place(node.node), motion.clone(), rest));
         }
         let (given, mu) = match node.slip_bound {
             _ if rows.iter().all(Vec::is_empty) => (0.0, 0.0),
@@ -154,6 +171,24 @@ fn make_independent<const D: usize>(
         }
     }
     Ok(())
+}
+
+/// In space: whether supports keep a node from sliding along a tangent, and what it meets as well. All that is left of
+/// the row then is what partners nearby deform by, as on a plane of symmetry that cuts both bodies: the mean place of
+/// partners lies on it, so that their mean motion across it is none, and friction would act on next to nothing.
+fn kept_along<const D: usize>(
+    unknowns: &Unknowns<D>,
+    node: &ContactNode<D>,
+    tangent: [f64; D],
+) -> bool {
+    let kept = minus(tangent, unknowns.free_part(node.node, tangent));
+    let mut slides = 0.0;
+    for &(partner, weight) in &node.partners {
+        let free = unknowns.free_part(partner, kept);
+        slides += weight * dot(free, free);
+    }
+    let size = dot(kept, kept);
+    D > 2 && !node.partners.is_empty() && size > 0.1 && slides.abs() < KEPT * size
 }
 
 /// The node with its tangents turned, in space, so that the first has no part in the only direction in which
@@ -320,8 +355,12 @@ impl<const D: usize> ContactRows<D> {
             }
         }
         let mut driven = self.along_one.iter();
-        match driven.find(|(_, held)| motion(held, unknowns) != 0.0) {
-            Some((place, _)) => Err(ContactError::DrivenAlong {
+        let is_off = |(_, held, rest): &&(Place, Vec<Held>, f64)| {
+            let terms = held.iter().map(|held| motion(&[*held], unknowns).abs());
+            motion(held, unknowns).abs() > rest * terms.fold(0.0, f64::max)
+        };
+        match driven.find(is_off) {
+            Some((place, ..)) => Err(ContactError::DrivenAlong {
                 place: place.clone(),
             }),
             None => Ok(()),

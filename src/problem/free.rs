@@ -70,7 +70,9 @@ impl<const D: usize> FreeBody<D> {
         let (velocity, turn) = motion.split_at(D);
         let (speed, turning) = (length(velocity), length(turn));
         let listed = |vector: &[f64]| {
-            let entries: Vec<_> = vector.iter().map(|v| format!("{v:.3}")).collect();
+            // Without the sign of what is rounded to zero.
+            let rounded = vector.iter().map(|v| (v * 1e3).round() / 1e3 + 0.0);
+            let entries: Vec<_> = rounded.map(|v| format!("{v:.3}")).collect();
             format!("({})", entries.join(", "))
         };
         // About a point far away.

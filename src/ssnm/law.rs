@@ -30,14 +30,6 @@ impl Law {
         }
     }
 
-    /// The bounds of this one at λ, as given ones.
-    pub fn frozen(&self, lambda: &[f64]) -> Self {
-        Self {
-            given: self.bounds(lambda).into_owned(),
-            mu: Vec::new(),
-        }
-    }
-
     /// Whether some bounds are μλν.
     pub fn is_coulomb(&self) -> bool {
         !self.mu.is_empty()

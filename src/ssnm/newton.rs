@@ -70,6 +70,12 @@ impl<const D: usize> Way<D> {
         self.start_anew();
     }
 
+    /// The least error of all steps so far.
+    pub fn least(&self) -> f64 {
+        let errors = self.history.iter().map(|step| step.err);
+        self.err0 * errors.fold(1.0, f64::min)
+    }
+
     /// Forgets what the last step has left for the next one: the point is another one, or its r.
     pub fn start_anew(&mut self) {
         self.kept = None;

@@ -14,6 +14,8 @@ use crate::dual::{DualError, DualOperator};
 const FRUITLESS: usize = 3;
 /// Likewise in space, where safeguarded steps are the better ones once Newton's do not get on.
 const FRUITLESS_IN_SPACE: usize = 2;
+/// Likewise of coupled steps in space, which are early ended rather than searched.
+const FRUITLESS_COUPLED: usize = 5;
 /// An error below this part of the best one is progress.
 const PROGRESS: f64 = 0.9;
 /// The part of α‖r̃_α‖² by which a step has to lower q to count as progress; a projected gradient step
@@ -33,8 +35,6 @@ const REFRESHED: f64 = 0.5;
 const LONGER: f64 = 4.0;
 /// Ways to make coupled steps: whole, searched for the least error, and both longer ρ after that.
 const ATTEMPTS: i32 = 4;
-/// Safeguarded steps with frozen slip bounds at most, before coupled ones are tried again.
-const MOST_FROZEN: usize = 8;
 /// How often coupled steps start again from the best point where products are exact.
 const RESTARTS: usize = 1;
 
@@ -85,10 +85,8 @@ pub(super) struct Attempts {
     attempt: i32,
     /// How often they may start again from the best point.
     restarts: usize,
-    /// In space, safeguarded steps with frozen slip bounds: those still to make, and how many and over how many faces the
-    /// next time.
-    guarded: usize,
-    frozen: Option<(usize, usize)>,
+    /// [`FRUITLESS`].
+    patience: usize,
 }
 
 impl Safeguard {
@@ -109,8 +107,7 @@ impl Safeguard {
                 fruitless: 0,
                 attempt: 0,
                 restarts,
-                guarded: 0,
-                frozen: (D > 2).then_some((1, FIRST_FACES_IN_SPACE)),
+                patience: if D == 2 { FRUITLESS } else { FRUITLESS_COUPLED },
             });
         }
         Self::Descent(Descent {
@@ -159,7 +156,10 @@ impl Safeguard {
     pub fn plan(&mut self, rho: f64) -> Plan {
         match self {
             Self::Descent(descent) => descent.plan(),
-            Self::Attempts(attempts) => attempts.plan(rho),
+            Self::Attempts(attempts) => Plan::Newton {
+                rho: rho * LONGER.powi(attempts.attempt.max(1)),
+                search: attempts.attempt > 0,
+            },
         }
     }
 }
@@ -205,35 +205,13 @@ impl Descent {
 }
 
 impl Attempts {
-    fn plan(&mut self, rho: f64) -> Plan {
-        if self.guarded > 0
-            && let Some((_, faces)) = self.frozen
-        {
-            self.guarded -= 1;
-            return Plan::Gradient { faces };
-        }
-        // In space the first thing to do is to make safeguarded steps before.
-        let first = if self.frozen.is_some() { 1 } else { 0 };
-        Plan::Newton {
-            rho: rho * LONGER.powi((self.attempt - first).max(1)),
-            search: self.attempt > first,
-        }
-    }
-
     /// Takes note of a step; false where every way to make it has been tried.
-    fn note(&mut self, point: &Point, err: f64, safeguarded: bool) -> bool {
-        if !safeguarded {
-            self.fruitless += 1;
-        }
+    fn note(&mut self, point: &Point, err: f64) -> bool {
+        self.fruitless += 1;
         if err <= PROGRESS * self.best_err {
             (self.fruitless, self.attempt) = (0, 0);
-        } else if self.fruitless >= FRUITLESS {
+        } else if self.fruitless >= self.patience {
             (self.fruitless, self.attempt) = (0, self.attempt + 1);
-            if let Some((steps, faces)) = &mut self.frozen {
-                self.guarded = *steps;
-                *steps = (2 * *steps).min(MOST_FROZEN);
-                *faces = (MORE_FACES * *faces).min(MAX_FACES);
-            }
         }
         if err < self.best_err {
             (self.best, self.best_err) = (point.clone(), err);
@@ -313,14 +291,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         way: &mut Way<D>,
         stopped: bool,
     ) -> Result<Option<Status>, DualError> {
-        let safeguarded = way.history.last().is_some_and(|step| step.safeguarded);
-        let before = attempts.attempt;
-        let goes_on = attempts.note(&way.point, way.err, safeguarded);
+        let goes_on = attempts.note(&way.point, way.err);
         if goes_on && !stopped {
-            if attempts.guarded > 0 && attempts.attempt > before {
-                way.go_back_to(&attempts.best);
-                way.err = attempts.best_err;
-            }
             return Ok(None);
         }
         way.go_back_to(&attempts.best);
@@ -419,17 +391,13 @@ mod tests {
             fruitless: 0,
             attempt: 0,
             restarts: 0,
-            guarded: 0,
-            frozen: None,
+            patience: FRUITLESS,
         };
-        assert!((0..11).all(|_| attempts.note(&point(), 1.0, false)));
-        assert!(
-            !attempts.note(&point(), 1.0, false),
-            "four times three steps"
-        );
-        assert!(attempts.note(&point(), 0.8, false) && attempts.attempt == 0);
+        assert!((0..11).all(|_| attempts.note(&point(), 1.0)));
+        assert!(!attempts.note(&point(), 1.0), "four times three steps");
+        assert!(attempts.note(&point(), 0.8) && attempts.attempt == 0);
         // A little better is the best point, but no progress.
-        attempts.note(&point(), 0.79, false);
+        attempts.note(&point(), 0.79);
         assert_eq!((attempts.best_err, attempts.fruitless), (0.79, 1));
     }
 }

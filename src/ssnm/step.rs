@@ -9,6 +9,10 @@ use super::{Method, SETS_CHANGED};
 use crate::constraint::{at, put};
 use crate::dual::{DualError, DualOperator};
 
+/// In space coupled steps may stop early, on sets that have changed, at this part of the error, or of so many times the
+/// least one so far.
+const COUPLED_SETS_CHANGED: f64 = 0.2;
+const ASTRAY: f64 = 2.0;
 /// Points that a search looks at, each half as far as the one before.
 const HALVINGS: usize = 6;
 /// Projections that are tried between the minimum over a face and the first bound on the way to it.
@@ -26,9 +30,6 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         target: f64,
     ) -> Result<(Sets<D>, usize), DualError> {
         match plan {
-            Plan::Gradient { faces } if self.law.is_coulomb() => {
-                self.frozen_step(way, target, faces)
-            }
             Plan::Gradient { faces } => self.safeguarded_step(way, target, faces),
             Plan::Newton { rho, search: false } if self.law.is_coulomb() => {
                 self.newton_step(way, rho, target)
@@ -62,6 +63,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         target: f64,
     ) -> Result<(Sets<D>, usize), DualError> {
         let predicted = way.predicted.take();
+        let least = way.least();
         let (point, err) = (&mut way.point, way.err);
         // Step 2.
         let end = self.settle(point, rho);
@@ -80,6 +82,10 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         };
         // Step 3.3.
         let floor = match self.method {
+            Method::Inexact if self.law.is_coulomb() && D > 2 => {
+                // After a step that has led astray the error is no measure.
+                Some(COUPLED_SETS_CHANGED * err.min(ASTRAY * least))
+            }
             Method::Inexact => Some(SETS_CHANGED * err),
             Method::Exact => None,
         };
@@ -164,23 +170,6 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         sets.set_bounds(&mut target, &self.law);
         self.project(&mut target);
         Ok((self.move_to(point, target)?, sets))
-    }
-
-    /// A safeguarded step of the problem with the slip bounds of this point, and back to the law.
-    fn frozen_step(
-        &mut self,
-        way: &mut Way<D>,
-        target: f64,
-        faces: usize,
-    ) -> Result<(Sets<D>, usize), DualError> {
-        way.start_anew();
-        let frozen = self.law.frozen(&way.point.lambda);
-        let law = std::mem::replace(&mut self.law, frozen);
-        let made = self.safeguarded_step(way, target, faces);
-        self.law = law;
-        let made = made?;
-        self.move_into_bounds(&mut way.point, self.alpha)?;
-        Ok(made)
     }
 
     /// A step that lowers q: projected gradient, then the minimum over the face of Λ that it has reached, over the

@@ -3,8 +3,11 @@
 
 pub mod cases;
 pub mod checker;
+pub mod half_space;
 pub mod models;
+pub mod published;
 pub mod runs;
+pub mod space;
 
 use signorini::backend::cpu::Cpu;
 use signorini::case::{Build, Case};

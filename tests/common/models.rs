@@ -2,14 +2,15 @@
 
 use signorini::contact::Space;
 use signorini::elasticity::{Stress, internal_forces, stresses};
-use signorini::engine::{Place, Stiffness};
+use signorini::engine::{Engine, Place, Stiffness};
 use signorini::mesh::Kind;
 use signorini::model::{Built, Model, StepData};
-use signorini::quasistatic::StepSolution;
+use signorini::quasistatic::{self, State, StepSolution};
 use signorini::solve::Options;
 use signorini::ssnm::Status;
+use std::ops::ControlFlow;
 
-/// A model and its one load step, solved.
+/// A model, solved: its last load step, and those before it.
 pub struct Answer<const D: usize>
 where
     Kind: Space<D>,
@@ -17,28 +18,80 @@ where
     pub built: Built<D>,
     pub data: StepData<D>,
     pub solution: StepSolution<D>,
+    pub before: Vec<StepSolution<D>>,
 }
 
-/// Solves a model on the CPU, by factors or by iterations.
+/// Solves all steps of a model on the CPU, by factors or by iterations.
 pub fn answer<const D: usize>(model: Model<D>, tolerance: f64, stiffness: Stiffness) -> Answer<D>
 where
     Kind: Space<D>,
 {
-    let built = model.build().unwrap_or_else(|error| panic!("{error}"));
+    answer_by(model, &on_the_cpu(tolerance, stiffness))
+}
+
+pub fn on_the_cpu(tolerance: f64, stiffness: Stiffness) -> Options<'static> {
     let mut options = Options::default();
     options.engine.place = Place::Cpu;
     options.engine.stiffness = stiffness;
     options.settings.ssnm.tolerance = tolerance;
+    options
+}
+
+/// Solves all steps of a model.
+pub fn answer_by<const D: usize>(model: Model<D>, options: &Options) -> Answer<D>
+where
+    Kind: Space<D>,
+{
+    let built = model.build().unwrap_or_else(|error| panic!("{error}"));
     let mut steps = built
-        .solve(&options)
+        .solve(options)
         .unwrap_or_else(|error| panic!("{error}"));
-    let solution = steps.pop().expect("there is one step");
-    assert_eq!(solution.status, Status::Converged, "{:?}", solution.kkt);
-    let data = built.step(0).unwrap_or_else(|error| panic!("{error}"));
+    for (number, step) in steps.iter().enumerate() {
+        let (status, kkt) = (step.status, &step.kkt);
+        assert_eq!(status, Status::Converged, "step {}: {kkt:?}", number + 1);
+    }
+    let solution = steps.pop().expect("there is a step");
+    let data = (built.step(steps.len())).unwrap_or_else(|error| panic!("{error}"));
     Answer {
         built,
         data,
         solution,
+        before: steps,
+    }
+}
+
+/// Solves load steps of which each has a model of its own that differs from the first one's in loads and in the figures
+/// that supports prescribe, no more.
+pub fn answer_in_turn<const D: usize>(models: Vec<Model<D>>, options: &Options) -> Answer<D>
+where
+    Kind: Space<D>,
+{
+    let build = |model: Model<D>| model.build().unwrap_or_else(|error| panic!("{error}"));
+    let mut all: Vec<Built<D>> = models.into_iter().map(build).collect();
+    let mut data: Vec<StepData<D>> = (all.iter())
+        .map(|built| built.step(0).unwrap_or_else(|error| panic!("{error}")))
+        .collect();
+    let built = all.swap_remove(0);
+    let mut engine = Engine::new(&built.problem, options.engine.clone(), |_| {})
+        .unwrap_or_else(|error| panic!("{error}"));
+    let mut state = State::at_rest(&built.problem);
+    let mut steps = Vec::new();
+    for step in &data {
+        let go_on = |_: quasistatic::Event| ControlFlow::Continue(());
+        let (problem, settings) = (&built.problem, &options.settings);
+        let solution =
+            quasistatic::solve_step(problem, &step.load, &state, &mut engine, settings, go_on)
+                .unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(solution.status, Status::Converged, "{:?}", solution.kkt);
+        state = solution.state(&step.load);
+        steps.push(solution);
+    }
+    drop(engine);
+    Answer {
+        built,
+        data: data.pop().expect("there is a step"),
+        solution: steps.pop().expect("there is a step"),
+        before: steps,
     }
 }
 
@@ -95,7 +148,7 @@ where
         std::array::from_fn(|c| -self.solution.lambda[i] * normal[c] - friction[c])
     }
 
-    /// The resultants of the loads, of the contact forces on the body and of what supports hold it with: forces inside
+    /// The resultants of the loads, of the contact forces (of obstacles: those between bodies cancel) and of what supports hold it with: forces inside
     /// the body less loads and contact, where a component of a node is held.
     pub fn resultants(&self) -> [[f64; D]; 3] {
         let (body, unknowns) = (self.built.elastic.body(), &self.data.unknowns);
@@ -105,6 +158,10 @@ where
             let (node, force) = (self.node(i) as usize, self.contact_force(i));
             (0..D).for_each(|c| forces[node][c] -= force[c]);
             (0..D).for_each(|c| contact[c] += force[c]);
+            for &(partner, weight) in &self.built.elastic.contact.nodes[i].partners {
+                (0..D).for_each(|c| forces[partner as usize][c] += weight * force[c]);
+                (0..D).for_each(|c| contact[c] -= weight * force[c]);
+            }
         }
         let mut support = [0.0; D];
         for (node, (force, load)) in (0..).zip(forces.iter().zip(&self.data.forces)) {

