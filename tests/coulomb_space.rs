@@ -729,7 +729,7 @@ fn a_block_on_a_ball_stays_upright() {
 }
 
 fn random_problems(seeds: std::ops::Range<u64>) {
-    let (mut converged, mut total, mut open) = (0, 0, Vec::new());
+    let (mut converged, mut total, mut open) = (0, 0_usize, Vec::new());
     let mut products = 0;
     for seed in seeds {
         let (name, model) = random(seed);
