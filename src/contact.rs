@@ -83,11 +83,10 @@ impl<const D: usize> Default for PairOptions<'_, D> {
 }
 
 impl<const D: usize> PairOptions<'_, D> {
-    /// The gap that counts at x, where the geometry says `distance`; NaN where what is said of it is no length.
+    /// The gap that counts at x, where the geometry says `distance`.
     fn gap_at(&self, x: [f64; D], distance: f64, rounding: f64) -> f64 {
         if let Some(interference) = self.interference {
-            let overlap = interference(x);
-            return if overlap >= 0.0 { -overlap } else { f64::NAN };
+            return -interference(x);
         }
         let gap = self.gap.map_or(distance, |gap| gap(x));
         if gap.abs() <= rounding.max(self.adjust) {
@@ -276,13 +275,18 @@ pub enum ContactError {
     },
     /// The boundaries are too far from each other.
     #[error(
-        "no part of it faces the other boundary within the search distance {distance:.3e}; they are at least {nearest:.3e} \
-         apart: check the boundaries, or set search_distance"
+        "no part of it faces the other boundary within the search distance {distance:.3e}; {}",
+        if nearest > distance {
+            format!("they are at least {nearest:.3e} apart: check the boundaries, or set search_distance")
+        } else {
+            "they come near each other, but less than a thousandth of any facet lies straight across a facet that looks \
+             back at it: check which boundaries these are".to_owned()
+        }
     )]
     Apart {
         /// The search distance.
         distance: f64,
-        /// How far they are apart at least.
+        /// How far the boxes around their facets are apart at least.
         nearest: f64,
     },
     /// A value that must be finite and not negative.

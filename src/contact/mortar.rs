@@ -200,9 +200,14 @@ where
         .max_by(|a, b| a.depth.total_cmp(&b.depth))
         .filter(|worst| worst.depth > 0.0)
     {
-        return Err(ContactError::BodiesOverlap {
-            place: worst.place.into(),
-            depth: worst.depth,
+        let (place, depth) = (worst.place.into(), worst.depth);
+        return Err(match options.gap {
+            Some(_) => ContactError::NotPositive {
+                what: "gap",
+                place,
+                value: -depth,
+            },
+            None => ContactError::BodiesOverlap { place, depth },
         });
     }
 
@@ -332,13 +337,11 @@ impl<const D: usize> Sums<D> {
         // ν lies between the normals of both sides, so that it does not matter which of them is named first.
         let normal = unit(minus(own, self.facing.map(|c| c / self.area)));
         let gap = self.gap / self.area * dot(own, normal);
+        if let Some(interference) = options.interference {
+            checked("interference", x, interference(x))?;
+        }
         if !gap.is_finite() {
-            let what = if options.interference.is_some() {
-                "interference"
-            } else {
-                "gap"
-            };
-            checked(what, x, f64::NAN)?;
+            checked("gap", x, f64::NAN)?;
         }
         let frame = frame(normal);
         let mut partners: Vec<(u32, f64)> = (self.partners.iter())
