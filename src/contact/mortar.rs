@@ -8,12 +8,12 @@
 //! νᵢ · (uᵢ − Σⱼ (Mᵢⱼ/Dᵢ) uⱼ) ≤ dᵢ,     Mᵢⱼ = ∫ ψᵢ φⱼ ds,     dᵢ = ∫ ψᵢ gap ds / Dᵢ
 //! ```
 //!
-//! with νᵢ halfway between the normals of both sides and j over the nodes of the second boundary (Wohlmuth 2000; Popp, Gee and Wall 2009). Each row has its own
-//! node i, so that N and T have full row rank; weights Mᵢⱼ/Dᵢ add up to 1, so that a uniform pressure is
-//! transferred exactly and the contact forces of a pair add up to nothing. All integrals are taken over what the
-//! facets of both meshes have in common: in the plane segments between projected nodes (`mortar/segments.rs`), in space
-//! polygons (`mortar/polygons.rs`). Where a facet is covered in part, its ψ are biorthogonal on that part (Cichosz and
-//! Bischoff 2011).
+//! with νᵢ halfway between the normals of both sides and j over the nodes of the second boundary (Wohlmuth 2000; Popp,
+//! Gee and Wall 2009). Each row has its own node i, so that N and T have full row rank; weights Mᵢⱼ/Dᵢ add up to 1, so
+//! that a uniform pressure is transferred exactly and the contact forces of a pair add up to nothing. All integrals are
+//! taken over what the facets of both meshes have in common: in the plane segments between projected nodes
+//! (`mortar/segments.rs`), in space polygons (`mortar/polygons.rs`). Where a facet is covered in part, its ψ are
+//! biorthogonal on that part (Cichosz and Bischoff 2011).
 
 mod polygons;
 mod segments;
@@ -349,6 +349,7 @@ impl<const D: usize> Sums<D> {
             .filter(|p| p.1.abs() > 1e-14)
             .collect();
         partners.sort_unstable_by_key(|p| p.0);
+        // In the plane nothing is moved yet: published figures of curved boundaries would change by as little as O(h²).
         if D > 2 {
             centre(mesh, x, &frame, self.area.sqrt(), &mut partners);
         }

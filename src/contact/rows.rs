@@ -7,7 +7,7 @@
 use super::{ContactError, ContactNode, SlipBound};
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, minus};
-use crate::mesh::{Kind, Place, Topology};
+use crate::mesh::{Kind, Mesh, Place, Topology};
 use crate::sparse::Csr;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -83,7 +83,7 @@ where
         let node = turned(candidate, unknowns);
         for &tangent in &node.frame[1..] {
             let (entries, motion) = row(unknowns, &node, tangent);
-            let is_kept = !entries.is_empty() && kept_along(unknowns, &node, tangent);
+            let is_kept = !entries.is_empty() && kept_along(body.mesh, unknowns, &node, tangent);
             let (entries, motion, instead) = match is_kept {
                 true => (Vec::new(), Vec::new(), Some(motion)),
                 false => (entries, motion, None),
@@ -177,18 +177,35 @@ fn make_independent<const D: usize>(
 /// the row then is what partners nearby deform by, as on a plane of symmetry that cuts both bodies: the mean place of
 /// partners lies on it, so that their mean motion across it is none, and friction would act on next to nothing.
 fn kept_along<const D: usize>(
+    mesh: &Mesh<D>,
     unknowns: &Unknowns<D>,
     node: &ContactNode<D>,
     tangent: [f64; D],
-) -> bool {
+) -> bool
+where
+    Kind: Topology<D>,
+{
     let kept = minus(tangent, unknowns.free_part(node.node, tangent));
-    let mut slides = 0.0;
+    let size = dot(kept, kept);
+    if D == 2 || node.partners.is_empty() || !(size > 0.1) {
+        return false;
+    }
+    let (mut slides, mut ends, mut held) = (0.0, [0.0_f64; 2], Vec::new());
     for &(partner, weight) in &node.partners {
         let free = unknowns.free_part(partner, kept);
-        slides += weight * dot(free, free);
+        let part = dot(free, free);
+        slides += weight * part;
+        let to = minus(mesh.nodes[partner as usize], mesh.nodes[node.node as usize]);
+        let across = dot(to, kept);
+        ends = [ends[0].min(across), ends[1].max(across)];
+        held.push((across, part <= 1e-9 * size));
     }
-    let size = dot(kept, kept);
-    D > 2 && !node.partners.is_empty() && size > 0.1 && slides.abs() < KEPT * size
+    // A body that ends there is held all over its end, however coarse it is.
+    let on_it = 1e-9 * (ends[1] - ends[0]);
+    let mut at_end = held.iter().filter(|(across, _)| across.abs() <= on_it);
+    let one_sided = ends[0] >= -on_it || ends[1] <= on_it;
+    let is_end = one_sided && at_end.clone().count() > 0 && at_end.all(|&(_, held)| held);
+    is_end || slides.abs() < KEPT * size
 }
 
 /// The node with its tangents turned, in space, so that the first has no part in the only direction in which
