@@ -126,7 +126,7 @@ fn boundaries_that_cannot_meet_are_explained() {
     // Facing away.
     assert!(error("against = \"low-bottom\"", "[0, 1]").contains("no part of it faces"));
     assert!(error(against, "[0, 0.9]").contains("overlap by 1.000e-1"));
-    assert!(error("against = \"low-top\"\ngap = -0.1", "[0, 1]").contains("overlap by 1.000e-1"));
+    assert!(error("against = \"low-top\"\ngap = -0.1", "[0, 1]").contains("the gap is -0.1 at"));
     assert!(error("against = \"up-left\"", "[0, 1]").contains("belongs to both boundaries"));
     assert!(error("against = \"low_top\"", "[0, 1]").contains("did you mean \"low-top\"?"));
     // What would overlap may be told to touch, or be given a gap.
