@@ -11,13 +11,14 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-pub use mortar::{Mortar, mortar_contact};
+pub use mortar::{Mortar, MortarContact, Unmet, mortar_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
 pub use rows::{ContactRows, contact_rows};
 
 use crate::elasticity::{Body, Elements, Field};
-use crate::mesh::vector::{length, minus};
+use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{Facet, Kind, Place, Topology, bounds};
+use std::collections::HashMap;
 
 /// A friction law on a contact boundary.
 #[derive(Clone, Copy)]
@@ -53,6 +54,9 @@ pub enum SlipBound {
     Coulomb(f64),
 }
 
+/// Between the 45° of a circle of eight facets and the 60° of a hexagon.
+pub const EDGE_ANGLE: f64 = 50.0;
+
 /// What is said about a contact beside its boundaries.
 #[derive(Clone, Copy)]
 pub struct PairOptions<'a, const D: usize = 2> {
@@ -65,6 +69,11 @@ pub struct PairOptions<'a, const D: usize = 2> {
     pub interference: Option<Field<'a, D>>,
     /// Gaps and overlaps up to this distance count as touching.
     pub adjust: f64,
+    /// Between bodies: edges sharper than this angle between the normals of neighbouring facets, in degrees, cut a
+    /// boundary into parts with contact forces and normals of their own.
+    pub edge_angle: f64,
+    /// Of nodes on planes of symmetry: the normals of those. The averaged normals of a boundary lie in these planes.
+    pub symmetry: Option<&'a HashMap<u32, Vec<[f64; D]>>>,
     /// What lies farther apart is no candidate for contact between bodies, and Tresca's bound does not act there
     /// on an obstacle; None: half the diagonal of the box around the smaller boundary.
     pub search_distance: Option<f64>,
@@ -77,6 +86,8 @@ impl<const D: usize> Default for PairOptions<'_, D> {
             gap: None,
             interference: None,
             adjust: 0.0,
+            edge_angle: EDGE_ANGLE,
+            symmetry: None,
             search_distance: None,
         }
     }
@@ -94,6 +105,29 @@ impl<const D: usize> PairOptions<'_, D> {
         } else {
             gap
         }
+    }
+
+    /// A unit normal of a boundary turned into all planes of symmetry that some nodes have in common, as if its mirror
+    /// image were there; not where that would make a sharp edge with it.
+    fn within_planes(&self, normal: [f64; D], nodes: &[u32]) -> [f64; D] {
+        let planes =
+            |node: &u32| (self.symmetry.and_then(|all| all.get(node))).map_or(&[][..], |v| v);
+        let Some((first, rest)) = nodes.split_first() else {
+            return normal;
+        };
+        let steepest = (0.5 * self.edge_angle.to_radians()).sin();
+        let mut turned = normal;
+        for &across in planes(first) {
+            let common = rest.iter().all(|node| {
+                let mut same = planes(node).iter().map(|other| dot(*other, across).abs());
+                same.any(|cos| cos > 1.0 - 1e-9)
+            });
+            let off = dot(turned, across);
+            if common && off != 0.0 && off.abs() <= steepest {
+                turned = unit(std::array::from_fn(|c| turned[c] - off * across[c]));
+            }
+        }
+        turned
     }
 
     /// The search distance between the boundary `facets` and another one.
@@ -115,11 +149,16 @@ impl<const D: usize> PairOptions<'_, D> {
     }
 }
 
-/// A node of a contact boundary.
+/// A place of a contact boundary that a contact force acts at.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ContactNode<const D: usize = 2> {
-    /// The node of the mesh.
-    pub node: u32,
+pub struct ContactPlace<const D: usize = 2> {
+    /// Where it lies.
+    pub place: [f64; D],
+    /// The node of the mesh that it is; None on the border of what is covered of a facet.
+    pub node: Option<u32>,
+    /// The nodes of its own body, with weights that add up to 1 and have the place as their mean: one at a node, as a
+    /// rule.
+    pub own: Vec<(u32, f64)>,
     /// The nodes of the other body that it meets, with weights that add up to 1; none for a rigid obstacle.
     pub partners: Vec<(u32, f64)>,
     /// Orthonormal directions, one a row: ν towards the obstacle or the other body, then the tangents, as [`frame`]
@@ -127,11 +166,31 @@ pub struct ContactNode<const D: usize = 2> {
     pub frame: [[f64; D]; D],
     /// Initial distance along ν.
     pub gap: f64,
-    /// ∫ φ ds times the thickness, over what may come into contact: the area that turns nodal forces into
-    /// stresses.
+    /// ∫ β ds times the thickness, over what may come into contact, with the function β of the place (at a node φ): the
+    /// area that turns forces into stresses.
     pub area: f64,
+    /// Places with the same number have their pressure in common where it is shown: a force on hardly any area says
+    /// little by itself.
+    pub pool: u32,
     /// The slip bound as a nodal force.
     pub slip_bound: SlipBound,
+}
+
+impl<const D: usize> ContactPlace<D> {
+    /// The mean over its own nodes: of their places, displacements and so on.
+    pub fn mean(&self, of: impl Fn(u32) -> [f64; D]) -> [f64; D] {
+        mean(&self.own, of)
+    }
+}
+
+/// A weighted mean over nodes.
+fn mean<const D: usize>(weights: &[(u32, f64)], of: impl Fn(u32) -> [f64; D]) -> [f64; D] {
+    let mut sum = [0.0; D];
+    for &(node, weight) in weights {
+        let value = of(node);
+        (0..D).for_each(|c| sum[c] += weight * value[c]);
+    }
+    sum
 }
 
 /// The orthonormal directions that begin with the unit vector ν. In the plane the tangent is ν turned
@@ -191,22 +250,13 @@ pub enum ContactError {
         /// How deep.
         depth: f64,
     },
-    /// A node in several contacts of which the normal rows depend on each other.
+    /// A node that meets several rigid obstacles, of which the normal rows depend on each other.
     #[error(
-        "the node at {place} would belong to several contacts whose normals are not independent in what \
-         supports leave it of its freedom (on rigid obstacles two directions at most, clearly different): name the \
-         boundary in fewer contacts, let what it meets there differ in direction, or free the node"
+        "the node at {place} meets several rigid obstacles whose normals are not independent in what supports leave it of \
+         its freedom: name the boundary in fewer contacts, let the obstacles differ clearly in direction there, or free \
+         the node"
     )]
     Twice {
-        /// The node.
-        place: Place,
-    },
-    /// A node whose row depends on those before.
-    #[error(
-        "the node at {place} is held by a support, and what it meets has too few unknowns of its own left \
-         for a contact force or friction there: name the other boundary first"
-    )]
-    Dependent {
         /// The node.
         place: Place,
     },
@@ -279,8 +329,7 @@ pub enum ContactError {
         if nearest > distance {
             format!("they are at least {nearest:.3e} apart: check the boundaries, or set search_distance")
         } else {
-            "they come near each other, but less than a thousandth of any facet lies straight across a facet that looks \
-             back at it: check which boundaries these are".to_owned()
+            "they come near each other, but no facet lies straight across one that looks back at it: check which boundaries these are".to_owned()
         }
     )]
     Apart {

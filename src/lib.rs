@@ -103,10 +103,10 @@
 //! let solution = built.solve(&Default::default())?.remove(0);
 //! assert_eq!(solution.status, Status::Converged);
 //!
-//! // Displacements of all nodes, and pressures at the contact nodes.
+//! // Displacements of all nodes, and pressures at the contact places.
 //! let u = built.step(0)?.unknowns.displacements(&solution.u);
-//! let nodes = built.elastic.contact.nodes.iter();
-//! let pressures: Vec<f64> = nodes.zip(&solution.lambda).map(|(node, l)| l / node.area).collect();
+//! let places = built.elastic.contact.places.iter();
+//! let pressures: Vec<f64> = places.zip(&solution.lambda).map(|(place, l)| l / place.area).collect();
 //! assert!(u.iter().all(|u| u[1] <= 0.0));
 //! assert!(pressures.iter().all(|&p| p > 2e4 && p < 5e4));
 //! # Ok::<(), Box<dyn std::error::Error>>(())

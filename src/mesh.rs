@@ -9,6 +9,7 @@ mod boundary;
 mod element;
 mod file;
 pub mod gmsh;
+mod groups;
 mod plane;
 mod solid;
 pub mod structured;
@@ -20,11 +21,12 @@ mod vtu;
 pub use element::{Element, Facet, Kind, Topology, facet, facet_nodes};
 pub use file::{FileError, has_cell_arrays, read};
 pub use gmsh::write::msh;
+pub(crate) use groups::Groups;
 pub(crate) use vector::bounds;
 use vector::minus;
 
 use rayon::prelude::*;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// A mesh in D dimensions: nodes (coordinates in metres, or the user's unit of length), elements, and named parts.
@@ -334,30 +336,13 @@ where
 
     /// Number of bodies: parts of the mesh that share no node. Returns the count and the body of each node.
     pub fn bodies(&self) -> (usize, Vec<u32>) {
-        let mut parent: Vec<u32> = (0..self.nodes.len() as u32).collect();
-        fn root(parent: &mut [u32], mut i: u32) -> u32 {
-            while parent[i as usize] != i {
-                parent[i as usize] = parent[parent[i as usize] as usize];
-                i = parent[i as usize];
-            }
-            i
-        }
+        let mut groups = Groups::new(self.nodes.len());
         for element in &self.elements {
-            let first = root(&mut parent, element.nodes()[0]);
             for &node in &element.nodes()[1..] {
-                let other = root(&mut parent, node);
-                parent[other as usize] = first;
+                groups.join(element.nodes()[0], node);
             }
         }
-        let mut number = HashMap::new();
-        let body = (0..self.nodes.len() as u32)
-            .map(|i| {
-                let r = root(&mut parent, i);
-                let next = number.len() as u32;
-                *number.entry(r).or_insert(next)
-            })
-            .collect();
-        (number.len(), body)
+        groups.numbers()
     }
 
     /// Coordinates of the N nodes of an element.

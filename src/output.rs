@@ -11,6 +11,7 @@ mod report;
 mod resources;
 mod vtu;
 
+pub(crate) use fields::shown_at_nodes;
 pub use fields::{ContactFields, NodeStatus, StepFields};
 pub use files::{OutputError, prepare, write_index, write_report, write_solution, write_whole};
 pub use reactions::{ContactReport, SupportReport};

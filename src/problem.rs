@@ -104,9 +104,20 @@ impl<const D: usize> ContactProblem<D> {
     /// # Errors
     /// What is wrong with which entry.
     pub fn new(data: ContactData<D>) -> Result<Self, ProblemError> {
-        const { assert!(D == 2 || D == 3, "contact is in the plane or in space") };
         let n = data.load.len();
-        let data = check::checked(data)?;
+        Ok(Self::from_checked(check::checked(data)?, n))
+    }
+
+    /// The same for rows that bodies in contact give rise to: those may depend on each other, where several parts of one
+    /// body lie under one facet of another. Forces are unique even so, multipliers need not be.
+    pub(crate) fn of_bodies(data: ContactData<D>) -> Result<Self, ProblemError> {
+        let n = data.load.len();
+        Ok(Self::from_checked(check::checked_but_for_rank(data)?, n))
+    }
+
+    /// From checked data, of which the first n unknowns are not there to complete a block.
+    fn from_checked(data: ContactData<D>, n: usize) -> Self {
+        const { assert!(D == 2 || D == 3, "contact is in the plane or in space") };
         let m = data.gap.len();
         let (count, parts) = data.stiffness.components();
         let free = match &data.coordinates {
@@ -114,7 +125,7 @@ impl<const D: usize> ContactProblem<D> {
             None => FreeBodies::default(),
         };
         let (compliance, own_compliance) = compliances(&data);
-        Ok(Self {
+        Self {
             n,
             n_free: n,
             slip_origin: vec![0.0; tangents::<D>() * m],
@@ -133,7 +144,7 @@ impl<const D: usize> ContactProblem<D> {
             slip_bound: data.slip_bound,
             friction: Vec::new(),
             coordinates: data.coordinates,
-        })
+        }
     }
 
     /// Gives contact nodes Coulomb's law: where μᵢ > 0 the slip bound is μᵢλν,i and `slip_bound` says nothing.

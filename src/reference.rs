@@ -9,7 +9,7 @@ mod solid;
 
 pub use solid::{BEAM, CASE_C, Solid};
 
-use crate::contact::{ContactError, ContactNode, Friction, Obstacle, PairOptions};
+use crate::contact::{ContactError, ContactPlace, Friction, Obstacle, PairOptions};
 use crate::contact::{contact_rows, mortar_contact, obstacle_contact};
 use crate::elasticity::{Body, Elements, Material, Plane, Unknowns, assemble};
 use crate::mesh::structured::{CellShape, join, rectangle};
@@ -134,7 +134,7 @@ pub fn problem(
         friction: Friction::Tresca(&tresca),
         ..Default::default()
     };
-    let candidates: Vec<ContactNode> = match geometry {
+    let candidates: Vec<ContactPlace> = match geometry {
         Geometry::OneBody => {
             let plane = Obstacle::HalfPlane {
                 point: [0.0, 0.0],
@@ -143,7 +143,7 @@ pub fn problem(
             obstacle_contact(&body, bottom, &plane, &options)?
         }
         Geometry::TwoBodies => {
-            mortar_contact(&body, bottom, &mesh.boundaries["lower-top"], &options)?
+            mortar_contact(&body, bottom, &mesh.boundaries["lower-top"], &options)?.places
         }
     };
     contact_problem(&body, &unknowns, &forces, &candidates)
@@ -154,7 +154,7 @@ fn contact_problem<const D: usize>(
     body: &Body<D>,
     unknowns: &Unknowns<D>,
     forces: &[[f64; D]],
-    candidates: &[ContactNode<D>],
+    candidates: &[ContactPlace<D>],
 ) -> Result<ContactProblem<D>, ReferenceError>
 where
     Kind: Elements<D>,

@@ -23,7 +23,7 @@ fn resultant(solved: &Solved) -> [f64; 2] {
     let m = solved.build.problem.m();
     let lambda = &solved.solution().lambda;
     let mut sum = [0.0; 2];
-    for (i, node) in solved.elastic().contact.nodes.iter().enumerate() {
+    for (i, node) in solved.elastic().contact.places.iter().enumerate() {
         for c in 0..2 {
             sum[c] -= lambda[i] * node.frame[0][c] + lambda[m + i] * node.frame[1][c];
         }

@@ -199,7 +199,7 @@ fn tractions_are_vectors_along_the_axes() {
     let fields = solved.fields();
     let mut sum = [0.0; 3];
     let mut slipping = 0;
-    for (i, node) in solved.elastic().contact.nodes.iter().enumerate() {
+    for (i, node) in solved.elastic().contact.places.iter().enumerate() {
         let [pressed, rubbed] = fields.traction_vectors(i);
         let out = [-0.6, 0.0, 0.8];
         close(&pressed, &out.map(|v| v * fields.pressure[i]), 1e-9 * p);
@@ -271,11 +271,11 @@ fn round_obstacles_stop_a_block() {
             }
         );
         let at = |x: f64, y: f64| {
-            let there = |node: &&signorini::contact::ContactNode<3>| {
-                let place = elastic.mesh.nodes[node.node as usize];
+            let there = |node: &&signorini::contact::ContactPlace<3>| {
+                let place = node.place;
                 (place[0] - x).abs() + (place[1] - y).abs() < 1e-9
             };
-            let row = elastic.contact.nodes.iter().position(|node| there(&node));
+            let row = elastic.contact.places.iter().position(|node| there(&node));
             fields.pressure[row.unwrap_or_else(|| panic!("no node at {x}, {y}"))]
         };
         assert!(at(0.5, 0.5) > 100.0);

@@ -392,7 +392,7 @@ fn wedge() {
         at_the_price_of_tresca(&text);
         let m = solved.build.problem.m();
         let (normal, tangential) = solved.solution().lambda.split_at(m);
-        let push: f64 = (solved.elastic().contact.nodes.iter().enumerate())
+        let push: f64 = (solved.elastic().contact.places.iter().enumerate())
             .map(|(i, node)| normal[i] * node.frame[0][0] + tangential[i] * node.frame[1][0])
             .sum();
         compare(

@@ -84,36 +84,21 @@ fn with_figure<T, const D: usize>(
     })
 }
 
-/// The same for figures along x, y and z.
-fn along_axes<T, const D: usize>(
-    mut part: T,
-    figures: [&Option<Spanned<Figure>>; 3],
-    say: impl Fn(T, usize, Quantity<D>) -> T,
-) -> Result<T, Wrong> {
-    for (axis, figure) in figures.into_iter().enumerate() {
-        match figure {
-            Some(figure) if axis >= D => {
-                let message = "z has no meaning here: the mesh is one of the plane, with x and y";
-                return Err((figure.span(), message.to_owned()));
-            }
-            _ => part = with_figure(part, figure, |part, value| say(part, axis, value))?,
-        }
-    }
-    Ok(part)
-}
+/// What does not belong to a mesh of the plane, of figures along x, y and z and about an axis.
+const NO_Z: &str = "z has no meaning here: the mesh is one of the plane, with x and y";
+const NO_AXIAL: &str =
+    "axial has no meaning here: the mesh is one of the plane, where there are radial and hoop";
 
-/// The same for figures away from an axis, around it and along it.
-fn about_axis<T, const D: usize>(
+/// The same for a figure along each direction; `beyond` is what is wrong with more of them than dimensions.
+fn along_each<T, const D: usize>(
     mut part: T,
     figures: [&Option<Spanned<Figure>>; 3],
+    beyond: &str,
     say: impl Fn(T, usize, Quantity<D>) -> T,
 ) -> Result<T, Wrong> {
     for (way, figure) in figures.into_iter().enumerate() {
         match figure {
-            Some(figure) if way >= D => {
-                let message = "axial has no meaning here: the mesh is one of the plane, where there are radial and hoop";
-                return Err((figure.span(), message.to_owned()));
-            }
+            Some(figure) if way >= D => return Err((figure.span(), beyond.to_owned())),
             _ => part = with_figure(part, figure, |part, value| say(part, way, value))?,
         }
     }
@@ -153,9 +138,9 @@ impl SupportTable {
             _ => return Err((span, "a support needs either a boundary or a point".into())),
         };
         let figures = [&self.x, &self.y, &self.z];
-        let support = along_axes(support, figures, Support::along)?;
+        let support = along_each(support, figures, NO_Z, Support::along)?;
         let figures = [&self.radial, &self.hoop, &self.axial];
-        let support = about_axis(support, figures, Support::around)?;
+        let support = along_each(support, figures, NO_AXIAL, Support::around)?;
         let mut support = with(support, &axis(&self.axis)?, Support::about);
         if self.symmetry {
             support = support.symmetry();
@@ -167,10 +152,10 @@ impl SupportTable {
 impl TractionTable {
     fn traction<const D: usize>(&self) -> Result<Traction<D>, Wrong> {
         let traction = Traction::on(self.boundary.clone());
-        let traction = along_axes(traction, [&self.x, &self.y, &self.z], Traction::along)?;
+        let traction = along_each(traction, [&self.x, &self.y, &self.z], NO_Z, Traction::along)?;
         let traction = with_figure(traction, &self.pressure, Traction::pressure)?;
         let figures = [&self.radial, &self.hoop, &self.axial];
-        let traction = about_axis(traction, figures, Traction::around)?;
+        let traction = along_each(traction, figures, NO_AXIAL, Traction::around)?;
         let traction = with(traction, &axis(&self.axis)?, Traction::about);
         let traction = with(traction, &self.torque, Traction::torque);
         let force = self.force.as_ref().map(vector).transpose()?;
@@ -185,7 +170,7 @@ impl BodyForceTable {
             Some(name) => BodyForce::within(name),
             None => BodyForce::everywhere(),
         };
-        let force = along_axes(force, [&self.x, &self.y, &self.z], BodyForce::along)?;
+        let force = along_each(force, [&self.x, &self.y, &self.z], NO_Z, BodyForce::along)?;
         Ok(with(force, &self.factors, BodyForce::factors))
     }
 }
@@ -273,6 +258,7 @@ impl ContactTable {
         pair = with_figure(pair, &self.gap, Pair::gap)?;
         pair = with_figure(pair, &self.interference, Pair::interference)?;
         pair = with(pair, &self.adjust, Pair::adjust);
+        pair = with(pair, &self.edge_angle, Pair::edge_angle);
         Ok(with(pair, &self.search_distance, Pair::search_distance))
     }
 }

@@ -289,6 +289,8 @@ pub struct ContactTable {
     pub interference: Option<Spanned<Figure>>,
     /// Gaps and overlaps up to this distance in m count as touching.
     pub adjust: Option<f64>,
+    /// Edges of the boundaries that are sharper, in degrees between the normals of neighbours, cut them into smooth parts.
+    pub edge_angle: Option<f64>,
     /// What is farther apart is no candidate with `against`, and not rubbed by Tresca's bound on an obstacle; in m.
     pub search_distance: Option<f64>,
 }

@@ -241,11 +241,11 @@ where
 {
     let length = case.units().length;
     lines.push(format!(
-        "contact       \"{}\" / {}: {} nodes, {:.4e} {length}², initial gap {:.4e} to {:.4e} {length}, {}; \
-         {} of the nodes within the search distance {:.4e} {length}",
+        "contact       \"{}\" / {}: {} places, {:.4e} {length}², initial gap {:.4e} to {:.4e} {length}, {}; \
+         {} of them within the search distance {:.4e} {length}",
         pair.boundary,
         pair.against,
-        pair.nodes,
+        pair.places,
         pair.area,
         pair.gap[0],
         pair.gap[1],
@@ -253,6 +253,9 @@ where
         pair.within,
         pair.search_distance,
     ));
+    if let Some(text) = pair.unmet_text(&case.units()) {
+        lines.push(format!("              {text}"));
+    }
     if pair.kept > 0 {
         lines.push(format!(
             "              {} of them get no friction: supports, or another contact at a corner, keep them from sliding freely",
@@ -268,7 +271,7 @@ fn size<const D: usize>(problem: &ContactProblem<D>) -> String {
         Err(_) => "too many for".to_owned(),
     };
     format!(
-        "size          {} unknowns, {} contact nodes; {direct} the direct solve",
+        "size          {} unknowns, {} contact places; {direct} the direct solve",
         problem.n_free(),
         problem.m(),
     )

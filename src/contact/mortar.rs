@@ -1,32 +1,48 @@
 //! Contact between two boundaries whose meshes need not match: a segment-based mortar method with dual
-//! (biorthogonal) multipliers.
+//! (biorthogonal) multipliers that belong to places.
 //!
-//! The multipliers live on the nodes i of the first boundary. With dual functions ψᵢ, ∫ ψᵢ φⱼ ds = δᵢⱼ Dᵢ on
-//! that boundary, the condition of node i is
+//! The condition of place i on the first boundary is
 //!
 //! ```text
-//! νᵢ · (uᵢ − Σⱼ (Mᵢⱼ/Dᵢ) uⱼ) ≤ dᵢ,     Mᵢⱼ = ∫ ψᵢ φⱼ ds,     dᵢ = ∫ ψᵢ gap ds / Dᵢ
+//! νᵢ · (Σₖ (Wᵢₖ/Dᵢ) uₖ − Σⱼ (Mᵢⱼ/Dᵢ) uⱼ) ≤ dᵢ,     Dᵢ = ∫ βᵢ ds,   Wᵢₖ = ∫ ψᵢ φₖ ds,   Mᵢⱼ = ∫ ψᵢ φⱼ ds,   dᵢ = ∫ ψᵢ gap ds / Dᵢ
 //! ```
 //!
-//! with νᵢ halfway between the normals of both sides and j over the nodes of the second boundary (Wohlmuth 2000; Popp,
-//! Gee and Wall 2009). Each row has its own node i, so that N and T have full row rank; weights Mᵢⱼ/Dᵢ add up to 1, so
-//! that a uniform pressure is transferred exactly and the contact forces of a pair add up to nothing. All integrals are
-//! taken over what the facets of both meshes have in common: in the plane segments between projected nodes
-//! (`mortar/segments.rs`), in space polygons (`mortar/polygons.rs`). Where a facet is covered in part, its ψ are
-//! biorthogonal on that part (Cichosz and Bischoff 2011).
+//! with νᵢ halfway between the normals of both sides, k over the nodes of the first boundary and j over those of the
+//! second one. All integrals are taken over what the facets of both meshes have in common: in the plane segments between
+//! projected nodes (`mortar/segments.rs`), in space polygons (`mortar/polygons.rs`). The dual functions ψ span what the
+//! β of a facet span, with ∫ ψᵢ βⱼ ds = δᵢⱼ Dᵢ.
+//!
+//! - **A facet that is wholly covered** has its own shape functions as β: its places are its nodes, Wᵢₖ = δᵢₖ Dᵢ
+//!   (Wohlmuth 2000; Popp, Gee and Wall 2009).
+//! - **A facet that is covered in part** has the places that are the vertices of the convex hull P of what one connected
+//!   part of the other boundary covers of it, and as β the barycentric functions of P (Wachspress 1975; in the plane those
+//!   of a segment, `mortar/hull.rs` in space). Since Σβ = 1 and Σβᵢxᵢ = x, Σψ = 1 and ∫ ψᵢ x ds = Dᵢ xᵢ: a uniform
+//!   pressure is handed on exactly, and the force of a place acts just there, on the border of what is covered. With the
+//!   facet's own functions it would act at nodes beyond, and a body would stand on what is not there.
+//! - Facets share the places that they have in common: nodes, and points on their common edges. What is very thin
+//!   (`SLIVER`) hands its share to the places of its neighbours.
+//! - Both boundaries are cut at edges sharper than an angle ([`super::PairOptions::edge_angle`]): each smooth part has
+//!   places and normals of its own.
+//!
+//! Weights Mᵢⱼ/Dᵢ add up to 1, so that the contact forces of a pair add up to nothing. Rows may depend on each other where
+//! several parts of the other boundary lie under one facet; forces are unique even so.
 
+mod hull;
+mod places;
 mod polygons;
 mod segments;
+mod surface;
 
 use super::search::{Bounds, Search};
-use super::{ContactError, ContactNode, Friction, PairOptions, checked, frame, rounding};
+use super::{ContactError, ContactPlace, Friction, PairOptions, rounding};
 use crate::dense;
 use crate::elasticity::Body;
-use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{Facet, Kind, Mesh, Topology, facet_nodes};
+use crate::mesh::{Facet, Kind, Topology, facet_nodes};
 use faer::Mat;
+use places::Places;
 use rayon::prelude::*;
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::HashSet;
+use surface::Surface;
 
 pub use super::search::Beam;
 
@@ -48,11 +64,25 @@ pub struct Here<const D: usize> {
     thickness: f64,
 }
 
+/// A facet of the other boundary that may be met.
+#[derive(Clone, Copy, Debug)]
+pub struct Near<const D: usize> {
+    /// Its number in the boundary.
+    number: usize,
+    /// Its nodes, one for each corner.
+    nodes: [u32; 4],
+    corners: Corners<D>,
+    /// Its outward unit normal.
+    normal: [f64; D],
+    /// The smooth part of the boundary that it belongs to.
+    part: u32,
+}
+
 /// A place where a facet of the first boundary meets one of the other: an integration point of what they have in
 /// common.
 #[derive(Clone, Copy, Debug)]
 pub struct Meeting<const D: usize> {
-    /// Which facet of the other boundary.
+    /// Which of the facets that are near.
     other: usize,
     /// The place on the first boundary.
     place: [f64; D],
@@ -66,13 +96,30 @@ pub struct Meeting<const D: usize> {
     weight: f64,
 }
 
-/// Where a facet of the first boundary meets those of the other one.
+/// Where on its facet a vertex of what is covered lies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Site {
+    /// At this corner.
+    Corner(usize),
+    /// On the edge from this corner to the next one, at this part of it.
+    Edge(usize, f64),
+    /// Inside.
+    Inside,
+}
+
+/// What one connected part of the other boundary covers of a facet of the first one.
 #[derive(Clone, Debug)]
-pub struct Overlap<const D: usize> {
-    /// The part of the facet that is covered.
-    covered: f64,
+pub struct Cover<const D: usize> {
+    /// The smooth part of the other boundary.
+    part: u32,
+    /// The places that it hands forces on at: the vertices of its convex hull.
+    vertices: Vec<(Site, [f64; D])>,
+    /// Its least width, in that of the facet along the same direction; 1 of a facet that is wholly covered.
+    width: f64,
     /// Integration points, those with one facet one after the other.
     meetings: Vec<Meeting<D>>,
+    /// β of the vertices at each of them; none of a facet that is wholly covered, where they are φ.
+    functions: Vec<f64>,
 }
 
 /// What boundaries have in common, in the plane and in space.
@@ -81,7 +128,7 @@ pub trait Mortar<const D: usize>: Topology<D> {
     fn beam(here: &Here<D>, distance: f64) -> Beam<D>;
 
     /// Where a facet meets some others, no farther away than the distance: what is nearest, where there are several.
-    fn overlap(here: &Here<D>, near: &[Corners<D>], distance: f64) -> Overlap<D>;
+    fn covers(here: &Here<D>, near: &[Near<D>], distance: f64) -> Vec<Cover<D>>;
 
     /// What the normal of a facet weighs at each of its corners in the averaged normal.
     fn corner_weights(corners: &[[f64; D]]) -> [f64; 4];
@@ -93,8 +140,8 @@ impl Mortar<2> for Kind {
         Beam::around([[1.0, 0.0], [0.0, 1.0]], ends, [distance; 2])
     }
 
-    fn overlap(here: &Here<2>, near: &[Corners<2>], distance: f64) -> Overlap<2> {
-        segments::overlap(here, near, distance)
+    fn covers(here: &Here<2>, near: &[Near<2>], distance: f64) -> Vec<Cover<2>> {
+        segments::covers(here, near, distance)
     }
 
     fn corner_weights(_: &[[f64; 2]]) -> [f64; 4] {
@@ -107,8 +154,8 @@ impl Mortar<3> for Kind {
         polygons::beam(here, distance)
     }
 
-    fn overlap(here: &Here<3>, near: &[Corners<3>], distance: f64) -> Overlap<3> {
-        polygons::overlap(here, near, distance)
+    fn covers(here: &Here<3>, near: &[Near<3>], distance: f64) -> Vec<Cover<3>> {
+        polygons::covers(here, near, distance)
     }
 
     fn corner_weights(corners: &[[f64; 3]]) -> [f64; 4] {
@@ -116,47 +163,41 @@ impl Mortar<3> for Kind {
     }
 }
 
-/// What a facet of the first boundary adds to the integrals of its nodes.
-struct Shares<const D: usize> {
-    /// ∫ φᵢ.
-    area: [f64; 4],
-    /// ∫ φᵢ bound, for a Tresca bound.
-    bound: [f64; 4],
-    /// ∫ ψᵢ gap.
-    gap: [f64; 4],
-    /// (j, ∫ ψᵢ φⱼ).
-    partners: Vec<(u32, [f64; 4])>,
-    /// ∫ φᵢ n of the other boundary.
-    facing: [[f64; D]; 4],
-    /// The deepest overlap and where.
-    depth: f64,
-    place: [f64; D],
-}
-
-impl<const D: usize> Default for Shares<D> {
-    fn default() -> Self {
-        Self {
-            area: [0.0; 4],
-            bound: [0.0; 4],
-            gap: [0.0; 4],
-            partners: Vec::new(),
-            facing: [[0.0; D]; 4],
-            depth: 0.0,
-            place: [0.0; D],
-        }
-    }
-}
-
-/// A facet of which less than this part is covered stays out: its dual functions would be all rounding.
-const COVERED: f64 = 1e-3;
 /// The cosine between outward normals of boundaries that face each other is below this.
 const FACING: f64 = -0.1;
+/// Vertices this near to a corner or an edge of their facet, in its size, are there: coordinates in files have six
+/// digits at least.
+const SAME: f64 = 1e-6;
+/// The same in the least width of what is covered: places of a needle stay apart from each other.
+const SAME_OF_WIDTH: f64 = 1e-2;
+/// What part of a smooth boundary is not met by the other one may be lost to curvature: less integrated than this part of
+/// what lies opposite is told.
+const MET: f64 = 0.5;
 
-/// The contact nodes of the boundary `facets` against the boundary `others` of another body (or of the same
-/// one, across a slit): see the module for the method.
+/// The contact of two boundaries.
+#[derive(Clone, Debug)]
+pub struct MortarContact<const D: usize> {
+    /// The places that may come into contact.
+    pub places: Vec<ContactPlace<D>>,
+    /// What of the other boundary lies opposite of the first one, but is not met by it.
+    pub unmet: Option<Unmet<D>>,
+}
+
+/// Facets of the other boundary that the first one does not meet, although it lies opposite within the search distance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unmet<const D: usize> {
+    /// How many.
+    pub facets: usize,
+    /// The area of them that lies opposite.
+    pub area: f64,
+    /// The middle of the one with most of it.
+    pub place: [f64; D],
+}
+
+/// The contact of the boundary `facets` with the boundary `others` of another body (or of the same one, across a slit):
+/// see the module for the method.
 ///
-/// `facets` carry the multipliers: take the side with the coarser mesh where they differ much. They are directed as in
-/// [`crate::mesh::Mesh::boundaries`].
+/// `facets` carry the multipliers. They are directed as in [`crate::mesh::Mesh::boundaries`].
 ///
 /// # Errors
 /// If the boundaries overlap, share a node, do not find each other within the search distance, or if a bound,
@@ -166,33 +207,30 @@ pub fn mortar_contact<const D: usize>(
     facets: &[Facet<D>],
     others: &[Facet<D>],
     options: &PairOptions<D>,
-) -> Result<Vec<ContactNode<D>>, ContactError>
+) -> Result<MortarContact<D>, ContactError>
 where
     Kind: Mortar<D>,
 {
     let mesh = body.mesh;
-    let place = |node: u32| mesh.nodes[node as usize];
     let nodes_of = |facet: &Facet<D>| -> Vec<u32> { facet_nodes(facet).to_vec() };
     let other_nodes: HashSet<u32> = others.iter().flat_map(nodes_of).collect();
     let mut nodes = facets.iter().flat_map(nodes_of);
     if let Some(node) = nodes.find(|node| other_nodes.contains(node)) {
-        let place = place(node).into();
+        let place = mesh.nodes[node as usize].into();
         return Err(ContactError::Shared { place });
     }
     // What lies just at the distance is within it.
     let distance = options.distance_between(body, facets, others) * (1.0 + 1e-9);
     let rounding = rounding(body);
-    let normals = averaged_normals(mesh, facets)?;
+    let first = Surface::new(mesh, facets, options)?;
+    let second = Surface::new(mesh, others, options)?;
     let search = Search::new(mesh, others);
-    let shares: Vec<Shares<D>> = facets
-        .par_iter()
-        .map(|facet| {
-            let here = Here::new(body, facet, &normals);
-            let near: Vec<Facet<D>> = search
-                .near(<Kind as Mortar<D>>::beam(&here, distance))
-                .filter(|other| dot(mesh.facet_normal(other).1, here.normal) < FACING)
-                .collect();
-            integrate(body, &here, &near, distance, rounding, options)
+    let shares: Vec<FacetShares<D>> = (0..facets.len())
+        .into_par_iter()
+        .map(|number| {
+            let here = Here::new(body, &first, number);
+            let near = second.near(mesh, &search, &here, distance);
+            integrate(&here, &near, distance, rounding, options)
         })
         .collect();
     if let Some(worst) = shares
@@ -210,318 +248,247 @@ where
             None => ContactError::BodiesOverlap { place, depth },
         });
     }
-
-    // The sums at the nodes, in the order of the facets.
-    let mut sums: BTreeMap<u32, Sums<D>> = BTreeMap::new();
-    for (facet, shares) in facets.iter().zip(&shares) {
-        let nodes = facet_nodes(facet);
-        let part = body.thickness * mesh.facet_normal(facet).0 / nodes.len() as f64;
-        for (end, &node) in nodes.iter().enumerate() {
-            sums.entry(node).or_default().add(part, shares, end);
-        }
-    }
-    let covered = (sums.into_iter()).filter(|(_, sums)| !(sums.area <= 1e-6 * sums.full));
-    let found = covered
-        .map(|(node, sums)| sums.contact_node(mesh, node, normals[&node], options))
-        .collect::<Result<Vec<_>, _>>()?;
+    let found = Places::new(body, &first, &shares).finish(body, &first, options)?;
     if found.is_empty() {
         let nearest = search.nearest(facets.iter().map(|facet| Bounds::around(mesh, facet)));
         return Err(ContactError::Apart { distance, nearest });
     }
-    Ok(found)
+    Ok(MortarContact {
+        places: found,
+        unmet: unmet(body, [&first, &second], &shares, distance),
+    })
+}
+
+/// What the other boundary sees of the first one, and is not met there.
+fn unmet<const D: usize>(
+    body: &Body<D>,
+    [first, second]: [&Surface<D>; 2],
+    shares: &[FacetShares<D>],
+    distance: f64,
+) -> Option<Unmet<D>>
+where
+    Kind: Mortar<D>,
+{
+    let mut met = vec![0.0; second.facets.len()];
+    for &(number, area) in shares.iter().flat_map(|shares| &shares.met) {
+        met[number] += area;
+    }
+    let search = Search::new(body.mesh, first.facets);
+    let opposite: Vec<f64> = (0..second.facets.len())
+        .into_par_iter()
+        .map(|number| {
+            let here = Here::new(body, second, number);
+            let near = first.near(body.mesh, &search, &here, distance);
+            let covers = <Kind as Mortar<D>>::covers(&here, &near, distance);
+            let meetings = covers.iter().flat_map(|cover| &cover.meetings);
+            meetings.map(|meeting| meeting.weight).sum()
+        })
+        .collect();
+    let missed = (met.iter().zip(&opposite).enumerate())
+        .filter(|(_, (met, opposite))| **met < MET * **opposite);
+    let missed: Vec<(usize, f64)> = missed.map(|(number, (_, area))| (number, *area)).collect();
+    let &(most, _) = missed.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let (corners, len) = body.mesh.corners_of(&second.facets[most]);
+    let sum = |c: usize| corners[..len].iter().map(|x| x[c]).sum::<f64>();
+    Some(Unmet {
+        facets: missed.len(),
+        area: missed.iter().map(|m| m.1).sum(),
+        place: std::array::from_fn(|c| sum(c) / len as f64),
+    })
+}
+
+impl<const D: usize> Near<D> {
+    /// Its nodes.
+    fn nodes(&self) -> &[u32] {
+        &self.nodes[..self.corners.1]
+    }
 }
 
 impl<const D: usize> Here<D> {
-    fn new(body: &Body<D>, facet: &Facet<D>, averaged: &HashMap<u32, [f64; D]>) -> Self
+    fn new(body: &Body<D>, surface: &Surface<D>, number: usize) -> Self
     where
         Kind: Topology<D>,
     {
+        let facet = &surface.facets[number];
         let (corners, len) = body.mesh.corners_of(facet);
-        let (_, normal) = body.mesh.facet_normal(facet);
-        let mut normals = [normal; 4];
-        for (normal, node) in normals.iter_mut().zip(facet_nodes(facet)) {
-            *normal = averaged[node];
+        let mut normals = [surface.outward[number]; 4];
+        for (normal, &node) in normals.iter_mut().zip(facet_nodes(facet)) {
+            *normal = surface.normal(node, surface.part[number]);
         }
         Self {
             len,
             corners,
             normals,
-            normal,
+            normal: surface.outward[number],
             thickness: body.thickness,
         }
     }
 }
 
-/// At each node of a boundary the unit normal halfway between those of its facets.
-fn averaged_normals<const D: usize>(
-    mesh: &Mesh<D>,
-    facets: &[Facet<D>],
-) -> Result<HashMap<u32, [f64; D]>, ContactError>
-where
-    Kind: Mortar<D>,
-{
-    let mut normals: HashMap<u32, [f64; D]> = HashMap::new();
-    for facet in facets {
-        let (_, n) = mesh.facet_normal(facet);
-        let (corners, len) = mesh.corners_of(facet);
-        let weights = <Kind as Mortar<D>>::corner_weights(&corners[..len]);
-        for (&node, weight) in facet_nodes(facet).iter().zip(weights) {
-            let sum = normals.entry(node).or_insert([0.0; D]);
-            *sum = std::array::from_fn(|c| sum[c] + weight * n[c]);
-        }
-    }
-    for (&node, normal) in &mut normals {
-        if !(length(*normal) > 1e-6) {
-            let place = mesh.nodes[node as usize].into();
-            return Err(ContactError::Folded { place });
-        }
-        *normal = unit(*normal);
-    }
-    Ok(normals)
+/// What a facet of the first boundary adds to the integrals of places.
+struct FacetShares<const D: usize> {
+    /// Of each part of the other boundary that it meets.
+    covers: Vec<Shares<D>>,
+    /// How much of which facets of the other boundary it meets.
+    met: Vec<(usize, f64)>,
+    /// The deepest overlap and where.
+    depth: f64,
+    place: [f64; D],
 }
 
-/// What the facets of the first boundary add up to at a node.
-struct Sums<const D: usize> {
-    /// ∫ φ over all of them, covered or not (of a quadrilateral a fourth of its area).
-    full: f64,
+/// What is covered of a facet by one part of the other boundary, and what it adds to the integrals of its vertices.
+struct Shares<const D: usize> {
+    part: u32,
+    width: f64,
+    vertices: Vec<Share<D>>,
+}
+
+/// The integrals of a vertex.
+struct Share<const D: usize> {
+    site: Site,
+    place: [f64; D],
+    /// ∫ βᵢ.
     area: f64,
+    /// ∫ βᵢ bound, for a Tresca bound.
     bound: f64,
+    /// ∫ ψᵢ gap.
     gap: f64,
+    /// ∫ βᵢ n of the other boundary.
     facing: [f64; D],
+    /// ∫ ψᵢ φₖ over the corners of the facet; none where it is wholly covered: there they are δᵢₖ ∫ βᵢ.
+    own: Option<[f64; 4]>,
+    /// (j, ∫ ψᵢ φⱼ).
     partners: Vec<(u32, f64)>,
 }
 
-impl<const D: usize> Default for Sums<D> {
-    fn default() -> Self {
-        Self {
-            full: 0.0,
-            area: 0.0,
-            bound: 0.0,
-            gap: 0.0,
-            facing: [0.0; D],
-            partners: Vec::new(),
-        }
-    }
-}
-
-impl<const D: usize> Sums<D> {
-    /// Adds the shares of a facet of which the node is this corner.
-    fn add(&mut self, full: f64, shares: &Shares<D>, end: usize) {
-        self.full += full;
-        self.area += shares.area[end];
-        self.bound += shares.bound[end];
-        self.gap += shares.gap[end];
-        for c in 0..D {
-            self.facing[c] += shares.facing[end][c];
-        }
-        for &(other, weight) in &shares.partners {
-            match self.partners.iter_mut().find(|p| p.0 == other) {
-                Some(partner) => partner.1 += weight[end],
-                None => self.partners.push((other, weight[end])),
-            }
-        }
-    }
-
-    fn contact_node(
-        &self,
-        mesh: &Mesh<D>,
-        node: u32,
-        own: [f64; D],
-        options: &PairOptions<D>,
-    ) -> Result<ContactNode<D>, ContactError>
-    where
-        Kind: Topology<D>,
-    {
-        let x = mesh.nodes[node as usize];
-        let slip_bound = options.friction.at(x, self.bound)?;
-        // ν lies between the normals of both sides, so that it does not matter which of them is named first.
-        let normal = unit(minus(own, self.facing.map(|c| c / self.area)));
-        let gap = self.gap / self.area * dot(own, normal);
-        if let Some(interference) = options.interference {
-            checked("interference", x, interference(x))?;
-        }
-        if !gap.is_finite() {
-            checked("gap", x, f64::NAN)?;
-        }
-        let frame = frame(normal);
-        let mut partners: Vec<(u32, f64)> = (self.partners.iter())
-            .map(|&(other, weight)| (other, weight / self.area))
-            .filter(|p| p.1.abs() > 1e-14)
-            .collect();
-        partners.sort_unstable_by_key(|p| p.0);
-        // In the plane nothing is moved yet: published figures of curved boundaries would change by as little as O(h²).
-        if D > 2 {
-            centre(mesh, x, &frame, self.area.sqrt(), &mut partners);
-        }
-        Ok(ContactNode {
-            node,
-            partners,
-            frame,
-            // ψ has negative parts, so that the mean of a gap that is nowhere negative may be, by O(h²).
-            gap: if options.interference.is_some() {
-                gap
-            } else {
-                gap.max(0.0)
-            },
-            area: self.area,
-            slip_bound,
-        })
-    }
-}
-
-/// Moves the mean place of the partners of a node at x onto its normal, by the least change of their weights.
-///
-/// Only then a pressure has no moment on the pair, and none is needed to turn it as a whole. Where both boundaries are
-/// flat this holds as it is; on curved ones it misses by O(h²).
-fn centre<const D: usize>(
-    mesh: &Mesh<D>,
-    x: [f64; D],
-    frame: &[[f64; D]; D],
-    size_of_facets: f64,
-    partners: &mut [(u32, f64)],
-) where
-    Kind: Topology<D>,
-{
-    // Offsets along the tangents; the first entry stands for the normal and stays 0.
-    let offset = |node: u32| -> [f64; D] {
-        let to = minus(mesh.nodes[node as usize], x);
-        std::array::from_fn(|a| if a == 0 { 0.0 } else { dot(frame[a], to) })
-    };
-    let (mut off, mut middle, mut size) = ([0.0; D], [0.0; D], 0.0);
-    for &(node, weight) in &*partners {
-        let y = offset(node);
-        size += weight.abs();
-        for a in 1..D {
-            off[a] += weight * y[a];
-            middle[a] += weight.abs() * y[a];
-        }
-    }
-    let middle = middle.map(|sum| sum / size);
-    let mut spread = Mat::<f64>::zeros(D - 1, D - 1);
-    for &(node, weight) in &*partners {
-        let y = minus(offset(node), middle);
-        for a in 1..D {
-            for b in 1..D {
-                spread[(a - 1, b - 1)] += weight.abs() * y[a] * y[b];
-            }
-        }
-    }
-    let scale = (0..D - 1).map(|a| spread[(a, a)]).sum::<f64>().sqrt();
-    // Rounding needs no correction, and partners in one place allow none.
-    if !(length(off) > 1e-11 * size_of_facets && length(off) < 0.5 * scale) {
-        return;
-    }
-    let inverse = dense::pseudo_inverse(&spread, 1e-6);
-    let slope: [f64; D] = std::array::from_fn(|a| match a {
-        0 => 0.0,
-        _ => (1..D).map(|b| -inverse[(a - 1, b - 1)] * off[b]).sum(),
-    });
-    for (node, weight) in partners {
-        *weight += weight.abs() * dot(slope, minus(offset(*node), middle));
+/// Adds to the entry of a node.
+fn add_to(entries: &mut Vec<(u32, f64)>, node: u32, value: f64) {
+    match entries.iter_mut().find(|entry| entry.0 == node) {
+        Some(entry) => entry.1 += value,
+        None => entries.push((node, value)),
     }
 }
 
 /// The integrals over one facet of the first boundary.
 fn integrate<const D: usize>(
-    body: &Body<D>,
     here: &Here<D>,
-    near: &[Facet<D>],
+    near: &[Near<D>],
     distance: f64,
     rounding: f64,
     options: &PairOptions<D>,
-) -> Shares<D>
+) -> FacetShares<D>
 where
     Kind: Mortar<D>,
 {
-    let mesh = body.mesh;
-    let corners: Vec<Corners<D>> = near.iter().map(|other| mesh.corners_of(other)).collect();
-    let overlap = <Kind as Mortar<D>>::overlap(here, &corners, distance);
-    let mut shares = Shares::default();
-    if overlap.covered < COVERED {
-        return shares;
-    }
-    // Mass matrix and ∫ φ over the covered part; ψ = C φ with C = diag(∫ φ) mass⁻¹.
-    let mut mass = [[0.0; 4]; 4];
-    for Meeting {
-        here: phi, weight, ..
-    } in &overlap.meetings
-    {
-        for i in 0..here.len {
-            for j in i..here.len {
-                mass[i][j] += weight * phi[i] * phi[j];
-            }
-            shares.area[i] += weight * phi[i];
-        }
-    }
-    let Some(dual) = dual(&mass, &shares.area, here.len) else {
-        return Shares::default();
+    let mut all = FacetShares {
+        covers: Vec::new(),
+        met: Vec::new(),
+        depth: 0.0,
+        place: [0.0; D],
     };
-    let facing: Vec<[f64; D]> = near
-        .iter()
-        .map(|other| mesh.facet_normal(other).1)
-        .collect();
-    for meeting in &overlap.meetings {
-        let Meeting {
-            other,
-            place: x,
-            here: phi,
-            there,
-            distance,
-            weight: w,
-        } = *meeting;
-        let psi: [f64; 4] = std::array::from_fn(|i| {
-            (1..here.len).fold(dual[i][0] * phi[0], |sum, k| sum + dual[i][k] * phi[k])
-        });
-        let gap = options.gap_at(x, distance, rounding);
-        // NaN from an expression must stay.
-        if gap < -shares.depth && options.interference.is_none() {
-            shares.depth = -gap;
-            shares.place = x;
-        }
-        let bound = match options.friction {
-            Friction::Tresca(tresca) => tresca(x),
-            _ => 0.0,
+    for cover in <Kind as Mortar<D>>::covers(here, near, distance) {
+        let n = cover.vertices.len();
+        let is_whole = cover.functions.is_empty();
+        let functions = |number: usize| match is_whole {
+            true => &cover.meetings[number].here[..n],
+            false => &cover.functions[n * number..][..n],
         };
-        for i in 0..here.len {
-            shares.gap[i] += w * psi[i] * gap;
-            shares.bound[i] += w * phi[i] * bound;
-            for c in 0..D {
-                shares.facing[i][c] += w * phi[i] * facing[other][c];
+        // Mass matrix and ∫ β over the covered part; ψ = C β with C = diag(∫ β) mass⁻¹.
+        let (mut mass, mut area) = (Mat::<f64>::zeros(n, n), vec![0.0; n]);
+        for (number, Meeting { weight, .. }) in cover.meetings.iter().enumerate() {
+            let beta = functions(number);
+            for i in 0..n {
+                for j in i..n {
+                    mass[(j, i)] += weight * beta[i] * beta[j];
+                }
+                area[i] += weight * beta[i];
             }
         }
-        for (&node, there) in facet_nodes(&near[other]).iter().zip(there) {
-            let weight = psi.map(|psi| w * psi * there);
-            match shares.partners.iter_mut().find(|p| p.0 == node) {
-                Some(partner) => {
-                    for (sum, weight) in partner.1.iter_mut().zip(weight) {
-                        *sum += weight;
+        let dual = dual(&mass, &area);
+        let vertices = cover.vertices.iter().zip(&area);
+        let mut vertices: Vec<Share<D>> = vertices
+            .map(|(&(site, place), &area)| Share {
+                site,
+                place,
+                area,
+                bound: 0.0,
+                gap: 0.0,
+                facing: [0.0; D],
+                own: (!is_whole).then_some([0.0; 4]),
+                partners: Vec::new(),
+            })
+            .collect();
+        for (number, meeting) in cover.meetings.iter().enumerate() {
+            let &Meeting {
+                place: x,
+                weight: w,
+                ..
+            } = meeting;
+            let other = &near[meeting.other];
+            match all.met.last_mut() {
+                Some(last) if last.0 == other.number => last.1 += w,
+                _ => all.met.push((other.number, w)),
+            }
+            let beta = functions(number);
+            let gap = options.gap_at(x, meeting.distance, rounding);
+            // NaN from an expression must stay.
+            if gap < -all.depth && options.interference.is_none() {
+                all.depth = -gap;
+                all.place = x;
+            }
+            let bound = match options.friction {
+                Friction::Tresca(tresca) => tresca(x),
+                _ => 0.0,
+            };
+            for (i, share) in vertices.iter_mut().enumerate() {
+                let psi = (1..n).fold(dual[(i, 0)] * beta[0], |sum, k| {
+                    sum + dual[(i, k)] * beta[k]
+                });
+                share.gap += w * psi * gap;
+                share.bound += w * beta[i] * bound;
+                for c in 0..D {
+                    share.facing[c] += w * beta[i] * other.normal[c];
+                }
+                if let Some(own) = &mut share.own {
+                    for (own, phi) in own.iter_mut().zip(meeting.here) {
+                        *own += w * psi * phi;
                     }
                 }
-                None => shares.partners.push((node, weight)),
+                for (&node, there) in other.nodes().iter().zip(meeting.there) {
+                    add_to(&mut share.partners, node, w * psi * there);
+                }
             }
         }
+        all.covers.push(Shares {
+            part: cover.part,
+            width: cover.width,
+            vertices,
+        });
     }
-    shares
+    all
 }
 
-/// C of ψ = C φ = diag(∫ φ) mass⁻¹ φ, from the upper triangle of the mass matrix of so many functions; None if that is
-/// singular to rounding.
-fn dual(mass: &[[f64; 4]; 4], area: &[f64; 4], len: usize) -> Option<[[f64; 4]; 4]> {
-    let mut dual = [[0.0; 4]; 4];
-    if len == 2 {
-        let [[m00, m01, ..], [_, m11, ..], ..] = *mass;
+/// C of ψ = C β = diag(∫ β) mass⁻¹ β, from the lower triangle of the mass matrix.
+///
+/// Where what is covered is so thin and bent that its functions depend on each other there, the pseudo-inverse of the
+/// matrix keeps Σψ = 1 and the moments.
+fn dual(mass: &Mat<f64>, area: &[f64]) -> Mat<f64> {
+    let n = area.len();
+    if n == 2 {
+        let (m00, m01, m11) = (mass[(0, 0)], mass[(1, 0)], mass[(1, 1)]);
         let det = m00 * m11 - m01 * m01;
-        let [d0, d1, ..] = *area;
-        dual[0][..2].copy_from_slice(&[d0 * m11 / det, -d0 * m01 / det]);
-        dual[1][..2].copy_from_slice(&[-d1 * m01 / det, d1 * m00 / det]);
-        return Some(dual);
+        let other = [[m11, -m01], [-m01, m00]];
+        return Mat::from_fn(2, 2, |i, j| area[i] * other[i][j] / det);
     }
-    let factor = dense::cholesky(Mat::from_fn(len, len, |i, j| mass[j.min(i)][i.max(j)]))?;
-    let inverse = dense::inverse(&factor);
-    for i in 0..len {
-        for j in 0..len {
-            dual[i][j] = area[i] * inverse[(i.max(j), i.min(j))];
+    let lower = |i: usize, j: usize| mass[(i.max(j), i.min(j))];
+    let inverse = match dense::cholesky(Mat::from_fn(n, n, lower)) {
+        Some(factor) => dense::inverse(&factor),
+        None => {
+            let scale: Vec<f64> = (0..n).map(|i| mass[(i, i)].sqrt().recip()).collect();
+            let scaled = Mat::from_fn(n, n, |i, j| scale[i] * lower(i, j) * scale[j]);
+            let inverse = dense::pseudo_inverse(&scaled, 1e-10);
+            Mat::from_fn(n, n, |i, j| scale[i] * inverse[(i, j)] * scale[j])
         }
-    }
-    Some(dual)
+    };
+    Mat::from_fn(n, n, |i, j| area[i] * inverse[(i.max(j), i.min(j))])
 }

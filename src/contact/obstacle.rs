@@ -1,7 +1,7 @@
 //! Rigid obstacles.
 
 use super::{
-    ContactError, ContactNode, Friction, PairOptions, SlipBound, checked, frame, rounding,
+    ContactError, ContactPlace, Friction, PairOptions, SlipBound, checked, frame, rounding,
 };
 use crate::elasticity::{Body, Elements};
 use crate::mesh::vector::{dot, length, minus, unit};
@@ -123,7 +123,7 @@ pub fn obstacle_contact<const D: usize>(
     facets: &[Facet<D>],
     obstacle: &Obstacle<D>,
     options: &PairOptions<D>,
-) -> Result<Vec<ContactNode<D>>, ContactError>
+) -> Result<Vec<ContactPlace<D>>, ContactError>
 where
     Kind: Elements<D>,
 {
@@ -152,9 +152,9 @@ where
     if let Friction::Tresca(tresca) = options.friction {
         body.integrate_on_boundary(facets, tresca, &mut bound);
     }
-    nodes
-        .into_iter()
-        .map(|node| {
+    (0..)
+        .zip(nodes)
+        .map(|(number, node)| {
             let i = node as usize;
             let place = mesh.nodes[i];
             let (distance, normal) = obstacle.distance(place);
@@ -179,12 +179,15 @@ where
                 SlipBound::Given(_) if gap > near => SlipBound::Given(0.0),
                 slip_bound => slip_bound,
             };
-            Ok(ContactNode {
-                node,
+            Ok(ContactPlace {
+                place,
+                node: Some(node),
+                own: vec![(node, 1.0)],
                 partners: Vec::new(),
                 frame: frame(normal),
                 gap,
                 area: area[i],
+                pool: number,
                 slip_bound,
             })
         })

@@ -1,10 +1,11 @@
 //! From contact nodes to the rows of N and T over the unknowns.
 //!
 //! A row is about the relative motion of a node and what it meets. What supports prescribe of that motion belongs to
-//! the gap and the slide of a step; the rest is the row. N and T together have full row rank: where a direction has
-//! no unknowns of its own, there is no friction along it ([`contact_rows`]).
+//! the gap and the slide of a step; the rest is the row. Rows between bodies may depend on each other: contact forces are
+//! unique then, multipliers need not be. On rigid obstacles they do not: where a direction has no unknowns of its own,
+//! there is no friction along it ([`contact_rows`]).
 
-use super::{ContactError, ContactNode, SlipBound};
+use super::{ContactError, ContactPlace, SlipBound};
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, minus};
 use crate::mesh::{Kind, Mesh, Place, Topology};
@@ -22,17 +23,17 @@ const KEPT: f64 = 0.25;
 /// N, T, d, g over the unknowns, with the contact nodes that their rows belong to.
 #[derive(Clone, Debug)]
 pub struct ContactRows<const D: usize = 2> {
-    /// The contact node of each row of N.
-    pub nodes: Vec<ContactNode<D>>,
+    /// The place of each row of N.
+    pub places: Vec<ContactPlace<D>>,
     /// Which of the candidates that is.
     pub candidate: Vec<usize>,
-    /// N: a row per contact node, along ν.
+    /// N: a row per contact place, along ν.
     pub normal: Csr,
-    /// T: D − 1 rows per contact node, one after the other, along the tangents of its frame.
+    /// T: D − 1 rows per contact place, one after the other, along the tangents of its frame.
     pub tangential: Csr,
-    /// Given slip bounds of the nodes; 0 under Coulomb's law and where a node has no friction.
+    /// Given slip bounds of the places; 0 under Coulomb's law and where one has no friction.
     pub slip_bound: Vec<f64>,
-    /// μ of the nodes; 0 under the other laws and where a node has no friction.
+    /// μ of the places; 0 under the other laws and where one has no friction.
     pub coefficient: Vec<f64>,
     /// What prescribed displacements add to N u and to T u, row by row.
     held: [Vec<Vec<Held>>; 2],
@@ -43,31 +44,25 @@ pub struct ContactRows<const D: usize = 2> {
     along_one: Vec<(Place, Vec<Held>, f64)>,
 }
 
-/// Writes the rows of the contact nodes.
+/// Writes the rows of contact places.
 ///
-/// A node may stand in several contacts if their normals differ, and supports may hold it, or what it meets, in any
-/// direction: what they prescribe counts in [`ContactRows::gap`] and [`ContactRows::held_motion`]. A node whose
-/// normal motion is prescribed altogether has no row and is only checked ([`ContactRows::check`]). Friction needs
-/// directions of its own: on a rigid obstacle a node gets an empty row in T where supports or another contact keep it
-/// from sliding along the tangent, and no friction where that leaves none. In space the tangents of a node that a
-/// support holds in one direction are turned so that the first is free of it.
+/// A node may stand in several contacts, and supports may hold it, or what it meets, in any direction: what they
+/// prescribe counts in [`ContactRows::gap`] and [`ContactRows::held_motion`]. A place whose normal motion is prescribed
+/// altogether has no row and is only checked ([`ContactRows::check`]). On a rigid obstacle a node gets an empty row in T
+/// where supports or another obstacle keep it from sliding along the tangent, and no friction where that leaves none. In
+/// space the tangents of a place that a support holds in one direction are turned so that the first is free of it.
 ///
 /// # Errors
-/// If the normal rows are not independent, or the tangential ones of nodes with friction that meet another body.
+/// If the normals of the rigid obstacles that a node meets are not independent.
 pub fn contact_rows<const D: usize>(
     body: &Body<D>,
     unknowns: &Unknowns<D>,
-    candidates: &[ContactNode<D>],
+    candidates: &[ContactPlace<D>],
 ) -> Result<ContactRows<D>, ContactError>
 where
     Kind: Topology<D>,
 {
-    let place = |node: u32| Place::from(body.mesh.nodes[node as usize]);
-    let mut times: HashMap<u32, usize> = HashMap::new();
-    for candidate in candidates {
-        *times.entry(candidate.node).or_default() += 1;
-    }
-    let (mut nodes, mut numbers, mut fixed) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut places, mut numbers, mut fixed) = (Vec::new(), Vec::new(), Vec::new());
     let mut rows: [Vec<Vec<Entry>>; 2] = Default::default();
     let mut held: [Vec<Vec<Held>>; 2] = Default::default();
     // What supports prescribe along the tangents of nodes that they keep from sliding there.
@@ -75,15 +70,15 @@ where
     for (number, candidate) in candidates.iter().enumerate() {
         let (entries, motion) = row(unknowns, candidate, candidate.frame[0]);
         if entries.is_empty() {
-            fixed.push((place(candidate.node), candidate.gap, motion));
+            fixed.push((candidate.place.into(), candidate.gap, motion));
             continue;
         }
         rows[0].push(entries);
         held[0].push(motion);
-        let node = turned(candidate, unknowns);
-        for &tangent in &node.frame[1..] {
-            let (entries, motion) = row(unknowns, &node, tangent);
-            let is_kept = !entries.is_empty() && kept_along(body.mesh, unknowns, &node, tangent);
+        let place = turned(candidate, unknowns);
+        for &tangent in &place.frame[1..] {
+            let (entries, motion) = row(unknowns, &place, tangent);
+            let is_kept = !entries.is_empty() && kept_along(body.mesh, unknowns, &place, tangent);
             let (entries, motion, instead) = match is_kept {
                 true => (Vec::new(), Vec::new(), Some(motion)),
                 false => (entries, motion, None),
@@ -92,25 +87,25 @@ where
             held[1].push(motion);
             kept.push(instead);
         }
-        nodes.push(node);
+        places.push(place);
         numbers.push(number);
     }
-    make_independent(&mut rows, &nodes, unknowns, &times, place)?;
+    make_independent(&mut rows, &places, unknowns)?;
 
     let (mut slip_bound, mut coefficient, mut along_one) = (Vec::new(), Vec::new(), Vec::new());
-    for (i, (rows, node)) in rows[1].chunks(D - 1).zip(&nodes).enumerate() {
+    for (i, (rows, place)) in rows[1].chunks(D - 1).zip(&places).enumerate() {
         let empty: Vec<usize> = (0..D - 1).filter(|&a| rows[a].is_empty()).collect();
         if let (3, [a]) = (D, &empty[..])
-            && node.slip_bound.is_any()
+            && place.slip_bound.is_any()
         {
             let row = (D - 1) * i + a;
             let (motion, rest) = match &kept[row] {
                 Some(motion) => (motion, KEPT),
                 None => (&held[1][row], 0.0),
             };
-            along_one.push((place(node.node), motion.clone(), rest));
+            along_one.push((place.place.into(), motion.clone(), rest));
         }
-        let (given, mu) = match node.slip_bound {
+        let (given, mu) = match place.slip_bound {
             _ if rows.iter().all(Vec::is_empty) => (0.0, 0.0),
             SlipBound::Given(bound) => (bound, 0.0),
             SlipBound::Coulomb(mu) => (0.0, mu),
@@ -127,7 +122,7 @@ where
     Ok(ContactRows {
         normal,
         tangential,
-        nodes,
+        places,
         candidate: numbers,
         slip_bound,
         coefficient,
@@ -137,65 +132,67 @@ where
     })
 }
 
-/// Checks that normal rows are independent, and empties tangential ones that depend on what comes before them.
+/// Checks that normal rows on rigid obstacles are independent, and empties tangential ones there that depend on what
+/// comes before them.
 fn make_independent<const D: usize>(
     rows: &mut [Vec<Vec<Entry>>; 2],
-    nodes: &[ContactNode<D>],
+    places: &[ContactPlace<D>],
     unknowns: &Unknowns<D>,
-    times: &HashMap<u32, usize>,
-    place: impl Fn(u32) -> Place,
 ) -> Result<(), ContactError> {
+    let on_obstacles = |place: &&ContactPlace<D>| place.partners.is_empty();
+    let mut times: HashMap<u32, usize> = HashMap::new();
+    for place in places.iter().filter(on_obstacles) {
+        *times.entry(place.own[0].0).or_default() += 1;
+    }
     let mut independent = Independent::<D>::default();
     // Its own unknowns belong to no other row of its kind.
-    let own = |node: u32| unknowns.block(node).filter(|_| times[&node] == 1);
-    for (row, &ContactNode { node, .. }) in rows[0].iter().zip(nodes) {
-        if !independent.add(row, own(node)) {
-            let place = place(node);
-            return Err(if times[&node] > 1 {
-                ContactError::Twice { place }
-            } else {
-                ContactError::Dependent { place }
-            });
+    let own = |place: &ContactPlace<D>| {
+        let node = place.own[0].0;
+        unknowns.block(node).filter(|_| times[&node] == 1)
+    };
+    for (row, place) in rows[0].iter().zip(places) {
+        if on_obstacles(&place) && !independent.add(row, own(place)) {
+            let place = place.place.into();
+            return Err(ContactError::Twice { place });
         }
     }
-    for (rows, node) in rows[1].chunks_mut(D - 1).zip(nodes) {
-        for row in rows {
-            if !row.is_empty() && !independent.add(row, own(node.node)) {
+    for (rows, place) in rows[1].chunks_mut(D - 1).zip(places) {
+        for row in rows.iter_mut().filter(|_| on_obstacles(&place)) {
+            if !row.is_empty() && !independent.add(row, own(place)) {
                 row.clear();
-                // What it meets could slide, but has too few unknowns for all that it meets.
-                if node.slip_bound.is_any() && !node.partners.is_empty() {
-                    let place = place(node.node);
-                    return Err(ContactError::Dependent { place });
-                }
             }
         }
     }
     Ok(())
 }
 
-/// In space: whether supports keep a node from sliding along a tangent, and what it meets as well. All that is left of
+/// In space: whether supports keep a place from sliding along a tangent, and what it meets as well. All that is left of
 /// the row then is what partners nearby deform by, as on a plane of symmetry that cuts both bodies: the mean place of
 /// partners lies on it, so that their mean motion across it is none, and friction would act on next to nothing.
 fn kept_along<const D: usize>(
     mesh: &Mesh<D>,
     unknowns: &Unknowns<D>,
-    node: &ContactNode<D>,
+    place: &ContactPlace<D>,
     tangent: [f64; D],
 ) -> bool
 where
     Kind: Topology<D>,
 {
-    let kept = minus(tangent, unknowns.free_part(node.node, tangent));
+    let mut kept = tangent;
+    for &(node, weight) in &place.own {
+        let free = unknowns.free_part(node, tangent);
+        (0..D).for_each(|c| kept[c] -= weight * free[c]);
+    }
     let size = dot(kept, kept);
-    if D == 2 || node.partners.is_empty() || !(size > 0.1) {
+    if D == 2 || place.partners.is_empty() || !(size > 0.1) {
         return false;
     }
-    let (mut slides, mut ends, mut held) = (0.0, [0.0_f64; 2], Vec::new());
-    for &(partner, weight) in &node.partners {
+    let (mut slides, mut ends, mut held) = (0.0_f64, [0.0_f64; 2], Vec::new());
+    for &(partner, weight) in &place.partners {
         let free = unknowns.free_part(partner, kept);
         let part = dot(free, free);
         slides += weight * part;
-        let to = minus(mesh.nodes[partner as usize], mesh.nodes[node.node as usize]);
+        let to = minus(mesh.nodes[partner as usize], place.place);
         let across = dot(to, kept);
         ends = [ends[0].min(across), ends[1].max(across)];
         held.push((across, part <= 1e-9 * size));
@@ -208,36 +205,53 @@ where
     is_end || slides.abs() < KEPT * size
 }
 
-/// The node with its tangents turned, in space, so that the first has no part in the only direction in which
-/// supports hold it: what is left to slide along.
-fn turned<const D: usize>(node: &ContactNode<D>, unknowns: &Unknowns<D>) -> ContactNode<D> {
-    let mut node = node.clone();
-    let held = unknowns.prescribed(node.node);
-    let along = |v: [f64; D], c: usize| unknowns.frame(node.node).map_or(v[c], |f| dot(f[c], v));
-    let mut components = (0..D).filter(|&c| held[c].is_some());
-    if let (3, Some(c), None) = (D, components.next(), components.next()) {
-        let [s, t] = [node.frame[1], node.frame[2]];
-        let parts = [along(s, c), along(t, c)];
+/// The place with its tangents turned, in space, so that the first has no part in the only direction in which
+/// supports hold all of its nodes: what is left to slide along.
+fn turned<const D: usize>(place: &ContactPlace<D>, unknowns: &Unknowns<D>) -> ContactPlace<D> {
+    let mut place = place.clone();
+    // The directions in which a node is held.
+    let held = |node: u32| -> Vec<[f64; D]> {
+        let axis = |c: usize| std::array::from_fn(|i| f64::from(u8::from(i == c)));
+        let all = unknowns.prescribed(node);
+        let held = (0..D).filter(|&c| all[c].is_some());
+        held.map(|c| {
+            unknowns
+                .frame(node)
+                .map_or_else(|| axis(c), |frame| frame[c])
+        })
+        .collect()
+    };
+    let first = held(place.own[0].0);
+    let everywhere = |way: &[f64; D]| {
+        place.own[1..]
+            .iter()
+            .all(|&(node, _)| held(node).contains(way))
+    };
+    if let (3, [way]) = (D, &first[..])
+        && everywhere(way)
+    {
+        let [s, t] = [place.frame[1], place.frame[2]];
+        let parts = [dot(*way, s), dot(*way, t)];
         let length = parts[0].hypot(parts[1]);
         if length > 0.0 {
             let (cos, sin) = (parts[1] / length, parts[0] / length);
-            node.frame[1] = std::array::from_fn(|i| cos * s[i] - sin * t[i]);
-            node.frame[2] = std::array::from_fn(|i| sin * s[i] + cos * t[i]);
+            place.frame[1] = std::array::from_fn(|i| cos * s[i] - sin * t[i]);
+            place.frame[2] = std::array::from_fn(|i| sin * s[i] + cos * t[i]);
         }
     }
-    node
+    place
 }
 
-/// The relative motion of a contact node along v: v at the node, −v at its partners; what is unknown of it, and what
-/// is prescribed.
+/// The relative motion of a contact place along v: v at its own nodes, −v at their partners, with their weights; what is
+/// unknown of it, and what is prescribed.
 fn row<const D: usize>(
     unknowns: &Unknowns<D>,
-    candidate: &ContactNode<D>,
+    candidate: &ContactPlace<D>,
     v: [f64; D],
 ) -> (Vec<Entry>, Vec<Held>) {
     let (mut entries, mut held) = (Vec::new(), Vec::new());
     let partners = candidate.partners.iter().map(|&(node, w)| (node, -w));
-    for (node, factor) in [(candidate.node, 1.0)].into_iter().chain(partners) {
+    for (node, factor) in candidate.own.iter().copied().chain(partners) {
         if let Some(frame) = unknowns.frame(node) {
             // What is prescribed along directions of its own is taken out; the unknowns are along the axes.
             for (c, value) in unknowns.prescribed(node).iter().enumerate() {
@@ -349,10 +363,9 @@ impl<const D: usize> ContactRows<D> {
     /// a prescribed motion pushes the bodies into each other.
     pub fn gap(&self, unknowns: &Unknowns<D>) -> Vec<f64> {
         let (moved, _) = self.held_motion(unknowns);
-        self.nodes
-            .iter()
+        (self.places.iter())
             .zip(moved)
-            .map(|(node, moved)| node.gap - moved)
+            .map(|(place, moved)| place.gap - moved)
             .collect()
     }
 
@@ -384,9 +397,18 @@ impl<const D: usize> ContactRows<D> {
         }
     }
 
-    /// Whether a law of friction is stated for a contact node that supports or another contact keep from sliding.
+    /// The area that the pressure of each place is shown and judged with: that of its pool.
+    pub fn pooled_areas(&self) -> Vec<f64> {
+        let mut pools: HashMap<u32, f64> = HashMap::new();
+        for place in &self.places {
+            *pools.entry(place.pool).or_default() += place.area;
+        }
+        self.places.iter().map(|place| pools[&place.pool]).collect()
+    }
+
+    /// Whether a law of friction is stated for a contact place that supports or another contact keep from sliding.
     pub fn keeps_from_sliding(&self, row: usize) -> bool {
-        self.nodes[row].slip_bound.is_any()
+        self.places[row].slip_bound.is_any()
             && self.slip_bound[row] == 0.0
             && self.coefficient[row] == 0.0
     }

@@ -84,7 +84,8 @@ pub(super) struct Search<const D: usize>
 where
     Kind: Topology<D>,
 {
-    facets: Vec<(Bounds<D>, Facet<D>)>,
+    /// With the number of each in the boundary.
+    facets: Vec<(Bounds<D>, usize, Facet<D>)>,
     tree: RTree<Numbered<D>>,
 }
 
@@ -97,30 +98,36 @@ where
 {
     pub fn new(mesh: &Mesh<D>, facets: &[Facet<D>]) -> Self {
         let boxes = facets.iter().map(|facet| Bounds::around(mesh, facet));
-        let mut facets: Vec<_> = boxes.zip(facets.iter().copied()).collect();
-        let (low, high) = bounds(facets.iter().flat_map(|(b, _)| [b.low, b.high]));
+        let facets = boxes.zip(facets).enumerate();
+        let mut facets: Vec<_> = facets
+            .map(|(number, (b, facet))| (b, number, *facet))
+            .collect();
+        let (low, high) = bounds(facets.iter().flat_map(|(b, ..)| [b.low, b.high]));
         let extent = |c: usize| high[c] - low[c];
         let axis = (1..D).fold(0, |most, c| if extent(c) > extent(most) { c } else { most });
         facets.sort_by(|a, b| a.0.low[axis].total_cmp(&b.0.low[axis]));
         let numbered = (facets.iter().enumerate())
-            .map(|(number, (b, _))| Numbered::new(Rectangle::from_corners(b.low, b.high), number))
+            .map(|(number, (b, ..))| Numbered::new(Rectangle::from_corners(b.low, b.high), number))
             .collect();
         let tree = RTree::bulk_load(numbered);
         Self { facets, tree }
     }
 
-    /// The facets whose boxes a beam may meet, in the order of their numbers.
-    pub fn near(&self, beam: Beam<D>) -> impl Iterator<Item = Facet<D>> {
+    /// The facets whose boxes a beam may meet, with their numbers in the boundary.
+    pub fn near(&self, beam: Beam<D>) -> impl Iterator<Item = (usize, Facet<D>)> {
         let found = self.tree.locate_with_selection_function(beam);
         let mut numbers: Vec<usize> = found.map(|numbered| numbered.data).collect();
         numbers.sort_unstable();
-        numbers.into_iter().map(|number| self.facets[number].1)
+        numbers.into_iter().map(|place| {
+            let (_, number, facet) = self.facets[place];
+            (number, facet)
+        })
     }
 
     /// The least distance of the box of a facet from one of some boxes.
     pub fn nearest(&self, boxes: impl Iterator<Item = Bounds<D>>) -> f64 {
         boxes
-            .flat_map(|here| (self.facets.iter()).map(move |(there, _)| here.distance(there)))
+            .flat_map(|here| (self.facets.iter()).map(move |(there, ..)| here.distance(there)))
             .fold(f64::INFINITY, f64::min)
     }
 }

@@ -31,13 +31,16 @@ fn node<const D: usize>(
     partners: &[(u32, f64)],
     normal: [f64; D],
     slip_bound: SlipBound,
-) -> ContactNode<D> {
-    ContactNode {
-        node,
+) -> ContactPlace<D> {
+    ContactPlace {
+        place: std::array::from_fn(|c| if c == 0 { f64::from(node) } else { 0.0 }),
+        node: Some(node),
+        own: vec![(node, 1.0)],
         partners: partners.to_vec(),
         frame: frame(unit(normal)),
         gap: 0.1,
         area: 1.0,
+        pool: 0,
         slip_bound,
     }
 }
@@ -187,9 +190,15 @@ fn rows_of_a_node_in_the_plane() {
         "{error}"
     );
 
-    let twice = [candidates[0].clone(), candidates[0].clone()];
-    let twice = contact_rows(&body(&mesh), &unknowns, &twice);
+    // One rigid obstacle twice, but between bodies rows may depend on each other.
+    let floor = node(3, &[], [0.0, -1.0], SlipBound::Given(2.0));
+    let twice = contact_rows(&body(&mesh), &unknowns, &[floor.clone(), floor]);
     assert!(matches!(twice, Err(ContactError::Twice { .. })));
+    let twice = [candidates[0].clone(), candidates[0].clone()];
+    let rows =
+        contact_rows(&body(&mesh), &unknowns, &twice).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(dense(&rows.normal)[0], dense(&rows.normal)[1]);
+    assert_eq!(rows.coefficient, [0.3, 0.3]);
 }
 
 #[test]
@@ -231,7 +240,7 @@ fn rows_of_nodes_in_space() {
     assert_relative_eq!(rows.gap(&unknowns)[1], 0.1 - 0.3, max_relative = 1e-14);
     // Node 2 and its partners, by their frames.
     for (row, v) in [(&n[2], 0), (&t[4], 1), (&t[5], 2)] {
-        let v = rows.nodes[2].frame[v];
+        let v = rows.places[2].frame[v];
         for c in 0..3 {
             let found = [row[c], row[3 + c], row[6 + c], row[9 + c]];
             assert_eq!(found, [-0.5 * v[c], 0.0, v[c], -0.5 * v[c]]);
@@ -251,10 +260,11 @@ fn rows_of_nodes_in_space() {
 fn a_node_in_space_that_is_held_altogether_is_checked() {
     let mesh = mesh::tests::in_space(vec![[1.0, 2.0, 3.0]]);
     let unknowns = Unknowns::new(vec![[Some(0.0), Some(0.0), Some(-0.3)]]);
-    let candidates = [node(0, &[], [0.0, 0.0, -1.0], SlipBound::Given(0.0))];
+    let mut candidates = [node(0, &[], [0.0, 0.0, -1.0], SlipBound::Given(0.0))];
+    candidates[0].place = mesh.nodes[0];
     let rows = contact_rows(&body(&mesh), &unknowns, &candidates)
         .unwrap_or_else(|error| panic!("{error}"));
-    assert!(rows.nodes.is_empty());
+    assert!(rows.places.is_empty());
     let error = rows.check(&unknowns).expect_err("it is driven in");
     assert!(
         error

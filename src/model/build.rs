@@ -192,13 +192,13 @@ where
         let pairing = Instant::now();
         let mut candidates = definition.candidates(&body)?;
         let pairing_seconds = pairing.elapsed().as_secs_f64();
-        let contact = contact_rows(&body, &unknowns, &candidates.nodes)
+        let contact = contact_rows(&body, &unknowns, &candidates.places)
             .map_err(|error| Entity::all(Kind::Contact).error(Fault::Contact(error)))?;
         let pair_of: Vec<u32> = (contact.candidate.iter())
             .map(|&i| candidates.pair_of[i])
             .collect();
         definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?;
-        definition.count_nodes(&contact, &pair_of, &mut candidates.pairs)?;
+        definition.count_places(&contact, &pair_of, &mut candidates.pairs)?;
 
         let support_centres = definition.support_centres(&body, &prescriptions);
         let problem = problem(&body, &unknowns, &forces, &contact)?;
@@ -246,13 +246,13 @@ where
     let failed = |error| Entity::all(Kind::Model).error(Fault::Problem(error));
     // A prescribed motion may have closed a gap, and an interference is meant: what overlaps by mistake, the search for
     // contact nodes has refused.
-    let problem = ContactProblem::new(ContactData {
+    let problem = ContactProblem::of_bodies(ContactData {
         stiffness,
         load: load.clone(),
         normal: contact.normal.clone(),
         tangential: contact.tangential.clone(),
-        gap: (contact.nodes.iter())
-            .map(|node| node.gap.max(0.0))
+        gap: (contact.places.iter())
+            .map(|place| place.gap.max(0.0))
             .collect(),
         slip_bound: contact.slip_bound.clone(),
         coordinates: Some(unknowns.coordinates(body.mesh)),
@@ -261,7 +261,7 @@ where
     .with_free_unknowns(unknowns.n_free());
     let zero = vec![0.0; (D - 1) * problem.m()];
     Ok(problem
-        .with_areas(contact.nodes.iter().map(|node| node.area).collect())
+        .with_areas(contact.pooled_areas())
         .map_err(failed)?
         .with_step(
             load,

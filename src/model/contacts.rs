@@ -6,12 +6,12 @@ use super::loads::outer_facets;
 use super::supports::Prescriptions;
 use super::{Definition, Pair, Units};
 use crate::contact::{
-    ContactError, ContactNode, ContactRows, Friction, Obstacle, PairOptions, Space, mortar_contact,
-    obstacle_contact,
+    ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Friction, Obstacle, PairOptions, Space,
+    Unmet, mortar_contact, obstacle_contact,
 };
 use crate::elasticity::{Body, Unknowns};
-use crate::mesh::{Facet, Kind as ElementKind, Mesh, Topology, facet_nodes};
-use std::collections::HashSet;
+use crate::mesh::{Facet, Kind as ElementKind, Mesh, Place, Topology, facet_nodes};
+use std::collections::{HashMap, HashSet};
 
 /// A contact as it was understood.
 #[derive(Clone, Debug)]
@@ -35,8 +35,10 @@ where
     pub tresca: bool,
     /// How far apart candidates for contact may be; with an obstacle, up to where Tresca's bound acts.
     pub search_distance: f64,
-    /// Contact nodes.
-    pub nodes: usize,
+    /// What of the other boundary lies opposite within the search distance, but is not met.
+    pub unmet: Option<Unmet<D>>,
+    /// Contact places.
+    pub places: usize,
     /// Those of them within the search distance.
     pub within: usize,
     /// Those of them that a law of friction is stated for, but that supports or another contact keep from sliding.
@@ -47,26 +49,55 @@ where
     pub gap: [f64; 2],
 }
 
-/// The contact nodes of all pairs, before supports.
+impl<const D: usize> PairData<D>
+where
+    ElementKind: Topology<D>,
+{
+    /// What of the other boundary lies opposite and is not met, in words.
+    pub fn unmet_text(&self, units: &Units) -> Option<String> {
+        let unmet = self.unmet.as_ref()?;
+        let facets = match (D, unmet.facets) {
+            (2, 1) => "1 edge".to_owned(),
+            (2, n) => format!("{n} edges"),
+            (_, 1) => "1 face".to_owned(),
+            (_, n) => format!("{n} faces"),
+        };
+        Some(format!(
+            "{facets} of \"{}\", the largest around {}, with an area of {:.3e} {}² opposite within the search distance, \
+             meet nothing: something else is nearer, or the sides are folded there",
+            self.against,
+            Place::from(unmet.place),
+            unmet.area,
+            units.length
+        ))
+    }
+}
+
+/// The contact places of all pairs, before supports.
 pub(super) struct Candidates<const D: usize>
 where
     ElementKind: Topology<D>,
 {
-    pub(super) nodes: Vec<ContactNode<D>>,
+    pub(super) places: Vec<ContactPlace<D>>,
     /// Which pair each belongs to.
     pub(super) pair_of: Vec<u32>,
     pub(super) pairs: Vec<PairData<D>>,
 }
 
-/// The contact nodes of a pair, and what is known of it so far.
-type Found<const D: usize> = (Vec<ContactNode<D>>, PairData<D>);
+/// The contact places of a pair, and what is known of it so far.
+type Found<const D: usize> = (Vec<ContactPlace<D>>, PairData<D>);
 
 impl<const D: usize> Pair<D>
 where
     ElementKind: Space<D>,
 {
-    /// Looks for its contact nodes.
-    fn find(&self, body: &Body<D>, units: &Units) -> Result<Found<D>, Fault> {
+    /// Looks for its contact places; `symmetry` has the planes of symmetry of nodes.
+    fn find(
+        &self,
+        body: &Body<D>,
+        units: &Units,
+        symmetry: &HashMap<u32, Vec<[f64; D]>>,
+    ) -> Result<Found<D>, Fault> {
         let facets = outer_facets(body.mesh, self.boundary.all())?;
         let law = |x| match &self.law {
             Law::None => 0.0,
@@ -83,15 +114,20 @@ where
             gap: self.gap.is_some().then_some(&gap),
             interference: self.interference.is_some().then_some(&overlap),
             adjust: self.adjust,
+            edge_angle: self.edge_angle.unwrap_or(EDGE_ANGLE),
+            symmetry: Some(symmetry),
             search_distance: self.search_distance,
         };
-        let mut others = Vec::new();
+        let (mut others, mut unmet) = (Vec::new(), None);
         let (found, against, search_distance) = match &self.against {
             Against::Boundary(names) => {
                 others = outer_facets(body.mesh, names.all())?;
                 let distance = options.distance_between(body, &facets, &others);
                 options.search_distance = Some(distance);
-                let found = mortar_contact(body, &facets, &others, &options);
+                let found = mortar_contact(body, &facets, &others, &options).map(|found| {
+                    unmet = found.unmet;
+                    found.places
+                });
                 (found, names.to_string(), distance)
             }
             Against::Obstacle(obstacle) => {
@@ -114,9 +150,10 @@ where
             friction: self.friction(units),
             tresca: matches!(self.law, Law::Tresca(_)),
             search_distance,
+            unmet,
             within: 0,
             kept: 0,
-            nodes: 0,
+            places: 0,
             area: 0.0,
             gap: [f64::INFINITY, f64::NEG_INFINITY],
         };
@@ -128,38 +165,41 @@ impl<const D: usize> Definition<D>
 where
     ElementKind: Space<D>,
 {
-    /// The contact nodes of all contacts.
+    /// The contact places of all contacts.
     pub(super) fn candidates(&self, body: &Body<D>) -> Result<Candidates<D>, ModelError> {
         let units = self.units();
+        let symmetry = self.symmetry_planes(body.mesh)?;
         let mut all = Candidates {
-            nodes: Vec::new(),
+            places: Vec::new(),
             pair_of: Vec::new(),
             pairs: Vec::new(),
         };
         for (number, pair) in self.pairs.iter().enumerate() {
-            let found = pair.find(body, &units);
-            let (nodes, data) = found.map_err(|fault| pair.entity(number).error(fault))?;
-            all.pair_of.extend(nodes.iter().map(|_| number as u32));
-            all.nodes.extend(nodes);
+            let found = pair.find(body, &units, &symmetry);
+            let (mut places, data) = found.map_err(|fault| pair.entity(number).error(fault))?;
+            let before = all.places.len() as u32;
+            places.iter_mut().for_each(|place| place.pool += before);
+            all.pair_of.extend(places.iter().map(|_| number as u32));
+            all.places.extend(places);
             all.pairs.push(data);
         }
         Ok(all)
     }
 
-    /// Completes what is said of the contacts with the nodes that are left of them.
-    pub(super) fn count_nodes(
+    /// Completes what is said of the contacts with the places that are left of them.
+    pub(super) fn count_places(
         &self,
         contact: &ContactRows<D>,
         pair_of: &[u32],
         pairs: &mut [PairData<D>],
     ) -> Result<(), ModelError> {
-        for (i, (node, &pair)) in contact.nodes.iter().zip(pair_of).enumerate() {
+        for (i, (place, &pair)) in contact.places.iter().zip(pair_of).enumerate() {
             let pair = &mut pairs[pair as usize];
-            pair.nodes += 1;
-            pair.within += usize::from(node.gap <= pair.search_distance);
+            pair.places += 1;
+            pair.within += usize::from(place.gap <= pair.search_distance);
             pair.kept += usize::from(contact.keeps_from_sliding(i));
-            pair.area += node.area;
-            pair.gap = [pair.gap[0].min(node.gap), pair.gap[1].max(node.gap)];
+            pair.area += place.area;
+            pair.gap = [pair.gap[0].min(place.gap), pair.gap[1].max(place.gap)];
         }
         // A corner between two obstacles is a matter of one node; all of a boundary without friction is not.
         for (i, &pair) in pair_of.iter().enumerate() {
@@ -167,7 +207,9 @@ where
                 continue;
             }
             let pair = pair as usize;
-            let node = contact.nodes[i].node;
+            let Some(node) = contact.places[i].node else {
+                continue;
+            };
             let here = &pairs[pair].facets;
             let shared = (pairs.iter().enumerate()).any(|(other, there)| {
                 let of_node = |facet: &&Facet<D>| facet_nodes(facet).contains(&node);
@@ -181,11 +223,11 @@ where
                 ));
             }
         }
-        match pairs.iter().position(|pair| pair.nodes == 0) {
+        match pairs.iter().position(|pair| pair.places == 0) {
             None => Ok(()),
-            Some(pair) => Err(self.pairs[pair].entity(pair).error(
-                "supports hold every node of it; if it meets another boundary, name that one first",
-            )),
+            Some(pair) => Err(self.pairs[pair]
+                .entity(pair)
+                .error("supports hold every node of it, and of what it meets")),
         }
     }
 

@@ -398,6 +398,7 @@ pub struct Pair<const D: usize = 2> {
     pub(super) gap: Option<Quantity<D>>,
     pub(super) interference: Option<Quantity<D>>,
     pub(super) adjust: f64,
+    pub(super) edge_angle: Option<f64>,
     pub(super) search_distance: Option<f64>,
 }
 
@@ -425,6 +426,7 @@ impl<const D: usize> Pair<D> {
             gap: None,
             interference: None,
             adjust: 0.0,
+            edge_angle: None,
             search_distance: None,
         }
     }
@@ -470,6 +472,14 @@ impl<const D: usize> Pair<D> {
         self
     }
 
+    /// Between boundaries: edges sharper than this between the outward normals of neighbouring facets, in degrees, cut them
+    /// into parts with contact forces and normals of their own. Without it 50, so that a hexagon has edges and a circle of
+    /// eight facets has none; 180: none.
+    pub fn edge_angle(mut self, degrees: f64) -> Self {
+        self.edge_angle = Some(degrees);
+        self
+    }
+
     /// What is farther apart is no candidate between boundaries, and not rubbed by Tresca's bound on an obstacle; in m.
     /// Without it: half the diagonal of the box around the smaller boundary.
     pub fn search_distance(mut self, distance: f64) -> Self {
@@ -497,6 +507,12 @@ impl<const D: usize> Pair<D> {
         }
         if !distance(self.adjust) || !self.search_distance.is_none_or(distance) {
             return Some("search_distance and adjust must be finite and not negative");
+        }
+        if !self
+            .edge_angle
+            .is_none_or(|angle| (0.0..=180.0).contains(&angle))
+        {
+            return Some("edge_angle must lie between 0 and 180 degrees");
         }
         if self.gap.is_some() && self.interference.is_some() {
             return Some("gap and interference exclude each other: state one of them");

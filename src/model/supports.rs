@@ -9,7 +9,7 @@ use crate::contact::Space;
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{Facet, Kind as ElementKind, Mesh, Place as At, Topology, facet_nodes};
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// The sine of an angle between directions below which they count as one.
 const SAME: f64 = 1e-5;
@@ -127,6 +127,36 @@ impl<const D: usize> Support<D> {
                 &AXES[..D].join(", "),
             ))),
         }
+    }
+}
+
+impl<const D: usize> Definition<D>
+where
+    ElementKind: Topology<D>,
+{
+    /// The normals of the planes of symmetry that nodes lie on.
+    pub(super) fn symmetry_planes(
+        &self,
+        mesh: &Mesh<D>,
+    ) -> Result<HashMap<u32, Vec<[f64; D]>>, ModelError> {
+        let mut planes: HashMap<u32, Vec<[f64; D]>> = HashMap::new();
+        for (number, support) in self.supports.iter().enumerate() {
+            let Place::Boundary(names) = &support.place else {
+                continue;
+            };
+            for name in names.all().iter().filter(|_| support.symmetry) {
+                let across = known(mesh, mesh.facets(name))
+                    .and_then(|facets| Ok((facets, across(mesh, name, facets)?)));
+                let (facets, way) = across.map_err(|fault| support.entity(number).error(fault))?;
+                for &node in facets.iter().flat_map(facet_nodes) {
+                    let of_node = planes.entry(node).or_default();
+                    if !of_node.contains(&way.vector()) {
+                        of_node.push(way.vector());
+                    }
+                }
+            }
+        }
+        Ok(planes)
     }
 }
 

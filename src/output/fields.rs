@@ -2,12 +2,14 @@
 
 use super::put;
 use crate::case::Build;
-use crate::contact::Space;
+use crate::contact::{ContactPlace, Space};
 use crate::elasticity::{Stress, stresses};
+use crate::mesh::vector::dot;
 use crate::mesh::{Kind, Topology};
 use crate::model::{Elastic, StepData};
 use crate::quasistatic::StepSolution;
 use crate::ssnm::Sets;
+use std::collections::HashMap;
 
 /// Displacements and stresses at the end of a step, in the units of the case.
 pub struct StepFields<const D: usize = 2> {
@@ -60,14 +62,15 @@ impl NodeStatus {
     }
 }
 
-/// What happens at the m contact nodes, in the units of the case. Tangential fields have a component per node in the
+/// What happens at the m contact places, in the units of the case. Tangential fields have a component per node in the
 /// plane; in space those along the two tangents of a node stand side by side.
 pub struct ContactFields<const D: usize = 2> {
     /// Gap after loading, d − Nu, length m.
     pub gap: Vec<f64>,
-    /// Contact pressure λν / area, ≥ 0, length m.
+    /// Contact pressure λν / area, ≥ 0, length m: of places with little area beside that of the mesh together with those
+    /// next to them ([`crate::contact::ContactPlace::pool`]), as the tractions and bounds.
     pub pressure: Vec<f64>,
-    /// Traction on the body along the tangents of [`crate::contact::ContactNode::frame`] (in the plane ν turned
+    /// Traction on the body along the tangents of [`crate::contact::ContactPlace::frame`] (in the plane ν turned
     /// counter-clockwise): −λτ / area, length (D − 1) m.
     pub traction: Vec<f64>,
     /// The slip bound g / area that the traction obeys, length m.
@@ -103,15 +106,16 @@ where
         for (slip, of_supports) in slip.iter_mut().zip(&data.load.slide) {
             *slip += of_supports;
         }
-        let nodes = &elastic.contact.nodes;
-        let areas: Vec<f64> = nodes.iter().map(|node| node.area).collect();
+        let places = &elastic.contact.places;
+        let areas = elastic.contact.pooled_areas();
+        let pooled = |forces: &[f64]| pooled(places, forces);
         Self {
             gap,
-            pressure: per_area(normal, &areas, 1.0),
-            traction: per_area(tangential, &areas, -1.0),
-            bound: per_area(&solution.slip_bound, &areas, 1.0),
+            pressure: per_area(&pooled(normal), &areas, 1.0),
+            traction: per_area(&pooled(tangential), &areas, -1.0),
+            bound: per_area(&pooled(&solution.slip_bound), &areas, 1.0),
             slip,
-            frames: nodes.iter().map(|node| node.frame).collect(),
+            frames: places.iter().map(|place| place.frame).collect(),
             has_friction: (0..m).map(|i| build.problem.has_friction(i)).collect(),
             sets: solution.sets.clone(),
         }
@@ -152,9 +156,9 @@ where
         self.has_friction.contains(&true)
     }
 
-    /// `contact.csv`, in the order of the contacts, of the nodes along x, then y, then z.
+    /// `contact.csv`, in the order of the contacts, of their places along x, then y, then z.
     pub(super) fn csv(&self, elastic: &Elastic<D>) -> String {
-        let place = |i: usize| elastic.mesh.nodes[elastic.contact.nodes[i].node as usize];
+        let place = |i: usize| elastic.contact.places[i].place;
         let mut order: Vec<usize> = (0..self.gap.len()).collect();
         order.sort_by(|&a, &b| {
             let pairs = elastic.pair_of[a].cmp(&elastic.pair_of[b]);
@@ -179,10 +183,11 @@ where
             put(
                 &mut text,
                 format_args!(
-                    "{},{},{}{vector}",
+                    "{},{},{}{vector},{}",
                     numbers.join(","),
                     self.status(i).name(),
-                    csv_text(&elastic.pairs[elastic.pair_of[i] as usize].boundary)
+                    csv_text(&elastic.pairs[elastic.pair_of[i] as usize].boundary),
+                    elastic.contact.places[i].node.map_or("edge", |_| "node")
                 ),
             );
         }
@@ -200,15 +205,77 @@ where
         match D {
             2 => format!(
                 "x{length},y{length},gap{length},normal_pressure{stress},tangential_traction{stress},slip{length},\
-                 status,contact\n"
+                 status,contact,place\n"
             ),
             _ => format!(
                 "x{length},y{length},z{length},gap{length},normal_pressure{stress},tangential_traction_1{stress},\
                  tangential_traction_2{stress},slip_1{length},slip_2{length},status,contact,traction_x{stress},\
-                 traction_y{stress},traction_z{stress}\n"
+                 traction_y{stress},traction_z{stress},place\n"
             ),
         }
     }
+}
+
+/// The forces of each place and of those that its pressure is shown with, along its own directions; there are one or
+/// D − 1 for each place.
+fn pooled<const D: usize>(places: &[ContactPlace<D>], forces: &[f64]) -> Vec<f64> {
+    let mut pools: HashMap<u32, Vec<usize>> = HashMap::new();
+    for (i, place) in places.iter().enumerate() {
+        pools.entry(place.pool).or_default().push(i);
+    }
+    let each = forces.len() / places.len().max(1);
+    let directions = |i: usize| match each == D - 1 && D > 2 {
+        true => &places[i].frame[1..],
+        // Normal forces, bounds, and tangents of the plane go round the boundary: along these they are numbers.
+        false => &[],
+    };
+    let mut sums = forces.to_vec();
+    for pool in pools.values().filter(|pool| pool.len() > 1) {
+        for &i in pool {
+            for a in 0..each {
+                sums[each * i + a] = (pool.iter())
+                    .map(|&j| match directions(i).get(a) {
+                        None => forces[each * j + a],
+                        Some(&along) => (directions(j).iter().zip(&forces[each * j..]))
+                            .map(|(&tangent, force)| force * dot(tangent, along))
+                            .sum(),
+                    })
+                    .sum();
+            }
+        }
+    }
+    sums
+}
+
+/// The contact place that each node shows: its own; on a facet that is covered in part the one that has most of it. Of
+/// several the one with the largest pressure. Of all contacts, or of one.
+pub(crate) fn shown_at_nodes<const D: usize>(
+    elastic: &Elastic<D>,
+    contact: &ContactFields<D>,
+    pair: Option<usize>,
+) -> HashMap<u32, usize>
+where
+    Kind: Topology<D>,
+{
+    let mut shown: HashMap<u32, (f64, usize)> = HashMap::new();
+    for (i, place) in elastic.contact.places.iter().enumerate() {
+        if pair.is_some_and(|pair| elastic.pair_of[i] as usize != pair) {
+            continue;
+        }
+        for &(node, weight) in &place.own {
+            // A node that is a place has that one, whatever others have of it.
+            let part = if place.node == Some(node) {
+                f64::INFINITY
+            } else {
+                weight
+            };
+            let held = shown.entry(node).or_insert((part, i));
+            if part > held.0 || part == held.0 && contact.pressure[i] > contact.pressure[held.1] {
+                *held = (part, i);
+            }
+        }
+    }
+    shown.into_iter().map(|(node, (_, i))| (node, i)).collect()
 }
 
 /// Forces as stresses; there are as many for each node as go to each area.

@@ -47,11 +47,11 @@ where
                 format!("{name}: nothing is pressed, though some of it touches")
             });
         }
-        if touching >= RESOLVED && contact.peak_nodes <= 2 {
+        if touching >= RESOLVED && contact.peaks <= 2 {
             hints.push(format!(
                 "{name}: the largest pressure sits on {}: the mesh does not resolve it (an edge or a corner); it \
                  grows as the mesh is refined, the resultant does not",
-                match contact.peak_nodes {
+                match contact.peaks {
                     1 => "one node".to_owned(),
                     n => format!("{n} nodes"),
                 }
@@ -63,7 +63,10 @@ where
                  are taken to be small"
             ));
         }
-        if pair.kept > rim::<D>(pair.nodes) {
+        if let Some(text) = pair.unmet_text(&elastic.units) {
+            hints.push(format!("{name}: {text}"));
+        }
+        if pair.kept > rim::<D>(pair.places) {
             hints.push(format!(
                 "{name}: {} nodes get no friction, as supports keep them from sliding freely; what they would carry is \
                  missing in the forces of the contact and of the supports",
@@ -74,7 +77,7 @@ where
             Some(_) => {
                 let late = rows()
                     .filter(|&i| {
-                        elastic.contact.nodes[i].gap > pair.search_distance
+                        elastic.contact.places[i].gap > pair.search_distance
                             && fields.status(i) == NodeStatus::Frictionless
                     })
                     .count();

@@ -40,11 +40,29 @@ pub struct Picture {
     pub view: Option<View>,
 }
 
-/// Implemented by [`Kind`] for both dimensions: what can be drawn of bodies there.
+/// Implemented by [`Kind`] for both dimensions: how bodies and contacts are drawn there.
 pub trait Draw<const D: usize>: Space<D>
 where
     Kind: Space<D>,
 {
+    /// The deformed bodies under a title at the end of a step, counted from 1, and what can be turned of them.
+    fn deformed(
+        title: &str,
+        step: usize,
+        elastic: &Elastic<D>,
+        fields: &StepFields<D>,
+        contact: &ContactFields<D>,
+    ) -> (String, Option<View>);
+
+    /// A contact at the end of a step, whose title ends with `of_step`.
+    fn contact(
+        of_step: &str,
+        step: usize,
+        elastic: &Elastic<D>,
+        contact: &ContactFields<D>,
+        pair: usize,
+    ) -> String;
+
     /// The pictures at the end of the step that was added to the report last. `several` says whether there are more
     /// steps, which goes into the names.
     fn step_pictures(
@@ -53,32 +71,72 @@ where
         data: Option<&StepData<D>>,
         solution: &StepSolution<D>,
         several: bool,
-    ) -> Vec<Picture>;
+    ) -> Vec<Picture> {
+        let (Some(elastic), Some(data)) = (&build.elastic, data) else {
+            return Vec::new();
+        };
+        let names = Names::new(report, several);
+        let fields = StepFields::new(elastic, data, solution);
+        let contact = ContactFields::new(build, elastic, data, solution);
+        let (svg, view) = Self::deformed(&names.title(), names.step, elastic, &fields, &contact);
+        let mut pictures = vec![names.deformed(svg, view)];
+        for pair in 0..elastic.pairs.len() {
+            let svg = Self::contact(&names.of_step, names.step, elastic, &contact, pair);
+            pictures.push(names.contact(elastic, pair, svg));
+        }
+        pictures
+    }
 }
 
 /// The deformed bodies, and a chart for each contact.
 impl Draw<2> for Kind {
-    fn step_pictures(
-        report: &Report,
-        build: &Build,
-        data: Option<&StepData>,
-        solution: &StepSolution,
-        several: bool,
-    ) -> Vec<Picture> {
-        of_plane(report, build, data, solution, several)
+    fn deformed(
+        title: &str,
+        step: usize,
+        elastic: &Elastic,
+        fields: &StepFields,
+        contact: &ContactFields,
+    ) -> (String, Option<View>) {
+        (picture::svg(title, step, elastic, fields, contact), None)
+    }
+
+    fn contact(
+        of_step: &str,
+        _: usize,
+        elastic: &Elastic,
+        contact: &ContactFields,
+        pair: usize,
+    ) -> String {
+        let mut chart = curves::contact(elastic, contact, pair);
+        chart.title += of_step;
+        chart.svg()
     }
 }
 
 /// The deformed bodies from two sides, and each contact surface.
 impl Draw<3> for Kind {
-    fn step_pictures(
-        report: &Report,
-        build: &Build<3>,
-        data: Option<&StepData<3>>,
-        solution: &StepSolution<3>,
-        several: bool,
-    ) -> Vec<Picture> {
-        of_space(report, build, data, solution, several)
+    fn deformed(
+        title: &str,
+        step: usize,
+        elastic: &Elastic<3>,
+        fields: &StepFields<3>,
+        contact: &ContactFields<3>,
+    ) -> (String, Option<View>) {
+        let solids = solid::Solids::new(elastic, fields, contact);
+        (solids.svg(title, step), Some(View::new(&solids, step)))
+    }
+
+    fn contact(
+        of_step: &str,
+        step: usize,
+        elastic: &Elastic<3>,
+        contact: &ContactFields<3>,
+        number: usize,
+    ) -> String {
+        let pair = &elastic.pairs[number];
+        let title = format!("{} / {}{of_step}", pair.boundary, pair.against);
+        let id = format!("p{number}t{step}");
+        contact_surface::svg(&title, &id, elastic, contact, number)
     }
 }
 
@@ -117,13 +175,13 @@ impl<'a> Names<'a> {
     }
 
     /// The picture of the deformed bodies.
-    fn deformed(&self, svg: String) -> Picture {
+    fn deformed(&self, svg: String, view: Option<View>) -> Picture {
         Picture {
             name: format!("deformed{}", self.suffix),
             step: Some(self.step),
             title: format!("Deformed bodies{}", self.of_step),
             svg,
-            view: None,
+            view,
         }
     }
 
@@ -146,58 +204,6 @@ impl<'a> Names<'a> {
             view: None,
         }
     }
-}
-
-/// The pictures of a step in the plane.
-fn of_plane(
-    report: &Report,
-    build: &Build,
-    data: Option<&StepData>,
-    solution: &StepSolution,
-    several: bool,
-) -> Vec<Picture> {
-    let (Some(elastic), Some(data)) = (&build.elastic, data) else {
-        return Vec::new();
-    };
-    let names = Names::new(report, several);
-    let fields = StepFields::new(elastic, data, solution);
-    let contact = ContactFields::new(build, elastic, data, solution);
-    let drawn = picture::svg(&names.title(), names.step, elastic, &fields, &contact);
-    let mut pictures = vec![names.deformed(drawn)];
-    for pair in 0..elastic.pairs.len() {
-        let mut chart = curves::contact(elastic, &contact, pair);
-        chart.title += &names.of_step;
-        pictures.push(names.contact(elastic, pair, chart.svg()));
-    }
-    pictures
-}
-
-/// The pictures of a step in space.
-fn of_space(
-    report: &Report,
-    build: &Build<3>,
-    data: Option<&StepData<3>>,
-    solution: &StepSolution<3>,
-    several: bool,
-) -> Vec<Picture> {
-    let (Some(elastic), Some(data)) = (&build.elastic, data) else {
-        return Vec::new();
-    };
-    let names = Names::new(report, several);
-    let fields = StepFields::new(elastic, data, solution);
-    let contact = ContactFields::new(build, elastic, data, solution);
-    let solids = solid::Solids::new(elastic, &fields, &contact);
-    let mut deformed = names.deformed(solids.svg(&names.title(), names.step));
-    deformed.view = Some(View::new(&solids, names.step));
-    let mut pictures = vec![deformed];
-    for (number, pair) in elastic.pairs.iter().enumerate() {
-        let of_step = &names.of_step;
-        let title = format!("{} / {}{of_step}", pair.boundary, pair.against);
-        let id = format!("p{number}t{}", names.step);
-        let drawn = contact_surface::svg(&title, &id, elastic, &contact, number);
-        pictures.push(names.contact(elastic, number, drawn));
-    }
-    pictures
 }
 
 /// The pictures of the whole: the convergence, and the contact forces where there are several steps.

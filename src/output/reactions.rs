@@ -8,6 +8,7 @@ use crate::mesh::{Kind, Topology};
 use crate::model::{Elastic, StepData};
 use crate::quasistatic::StepSolution;
 use serde::Serialize;
+use std::collections::HashSet;
 
 /// A pressure above this part of the largest is near it: beside the edge of a punch it falls to 0.6 of it from one node
 /// to the next, on any mesh.
@@ -34,21 +35,21 @@ pub struct ContactReport {
     pub tangential_force: f64,
     /// What friction has dissipated in the step: Σ λτ · (slip since the step before), with λτ at its end.
     pub slipping_work: f64,
-    /// The largest nodal pressure.
+    /// The largest pressure of a place.
     pub max_pressure: f64,
     /// Area in contact.
     pub area: f64,
-    /// Nodes that touch nothing.
+    /// Places that touch nothing.
     pub separated: usize,
-    /// Nodes in contact, their traction below the slip bound.
+    /// Places in contact, their traction below the slip bound.
     pub stick: usize,
-    /// Nodes in contact, their traction at the slip bound.
+    /// Places in contact, their traction at the slip bound.
     pub slip: usize,
-    /// Nodes in contact without a law of friction.
+    /// Places in contact without a law of friction.
     pub frictionless: usize,
-    /// Nodes with a pressure near the largest: above 0.7 of it.
+    /// Pools of places with a pressure near the largest: above 0.7 of it.
     #[serde(skip)]
-    pub peak_nodes: usize,
+    pub peaks: usize,
 }
 
 /// What a support carries at the end of a step.
@@ -64,7 +65,7 @@ pub struct SupportReport {
     pub centre: Vec<f64>,
 }
 
-/// The forces of the contact nodes on their body along the axes: those of pressure and those of friction.
+/// The forces at the contact places on their body along the axes: those of pressure and those of friction.
 fn contact_forces<'a, const D: usize>(
     elastic: &'a Elastic<D>,
     solution: &'a StepSolution<D>,
@@ -72,12 +73,12 @@ fn contact_forces<'a, const D: usize>(
 where
     Kind: Topology<D>,
 {
-    let (normal, tangential) = solution.lambda.split_at(elastic.contact.nodes.len());
-    let nodes = elastic.contact.nodes.iter().zip(normal);
-    (nodes.zip(tangential.chunks(D - 1))).map(|((node, normal), tangential)| {
-        let tangents = || node.frame[1..].iter().zip(tangential);
+    let (normal, tangential) = solution.lambda.split_at(elastic.contact.places.len());
+    let places = elastic.contact.places.iter().zip(normal);
+    (places.zip(tangential.chunks(D - 1))).map(|((place, normal), tangential)| {
+        let tangents = || place.frame[1..].iter().zip(tangential);
         [
-            node.frame[0].map(|nu| -normal * nu),
+            place.frame[0].map(|nu| -normal * nu),
             std::array::from_fn(|c| -tangents().map(|(tau, force)| force * tau[c]).sum::<f64>()),
         ]
     })
@@ -105,11 +106,10 @@ where
     Kind: Topology<D>,
 {
     let mut sums = vec![([0.0; D], 0.0); elastic.pairs.len()];
-    for (node, &pair) in elastic.contact.nodes.iter().zip(&elastic.pair_of) {
+    for (place, &pair) in elastic.contact.places.iter().zip(&elastic.pair_of) {
         let (sum, area) = &mut sums[pair as usize];
-        let x = elastic.mesh.nodes[node.node as usize];
-        (0..D).for_each(|c| sum[c] += node.area * x[c]);
-        *area += node.area;
+        (0..D).for_each(|c| sum[c] += place.area * place.place[c]);
+        *area += place.area;
     }
     sums.into_iter()
         .map(|(sum, area)| sum.map(|v| v / area))
@@ -126,7 +126,7 @@ pub(super) fn contact_reports<const D: usize>(
 where
     Kind: Topology<D>,
 {
-    let (normal, tangential) = solution.lambda.split_at(elastic.contact.nodes.len());
+    let (normal, tangential) = solution.lambda.split_at(elastic.contact.places.len());
     let centres = pair_centres(elastic);
     let mut contacts: Vec<ContactReport> = (elastic.pairs.iter().zip(&centres))
         .map(|(pair, centre)| ContactReport {
@@ -147,7 +147,7 @@ where
             contact.force[c] += pressed[c] + rubbed[c];
             friction[pair][c] += rubbed[c];
         }
-        let place = elastic.mesh.nodes[elastic.contact.nodes[i].node as usize];
+        let place = elastic.contact.places[i].place;
         let whole = std::array::from_fn(|c| pressed[c] + rubbed[c]);
         add(
             &mut contact.moment,
@@ -170,7 +170,7 @@ where
             NodeStatus::Frictionless => &mut contact.frictionless,
         } += 1;
         if status != NodeStatus::Separated {
-            contact.area += elastic.contact.nodes[i].area;
+            contact.area += elastic.contact.places[i].area;
         }
     }
     if D == 3 {
@@ -178,9 +178,14 @@ where
             contact.tangential_force = length(friction);
         }
     }
-    for (pressure, &pair) in fields.pressure.iter().zip(&elastic.pair_of) {
-        let contact = &mut contacts[pair as usize];
-        contact.peak_nodes += usize::from(*pressure > PEAK * contact.max_pressure);
+    // Places of one pool have one pressure.
+    let mut seen = HashSet::new();
+    for (i, pressure) in fields.pressure.iter().enumerate() {
+        let contact = &mut contacts[elastic.pair_of[i] as usize];
+        let is_peak = *pressure > PEAK * contact.max_pressure;
+        if is_peak && seen.insert(elastic.contact.places[i].pool) {
+            contact.peaks += 1;
+        }
     }
     contacts
 }
@@ -196,11 +201,13 @@ where
 {
     let mut outer = data.forces.clone();
     let forces = contact_forces(elastic, solution);
-    for (node, [pressed, rubbed]) in (elastic.contact.nodes.iter()).zip(forces) {
+    for (place, [pressed, rubbed]) in (elastic.contact.places.iter()).zip(forces) {
         for c in 0..D {
             let force = pressed[c] + rubbed[c];
-            outer[node.node as usize][c] += force;
-            for &(partner, weight) in &node.partners {
+            for &(node, weight) in &place.own {
+                outer[node as usize][c] += weight * force;
+            }
+            for &(partner, weight) in &place.partners {
                 outer[partner as usize][c] -= weight * force;
             }
         }

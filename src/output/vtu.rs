@@ -1,12 +1,11 @@
 //! VTK unstructured grids (`.vtu`), inline base64: what ParaView opens (VTK File Formats, docs.vtk.org).
 
-use super::{ContactFields, NodeStatus, StepFields, put};
+use super::{ContactFields, NodeStatus, StepFields, put, shown_at_nodes};
 use crate::contact::Space;
 use crate::elasticity::Stress;
 use crate::mesh::Kind;
 use crate::model::Elastic;
 use base64::Engine as _;
-use std::collections::HashMap;
 
 /// What is given at the points or in the cells of a grid, as the elements of the file.
 #[derive(Default)]
@@ -126,14 +125,7 @@ where
     let (mut at_nodes, mut in_elements) = (Arrays::default(), Arrays::default());
     at_nodes.vectors("displacement", &fields.displacement);
     at_nodes.stresses(&fields.at_nodes);
-    // A node that stands in several contacts shows the one that presses it most.
-    let mut shown: HashMap<u32, usize> = HashMap::new();
-    for (i, node) in elastic.contact.nodes.iter().enumerate() {
-        let row = shown.entry(node.node).or_insert(i);
-        if contact.pressure[i] > contact.pressure[*row] {
-            *row = i;
-        }
-    }
+    let shown = shown_at_nodes(elastic, contact, None);
     let scattered = |values: &[f64]| {
         let mut field = vec![0.0; mesh.nodes.len()];
         for (&node, &i) in &shown {

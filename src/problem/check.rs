@@ -139,6 +139,16 @@ const SYMMETRY_LIMIT: f64 = 1e-9;
 /// The data, with the last block completed where n is no multiple of D, if all is as it should be: shapes, finite
 /// values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0, no zero or parallel rows in B = (N; T).
 pub(super) fn checked<const D: usize>(
+    data: ContactData<D>,
+) -> Result<ContactData<D>, ProblemError> {
+    let n = data.load.len();
+    let data = checked_but_for_rank(data)?;
+    rank(&data, n)?;
+    Ok(data)
+}
+
+/// The same for rows of B that may depend on each other, but for those without entries.
+pub(super) fn checked_but_for_rank<const D: usize>(
     mut data: ContactData<D>,
 ) -> Result<ContactData<D>, ProblemError> {
     shapes(&data)?;
@@ -162,7 +172,7 @@ pub(super) fn checked<const D: usize>(
         });
     }
     slip_bound(&data.slip_bound, data.gap.len())?;
-    rows(&data, n)?;
+    no_zero_rows(&data)?;
     Ok(data)
 }
 
@@ -376,35 +386,45 @@ fn can_slide<const D: usize>(tangential: &Csr, i: usize) -> bool {
     super::tangents_of::<D>(i).any(|row| entries(tangential, row).next().is_some())
 }
 
-/// What can be seen cheaply of the row rank of B: zero rows, parallel rows, too many rows.
-fn rows<const D: usize>(data: &ContactData<D>, n: usize) -> Result<(), ProblemError> {
+/// That every multiplier has an effect.
+fn no_zero_rows<const D: usize>(data: &ContactData<D>) -> Result<(), ProblemError> {
+    for (name, matrix) in [("N", &data.normal), ("T", &data.tangential)] {
+        for i in (0..matrix.n_rows()).filter(|&i| entries(matrix, i).next().is_none()) {
+            let tangential = name == "T";
+            if tangential {
+                let node = i / super::tangents::<D>();
+                // In space a node may be free to slide along a line only.
+                if data.slip_bound[node] == 0.0 || can_slide::<D>(matrix, node) {
+                    continue;
+                }
+            }
+            return Err(ProblemError::ZeroRow {
+                name,
+                row: i + 1,
+                hint: if tangential {
+                    " (a node that cannot move sideways needs the slip bound 0)"
+                } else {
+                    ""
+                },
+            });
+        }
+    }
+    Ok(())
+}
+
+/// What can be seen cheaply of the row rank of B: parallel rows, too many rows.
+fn rank<const D: usize>(data: &ContactData<D>, n: usize) -> Result<(), ProblemError> {
     let m = data.gap.len();
     let mut seen: HashMap<Vec<(u32, u64)>, usize> = HashMap::new();
     let mut count = 0;
-    for (name, matrix, offset) in [("N", &data.normal, 0), ("T", &data.tangential, m)] {
+    for (matrix, offset) in [(&data.normal, 0), (&data.tangential, m)] {
         for i in 0..matrix.n_rows() {
             let entries: Vec<(u32, f64)> = entries(matrix, i).collect();
-            let Some(&(_, lead)) = entries
+            let largest = entries
                 .iter()
-                .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
-            else {
-                let tangential = offset > 0;
-                if tangential {
-                    let node = i / super::tangents::<D>();
-                    // In space a node may be free to slide along a line only.
-                    if data.slip_bound[node] == 0.0 || can_slide::<D>(matrix, node) {
-                        continue;
-                    }
-                }
-                return Err(ProblemError::ZeroRow {
-                    name,
-                    row: i + 1,
-                    hint: if tangential {
-                        " (a node that cannot move sideways needs the slip bound 0)"
-                    } else {
-                        ""
-                    },
-                });
+                .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+            let Some(&(_, lead)) = largest else {
+                continue;
             };
             count += 1;
             // Equal up to a factor and rounding: compare eight digits of the entries over the largest.

@@ -185,16 +185,24 @@ pub fn hertz_fit(answer: &Answer<3>) -> (f64, f64) {
     let top = (0..answer.m())
         .map(|i| answer.pressure(i))
         .fold(0.0, f64::max);
-    let [mut n, mut x, mut y, mut xx, mut xy] = [0.0; 5];
-    for i in (0..answer.m()).filter(|&i| answer.pressure(i) > 0.2 * top) {
-        let (w, p) = (answer.area(i), answer.pressure(i));
+    let loaded = (0..answer.m()).filter(|&i| answer.pressure(i) > 0.2 * top);
+    ellipsoid_fit(loaded.map(|i| {
         let place = answer.place(i);
-        let (r2, p2) = (place[0].powi(2) + place[1].powi(2), p * p);
+        let r2 = place[0].powi(2) + place[1].powi(2);
+        (answer.area(i), r2, answer.pressure(i))
+    }))
+}
+
+/// The radius a and the peak of p₀ √(1 − r²/a²), from weights, r² and values at some places.
+pub fn ellipsoid_fit(values: impl Iterator<Item = (f64, f64, f64)>) -> (f64, f64) {
+    let [mut n, mut x, mut y, mut xx, mut xy] = [0.0; 5];
+    for (w, r2, value) in values {
+        let square = value * value;
         n += w;
         x += w * r2;
-        y += w * p2;
+        y += w * square;
         xx += w * r2 * r2;
-        xy += w * r2 * p2;
+        xy += w * r2 * square;
     }
     let slope = (xy - x * y / n) / (xx - x * x / n);
     let peak = (y - slope * x) / n;

@@ -233,8 +233,7 @@ impl Solved {
 
     /// Where a contact node lies.
     pub fn place(&self, i: usize) -> [f64; 2] {
-        let elastic = self.elastic();
-        elastic.mesh.nodes[elastic.contact.nodes[i].node as usize]
+        self.elastic().contact.places[i].place
     }
 
     /// The node of the mesh at a point.

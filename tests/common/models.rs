@@ -113,36 +113,38 @@ where
         stresses(&self.built.elastic.body(), &self.displacement()).0
     }
 
-    /// Where contact node i lies.
+    /// Where contact place i lies.
     pub fn place(&self, i: usize) -> [f64; D] {
-        self.built.elastic.mesh.nodes[self.node(i) as usize]
+        self.built.elastic.contact.places[i].place
     }
 
-    /// The node of the mesh that contact node i is.
-    pub fn node(&self, i: usize) -> u32 {
-        self.built.elastic.contact.nodes[i].node
+    /// The nodes that the force of contact place i goes to, with their parts of it: positive on its own body.
+    pub fn hands_on(&self, i: usize) -> Vec<(u32, f64)> {
+        let place = &self.built.elastic.contact.places[i];
+        let partners = place.partners.iter().map(|&(node, weight)| (node, -weight));
+        place.own.iter().copied().chain(partners).collect()
     }
 
     pub fn area(&self, i: usize) -> f64 {
-        self.built.elastic.contact.nodes[i].area
+        self.built.elastic.contact.places[i].area
     }
 
-    /// λν over the area of contact node i.
+    /// λν over the area of contact place i.
     pub fn pressure(&self, i: usize) -> f64 {
         self.solution.lambda[i] / self.area(i)
     }
 
-    /// λτ of contact node i as a vector along the axes: friction's force on the obstacle.
+    /// λτ of contact place i as a vector along the axes: friction's force on the obstacle.
     pub fn friction(&self, i: usize) -> [f64; D] {
-        let frame = &self.built.elastic.contact.nodes[i].frame;
+        let frame = &self.built.elastic.contact.places[i].frame;
         let along = &self.solution.lambda[self.m() + (D - 1) * i..][..D - 1];
         std::array::from_fn(|c| (0..D - 1).map(|k| along[k] * frame[1 + k][c]).sum())
     }
 
-    /// The force of the obstacle on contact node i.
+    /// The force of the obstacle on contact place i.
     pub fn contact_force(&self, i: usize) -> [f64; D] {
         let (normal, friction) = (
-            self.built.elastic.contact.nodes[i].frame[0],
+            self.built.elastic.contact.places[i].frame[0],
             self.friction(i),
         );
         std::array::from_fn(|c| -self.solution.lambda[i] * normal[c] - friction[c])
@@ -155,12 +157,10 @@ where
         let mut forces = internal_forces(&body, unknowns, &self.displacement());
         let mut contact = [0.0; D];
         for i in 0..self.m() {
-            let (node, force) = (self.node(i) as usize, self.contact_force(i));
-            (0..D).for_each(|c| forces[node][c] -= force[c]);
-            (0..D).for_each(|c| contact[c] += force[c]);
-            for &(partner, weight) in &self.built.elastic.contact.nodes[i].partners {
-                (0..D).for_each(|c| forces[partner as usize][c] += weight * force[c]);
-                (0..D).for_each(|c| contact[c] -= weight * force[c]);
+            let force = self.contact_force(i);
+            for (node, weight) in self.hands_on(i) {
+                (0..D).for_each(|c| forces[node as usize][c] -= weight * force[c]);
+                (0..D).for_each(|c| contact[c] += weight * force[c]);
             }
         }
         let mut support = [0.0; D];

@@ -123,7 +123,7 @@ where
     let (data, solution) = last.expect("a case has a step");
     let fields = ContactFields::new(build, elastic, &data, &solution);
     let (mut nodes, mut partners) = (BTreeMap::new(), BTreeMap::new());
-    for (i, node) in elastic.contact.nodes.iter().enumerate() {
+    for (i, node) in elastic.contact.places.iter().enumerate() {
         let [pressed, rubbed] = fields.traction_vectors(i);
         let found = Node {
             pressure: fields.pressure[i],
@@ -131,8 +131,10 @@ where
             separated: solution.sets.is_separated(i),
             slips: solution.sets.slips(i),
         };
-        nodes.insert(node.node, found);
-        partners.insert(node.node, (node.area, node.partners.clone()));
+        // Both sides end together: every place is a node.
+        let own = node.node.expect("a node");
+        nodes.insert(own, found);
+        partners.insert(own, (node.area, node.partners.clone()));
     }
     Solved {
         places: elastic.mesh.nodes.clone(),

@@ -116,10 +116,8 @@ fn unbalance(answer: &Answer<3>) -> [f64; 2] {
     let (mut forces, mut moments) = (0.0, 0.0);
     for i in 0..answer.m() {
         let force = answer.contact_force(i);
-        let own = (answer.node(i), -1.0);
-        let partners = &answer.built.elastic.contact.nodes[i].partners;
-        for &(node, weight) in partners.iter().chain([&own]) {
-            let part = force.map(|f| -weight * f);
+        for (node, weight) in answer.hands_on(i) {
+            let part = force.map(|f| weight * f);
             let about = cross(nodes[node as usize], part);
             for c in 0..3 {
                 resultant[c] += part[c];

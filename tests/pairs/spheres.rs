@@ -6,8 +6,8 @@
 //! forces are results. Meshes do not match.
 
 use crate::common::half_space::{
-    STEEL, balanced, compare, growing, hertz_fit, hertz_share, modulus, on_rings, rings,
-    shear_modulus, sizes, under_a_disc, under_a_drag, under_a_pressed_disc, under_a_torque,
+    STEEL, balanced, compare, ellipsoid_fit, growing, hertz_fit, hertz_share, modulus, on_rings,
+    rings, shear_modulus, sizes, under_a_disc, under_a_drag, under_a_pressed_disc, under_a_torque,
 };
 use crate::common::models::{Answer, answer, answer_in_turn, on_the_cpu};
 use crate::common::space::{Vector, cross};
@@ -302,8 +302,7 @@ fn cattaneo(across: [usize; 2], sides: [&str; 2]) {
     let stuck = a * (1.0 - q / (mu * p)).cbrt();
     compare(&format!("{name}, δ_t"), shift, shift_of(p, q, a), 0.01);
     // In the stick zone what is left of the bound is half an ellipsoid of radius c.
-    let [mut n, mut x, mut y, mut xx, mut xy] = [0.0; 5];
-    let mut aside = 0.0f64;
+    let (mut stuck_nodes, mut aside) = (Vec::new(), 0.0f64);
     for i in 0..answer.m() {
         let (place, f) = (answer.place(i), answer.friction(i));
         let (r2, area) = (place[0].powi(2) + place[1].powi(2), answer.area(i));
@@ -311,21 +310,10 @@ fn cattaneo(across: [usize; 2], sides: [&str; 2]) {
         if r2 > (0.85 * stuck).powi(2) {
             continue;
         }
-        let rest = (mu * answer.pressure(i) - f[0].abs() / area).powi(2);
-        n += area;
-        x += area * r2;
-        y += area * rest;
-        xx += area * r2 * r2;
-        xy += area * r2 * rest;
+        stuck_nodes.push((area, r2, mu * answer.pressure(i) - f[0].abs() / area));
     }
-    let slope = (xy - x * y / n) / (xx - x * x / n);
-    let peak = (y - slope * x) / n;
-    compare(
-        &format!("{name}, c/a"),
-        (-peak / slope).sqrt() / a,
-        stuck / a,
-        0.03,
-    );
+    let (radius, _) = ellipsoid_fit(stuck_nodes.into_iter());
+    compare(&format!("{name}, c/a"), radius / a, stuck / a, 0.03);
     let centre = (0..answer.m()).find(|&i| answer.place(i)[0].hypot(answer.place(i)[1]) < 1e-9);
     let centre = centre.expect("a node in the middle");
     let traction = answer.friction(centre)[0].abs() / answer.area(centre);

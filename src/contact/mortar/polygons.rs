@@ -5,24 +5,27 @@
 //! Where several facets cover the same part of it, that part is cut out of all but the nearest. Polygons are convex as
 //! long as quadrilaterals are.
 
-use super::{Beam, Corners, Here, Meeting, Overlap};
+use super::super::frame;
+use super::hull::{Hull, extent};
+use super::{Beam, Cover, Here, Meeting, Near, SAME, SAME_OF_WIDTH, Site};
 use crate::elasticity::{Quad, triangle_points};
+use crate::mesh::Groups;
 use crate::mesh::vector::{cross, dot, length, minus, unit};
 use std::f64::consts::PI;
 
-type Flat = [f64; 2];
+pub(super) type Flat = [f64; 2];
 type Polygon = Vec<Flat>;
 
-/// Polygons below this part of the area of the facet are rounding.
-const NOTHING: f64 = 1e-12;
+/// Polygons below this part of the area of the smaller one of both facets are rounding.
+const NOTHING: f64 = 1e-9;
 
 /// What is cut off at the corner p of a and b: twice the area of the triangle.
-fn turn(p: Flat, a: Flat, b: Flat) -> f64 {
+pub(super) fn turn(p: Flat, a: Flat, b: Flat) -> f64 {
     (a[0] - p[0]) * (b[1] - p[1]) - (a[1] - p[1]) * (b[0] - p[0])
 }
 
 /// The area of a polygon, counter-clockwise.
-fn area(polygon: &[Flat]) -> f64 {
+pub(super) fn area(polygon: &[Flat]) -> f64 {
     let fan = polygon.windows(2).skip(1);
     0.5 * fan.map(|ab| turn(polygon[0], ab[0], ab[1])).sum::<f64>()
 }
@@ -51,7 +54,7 @@ fn left_of(polygon: &[Flat], a: Flat, b: Flat) -> Polygon {
 }
 
 /// The edges of a polygon.
-fn edges(polygon: &[Flat]) -> impl Iterator<Item = (Flat, Flat)> {
+pub(super) fn edges(polygon: &[Flat]) -> impl Iterator<Item = (Flat, Flat)> {
     let next = polygon.iter().cycle().skip(1);
     polygon.iter().copied().zip(next.copied())
 }
@@ -162,7 +165,7 @@ impl Plane {
     fn of(here: &Here<3>) -> Self {
         let corners = &here.corners[..here.len];
         let sum = |c: usize| corners.iter().map(|x| x[c]).sum::<f64>();
-        let [normal, s, t] = super::frame(here.normal);
+        let [normal, s, t] = frame(here.normal);
         let right = dot(cross(s, t), normal) > 0.0;
         Self {
             centre: [0, 1, 2].map(|c| sum(c) / here.len as f64),
@@ -215,14 +218,14 @@ struct Piece {
     other: usize,
 }
 
-/// Where a facet meets the others.
-pub(super) fn overlap(here: &Here<3>, near: &[Corners<3>], distance: f64) -> Overlap<3> {
+/// What connected parts of the others cover of a facet.
+pub(super) fn covers(here: &Here<3>, near: &[Near<3>], distance: f64) -> Vec<Cover<3>> {
     let plane = Plane::of(here);
     let own = plane.see(&here.corners[..here.len]);
     let outline = &own.flat[..own.len];
-    let whole = area(outline);
+    let size = area(outline);
     let seen: Vec<Seen> = (near.iter())
-        .map(|(corners, len)| plane.see(&corners[..*len]))
+        .map(|Near { corners, .. }| plane.see(&corners.0[..corners.1]))
         .collect();
     // How far the plane's point p is from a facet, along its normal.
     let apart = |other: usize, p: Flat| seen[other].at(p).0 - own.at(p).0;
@@ -233,47 +236,130 @@ pub(super) fn overlap(here: &Here<3>, near: &[Corners<3>], distance: f64) -> Ove
         if area(&flat) < 0.0 {
             flat.reverse();
         }
-        let Some(polygon) = within(&flat, outline, NOTHING * whole) else {
+        let least = NOTHING * size.min(area(&flat));
+        let Some(polygon) = within(&flat, outline, least) else {
             continue;
         };
         if !(apart(other, middle(&polygon)).abs() <= distance) {
             continue;
         }
-        add(
-            &mut pieces,
-            Piece { polygon, other },
-            NOTHING * whole,
-            &apart,
-        );
+        add(&mut pieces, Piece { polygon, other }, least, &apart);
     }
-
-    let mut overlap = Overlap {
-        covered: pieces.iter().map(|piece| area(&piece.polygon)).sum::<f64>() / whole,
-        meetings: Vec::new(),
-    };
     // Pieces of one facet, one after the other.
     pieces.sort_by_key(|piece| piece.other);
-    for piece in pieces {
-        let other = &seen[piece.other];
-        let fine = !(own.is_affine() && other.is_affine());
-        each_point(&piece.polygon, fine, |p, weight| {
-            let (own_height, shape) = own.at(p);
-            let (height, there) = other.at(p);
-            let sum = |of: &[[f64; 3]; 4]| -> [f64; 3] {
+
+    connected(&pieces, near)
+        .into_iter()
+        .map(|pieces| {
+            let corners = pieces.iter().flat_map(|piece| piece.polygon.clone());
+            let hull = Hull::around(corners.collect());
+            let (hull, sites) = places(outline, hull);
+            let widths = hull.width_along_edges();
+            let mut cover = Cover {
+                part: near[pieces[0].other].part,
+                vertices: Vec::new(),
+                width: widths
+                    .map(|(along, width)| width / extent(outline, along))
+                    .fold(1.0, f64::min),
+                meetings: Vec::new(),
+                functions: Vec::new(),
+            };
+            let weighted = |shape: &[f64; 4], of: &[[f64; 3]; 4]| -> [f64; 3] {
                 std::array::from_fn(|c| (0..here.len).map(|a| shape[a] * of[a][c]).sum())
             };
-            let along = dot(unit(sum(&here.normals)), here.normal);
-            overlap.meetings.push(Meeting {
-                other: piece.other,
-                place: sum(&here.corners),
-                here: shape,
-                there,
-                distance: (height - own_height) * along,
-                weight: weight * here.thickness,
-            });
-        });
+            let is_whole = sites.is_none();
+            cover.vertices = match &sites {
+                None => (0..here.len)
+                    .map(|k| (Site::Corner(k), here.corners[k]))
+                    .collect(),
+                Some(sites) => (sites.iter().zip(&hull.vertices))
+                    .map(|(&site, &v)| match site {
+                        Site::Corner(k) => (site, here.corners[k]),
+                        _ => (site, weighted(&own.at(v).1, &here.corners)),
+                    })
+                    .collect(),
+            };
+            if is_whole {
+                cover.width = 1.0;
+            }
+            for piece in pieces {
+                let other = &seen[piece.other];
+                let fine = !(own.is_affine() && other.is_affine());
+                each_point(&piece.polygon, fine, |p, weight| {
+                    let (own_height, shape) = own.at(p);
+                    let (height, there) = other.at(p);
+                    let along = dot(unit(weighted(&shape, &here.normals)), here.normal);
+                    if !is_whole {
+                        cover.functions.extend(hull.functions(p));
+                    }
+                    cover.meetings.push(Meeting {
+                        other: piece.other,
+                        place: weighted(&shape, &here.corners),
+                        here: shape,
+                        there,
+                        distance: (height - own_height) * along,
+                        weight: weight * here.thickness,
+                    });
+                });
+            }
+            cover
+        })
+        .collect()
+}
+
+/// The pieces of each connected part of the other boundary, in their order: facets are connected that have a node in
+/// common, on one side of every sharp edge.
+fn connected<'p>(pieces: &'p [Piece], near: &[Near<3>]) -> Vec<Vec<&'p Piece>> {
+    let mut groups = Groups::new(pieces.len());
+    for (a, piece) in (0..).zip(pieces) {
+        let here = &near[piece.other];
+        for (b, before) in (0..a).zip(pieces) {
+            let there = &near[before.other];
+            let touch = || {
+                let mut nodes = here.nodes().iter();
+                nodes.any(|node| there.nodes().contains(node))
+            };
+            if here.part == there.part && groups.of(a) != groups.of(b) && touch() {
+                groups.join(b, a);
+            }
+        }
     }
-    overlap
+    let (count, numbers) = groups.numbers();
+    let mut parts = vec![Vec::new(); count];
+    for (piece, number) in pieces.iter().zip(numbers) {
+        parts[number as usize].push(piece);
+    }
+    parts
+}
+
+/// The vertices of what is covered and where they lie on the facet with this outline; None for the sites of one that is
+/// wholly covered: these are its corners.
+fn places(outline: &[Flat], hull: Hull) -> (Hull, Option<Vec<Site>>) {
+    let size = area(outline).sqrt();
+    let near = |p: Flat, q: Flat, same: f64| length(minus(p, q)) <= same;
+    if (outline.iter()).all(|&p| hull.vertices.iter().any(|&v| near(p, v, SAME * size))) {
+        return (hull, None);
+    }
+    let hull = hull.simplified();
+    let width = (hull.width_along_edges())
+        .map(|(_, width)| width)
+        .fold(f64::INFINITY, f64::min);
+    let same = (SAME * size).min(SAME_OF_WIDTH * width);
+    let site = |&v: &Flat| {
+        if let Some(corner) = outline.iter().position(|&p| near(p, v, same)) {
+            return Site::Corner(corner);
+        }
+        let off = edges(outline).map(|(a, b)| (turn(a, b, v) / length(minus(b, a))).abs());
+        let Some((edge, _)) = off.enumerate().find(|(_, off)| *off <= same) else {
+            return Site::Inside;
+        };
+        let (a, b) = (outline[edge], outline[(edge + 1) % outline.len()]);
+        let (along, to) = (minus(b, a), minus(v, a));
+        let part = (to[0] * along[0] + to[1] * along[1]) / (along[0].powi(2) + along[1].powi(2));
+        Site::Edge(edge, part)
+    };
+    let sites = hull.vertices.iter().map(site).collect();
+    (hull, Some(sites))
 }
 
 /// Adds a piece without what other pieces have in common with it and are nearer to; those lose what it is nearer to.
@@ -301,6 +387,7 @@ fn add(pieces: &mut Vec<Piece>, new: Piece, least: f64, apart: &impl Fn(usize, F
             fresh = (fresh.iter())
                 .flat_map(|part| without(part, &old.polygon, least))
                 .collect();
+            pieces.push(old);
         }
     }
     let other = new.other;

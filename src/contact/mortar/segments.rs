@@ -1,7 +1,7 @@
 //! What two boundaries of the plane have in common: segments between projected nodes of both meshes, along the field of
 //! averaged normals of the first boundary.
 
-use super::{Corners, Here, Meeting, Overlap};
+use super::{Cover, Here, Meeting, Near, SAME, SAME_OF_WIDTH, Site};
 use crate::elasticity::edge_points;
 use crate::mesh::vector::{length, minus, unit};
 
@@ -62,47 +62,73 @@ fn meet(x: Point, n: Point, [p, q]: [Point; 2]) -> (f64, f64) {
     (cross(n, to) / -det, cross(to, along) / det)
 }
 
-fn ends(&([from, to, ..], _): &Corners<2>) -> [Point; 2] {
+fn ends(near: &Near<2>) -> [Point; 2] {
+    let ([from, to, ..], _) = near.corners;
     [from, to]
 }
 
-/// Where an edge meets the others: three Gauss points on each segment.
-pub(super) fn overlap(here: &Here<2>, near: &[Corners<2>], distance: f64) -> Overlap<2> {
+/// What connected parts of the others cover of an edge: three Gauss points on each segment.
+pub(super) fn covers(here: &Here<2>, near: &[Near<2>], distance: f64) -> Vec<Cover<2>> {
     let edge = Edge {
         ends: [here.corners[0], here.corners[1]],
         normals: [here.normals[0], here.normals[1]],
     };
-    let segments = segments(&edge, near, distance);
     let length = length(minus(edge.ends[1], edge.ends[0])) * here.thickness;
-    let mut overlap = Overlap {
-        covered: segments.iter().map(|&(_, a, b)| b - a).sum(),
-        meetings: Vec::with_capacity(3 * segments.len()),
+    let mut covers = Vec::new();
+    let segments = segments(&edge, near, distance);
+    let connected = |&(a, _, end): &Segment, &(b, start, _): &Segment| {
+        near[a].part == near[b].part && end == start
     };
-    for (other, a, b) in segments {
-        let ends = ends(&near[other]);
-        // In the parameter of the edge; the weights of a segment add up to its length.
-        for ([s, _], _, w) in edge_points([[a, 0.0], [b, 0.0]]) {
-            let (x, n) = edge.at(s);
-            let (t, between) = meet(x, n, ends);
-            overlap.meetings.push(Meeting {
-                other,
-                place: x,
-                here: [1.0 - s, s, 0.0, 0.0],
-                there: [1.0 - t, t, 0.0, 0.0],
-                distance: between,
-                weight: w * (b - a) * length,
-            });
+    for segments in segments.chunk_by(connected) {
+        let (from, to) = (segments[0].1, segments[segments.len() - 1].2);
+        let same = SAME.min(SAME_OF_WIDTH * (to - from));
+        let is_whole = from <= same && 1.0 - to <= same;
+        let site = |s: f64| match s {
+            s if s <= same => (Site::Corner(0), edge.ends[0]),
+            s if 1.0 - s <= same => (Site::Corner(1), edge.ends[1]),
+            _ => (Site::Inside, edge.at(s).0),
+        };
+        let mut cover = Cover {
+            part: near[segments[0].0].part,
+            vertices: vec![site(from), site(to)],
+            width: if is_whole { 1.0 } else { to - from },
+            meetings: Vec::with_capacity(3 * segments.len()),
+            functions: Vec::new(),
+        };
+        for &(other, a, b) in segments {
+            let ends = ends(&near[other]);
+            // In the parameter of the edge; the weights of a segment add up to its length.
+            for ([s, _], _, w) in edge_points([[a, 0.0], [b, 0.0]]) {
+                let (x, n) = edge.at(s);
+                let (t, between) = meet(x, n, ends);
+                if !is_whole {
+                    let along = (s - from) / (to - from);
+                    cover.functions.extend([1.0 - along, along]);
+                }
+                cover.meetings.push(Meeting {
+                    other,
+                    place: x,
+                    here: [1.0 - s, s, 0.0, 0.0],
+                    there: [1.0 - t, t, 0.0, 0.0],
+                    distance: between,
+                    weight: w * (b - a) * length,
+                });
+            }
         }
+        covers.push(cover);
     }
-    overlap
+    covers
 }
 
+/// A part of an edge: the number of the edge that covers it, and from and to which parameter.
+type Segment = (usize, f64, f64);
+
 /// The parts of an edge, from and to a parameter of it, each with the nearest of the edges that cover it.
-fn segments(edge: &Edge, near: &[Corners<2>], distance: f64) -> Vec<(usize, f64, f64)> {
+fn segments(edge: &Edge, near: &[Near<2>], distance: f64) -> Vec<Segment> {
     // The part of the edge that each of the others covers.
-    let covers: Vec<(usize, f64, f64)> = (near.iter().enumerate())
-        .filter_map(|(other, corners)| {
-            let [a, b] = ends(corners).map(|end| edge.projection(end));
+    let covers: Vec<Segment> = (near.iter().enumerate())
+        .filter_map(|(other, near)| {
+            let [a, b] = ends(near).map(|end| edge.projection(end));
             let (a, b) = (a?, b?);
             let (low, high) = (a.min(b).max(0.0), a.max(b).min(1.0));
             (high - low > 1e-10).then_some((other, low, high))
@@ -112,7 +138,7 @@ fn segments(edge: &Edge, near: &[Corners<2>], distance: f64) -> Vec<(usize, f64,
     cuts.sort_by(f64::total_cmp);
     cuts.dedup_by(|b, a| *b - *a < 1e-10);
 
-    let mut segments: Vec<(usize, f64, f64)> = Vec::new();
+    let mut segments: Vec<Segment> = Vec::new();
     for cut in cuts.windows(2) {
         let middle = 0.5 * (cut[0] + cut[1]);
         let (x, n) = edge.at(middle);

@@ -28,13 +28,16 @@ fn blocks(
     )
 }
 
-fn found(mesh: &Mesh<3>, sides: [&str; 2], options: &PairOptions<3>) -> Vec<ContactNode<3>> {
+fn found(mesh: &Mesh<3>, sides: [&str; 2], options: &PairOptions<3>) -> Vec<ContactPlace<3>> {
     let [here, there] = sides.map(|name| &mesh.boundaries[name][..]);
-    mortar_contact(&body(mesh), here, there, options).unwrap_or_else(|error| panic!("{error}"))
+    let found = mortar_contact(&body(mesh), here, there, options);
+    let found = found.unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(found.unmet, None);
+    found.places
 }
 
 /// The mean place of what a node meets.
-fn met(mesh: &Mesh<3>, node: &ContactNode<3>) -> [f64; 3] {
+fn met(mesh: &Mesh<3>, node: &ContactPlace<3>) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for &(other, weight) in &node.partners {
         for c in 0..3 {
@@ -90,10 +93,10 @@ fn flat_faces_hand_on_a_uniform_pressure() {
                 let [own, expected] = sides.map(whole);
                 let mut handed_on = vec![0.0; mesh.nodes.len()];
                 for node in &nodes {
-                    let x = mesh.nodes[node.node as usize];
+                    let x = node.place;
                     assert_relative_eq!(
                         node.area,
-                        own[node.node as usize],
+                        own[node.node.expect("a node") as usize],
                         max_relative = accuracy
                     );
                     let sum: f64 = node.partners.iter().map(|p| p.1).sum();
@@ -115,26 +118,195 @@ fn flat_faces_hand_on_a_uniform_pressure() {
     }
 }
 
-/// A face that covers a part of the other: the areas add up to that part, from whichever side, and what is covered by a
-/// sliver only is left out.
+/// A face that covers a part of the other, whatever the part: from whichever side, the areas add up to it, forces act on
+/// it or on its border and not beyond, and as the mean of what they meet; a uniform pressure is handed on exactly.
 #[test]
 fn what_is_covered_in_part_counts_in_part() {
+    // Corners of the upper face, with overlaps from a half down to a needle on one facet.
+    let uppers = [
+        ([0.77, 0.41], [0.83, 2.0]),
+        ([0.503, 0.1], [1.3, 0.9]),
+        ([1.999, 0.3], [0.7, 1.2]),
+        ([0.6, 0.6], [1e-3, 1e-3]),
+        ([1.1, 0.7], [1e-6, 2e-6]),
+    ];
     for [lower, upper] in PAIRS {
-        let mesh = blocks(lower, upper, [0.77, 0.41, 1.0], [0.83, 2.0], &turned);
-        let common = 0.83 * (1.5 - 0.41);
-        for sides in [["low-top", "up-bottom"], ["up-bottom", "low-top"]] {
-            let nodes = found(&mesh, sides, &PairOptions::default());
-            let area: f64 = nodes.iter().map(|node| node.area).sum();
-            assert_relative_eq!(area, common, max_relative = 2e-3);
-            for node in &nodes {
-                let x = mesh.nodes[node.node as usize];
-                let to = minus(met(&mesh, node), x);
-                assert!(length(to) < 1e-9, "{to:?}");
-                let largest = node.partners.iter().map(|p| p.1.abs()).fold(0.0, f64::max);
-                assert!(largest < 30.0, "{largest}");
+        for (at, size) in uppers {
+            let mesh = blocks(lower, upper, [at[0], at[1], 1.0], size, &turned);
+            let common = [2.0, 1.5].map(|v: f64| v);
+            let to = [0, 1].map(|c| common[c].min(at[c] + size[c]));
+            let common = (to[0] - at[0]) * (to[1] - at[1]);
+            let origin = turned([0.0; 3]);
+            let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(|x| minus(turned(x), origin));
+            for sides in [["low-top", "up-bottom"], ["up-bottom", "low-top"]] {
+                let places = found(&mesh, sides, &PairOptions::default());
+                let area: f64 = places.iter().map(|place| place.area).sum();
+                assert_relative_eq!(area, common, max_relative = 1e-7);
+                let mut moments = [0.0; 2];
+                for place in &places {
+                    assert!(place.area > 0.0);
+                    let off = minus(met(&mesh, place), place.place);
+                    assert!(length(off) < 1e-9, "{off:?}");
+                    let weights: f64 = place.own.iter().map(|p| p.1).sum();
+                    assert_relative_eq!(weights, 1.0, max_relative = 1e-9);
+                    let x = axes.map(|axis| dot(minus(place.place, origin), axis));
+                    for c in 0..2 {
+                        // The size of places is that of the facets here, and of slivers, which are pooled inwards.
+                        assert!(x[c] > at[c] - 1e-9 && x[c] < to[c] + 1e-9, "{x:?}");
+                        moments[c] += place.area * x[c];
+                    }
+                }
+                for c in 0..2 {
+                    let centre = 0.5 * (at[c] + to[c]);
+                    assert_relative_eq!(moments[c], common * centre, max_relative = 1e-7);
+                }
             }
         }
     }
+}
+
+/// Two needles of one body, and of two, under one facet: each with places of its own.
+#[test]
+fn needles_under_one_facet_have_their_own_places() {
+    let needle = |name: &str, at: [f64; 2]| {
+        let prefix = format!("{name}-");
+        block(
+            [at[0], at[1], 1.0],
+            [0.01, 0.01, 0.5],
+            [1, 1, 1],
+            Hexahedron,
+            name,
+            &prefix,
+        )
+    };
+    let table = block(
+        [0.0; 3],
+        [4.0, 4.0, 1.0],
+        [1, 1, 1],
+        Hexahedron,
+        "low",
+        "low-",
+    );
+    let mesh = join(
+        join(table, needle("a", [1.0, 1.0])),
+        needle("b", [2.5, 3.0]),
+    );
+    let others = ["a-bottom", "b-bottom"]
+        .map(|name| mesh.boundaries[name].clone())
+        .concat();
+    for sides in [
+        [&mesh.boundaries["low-top"], &others],
+        [&others, &mesh.boundaries["low-top"]],
+    ] {
+        let found = mortar_contact(&body(&mesh), sides[0], sides[1], &PairOptions::default())
+            .unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!((found.places.len(), found.unmet), (8, None));
+        for place in &found.places {
+            assert_relative_eq!(place.area, 2.5e-5, max_relative = 1e-9);
+            let [x, y, z] = place.place;
+            let near = |at: f64| (at - 1e-9..at + 0.01 + 1e-9).contains(&x);
+            assert!(
+                (near(1.0) && y < 1.02) || (near(2.5) && y > 2.98),
+                "{x} {y}"
+            );
+            assert_relative_eq!(z, 1.0, max_relative = 1e-12);
+        }
+        // On the large facet pressures of the four places of a needle are shown as one.
+        let mut pools: Vec<u32> = found.places.iter().map(|place| place.pool).collect();
+        pools.sort_unstable();
+        pools.dedup();
+        let on_large = std::ptr::eq(sides[0], &mesh.boundaries["low-top"]);
+        assert_eq!(pools.len(), if on_large { 2 } else { 8 });
+    }
+}
+
+/// Edges cut a boundary into parts with normals of their own; near a plane of symmetry normals lie in it.
+#[test]
+fn edges_and_planes_of_symmetry_have_their_normals() {
+    // Two blocks with a roof of this slope in between.
+    let roof = |slope: f64| {
+        move |[x, y, z]: [f64; 3]| {
+            [
+                x,
+                y,
+                z - slope * (x - 1.0).abs() * if z > 1.5 { 0.0 } else { 1.0 },
+            ]
+        }
+    };
+    for (slope, is_edge) in [(0.3_f64, false), (1.0, true)] {
+        let map = roof(slope);
+        let mesh = blocks(PAIRS[0][0], PAIRS[0][1], [0.0, 0.0, 1.0], [2.0, 1.5], &map);
+        let ridge = |place: &&ContactPlace<3>| (place.place[0] - 1.0).abs() < 1e-9;
+        let places = found(&mesh, ["low-top", "up-bottom"], &PairOptions::default());
+        let there: Vec<_> = places.iter().filter(ridge).collect();
+        assert_eq!(there.len(), if is_edge { 8 } else { 4 });
+        for place in there {
+            let across = place.frame[0][0].abs();
+            let expected = if is_edge { slope.atan().sin() } else { 0.0 };
+            assert_relative_eq!(across, expected, epsilon = 1e-12);
+        }
+        let options = PairOptions {
+            edge_angle: 180.0,
+            ..Default::default()
+        };
+        let places = found(&mesh, ["low-top", "up-bottom"], &options);
+        assert_eq!(places.iter().filter(ridge).count(), 4);
+        // One half of it, with its mirror image in mind.
+        let half = |places: &[ContactPlace<3>]| -> f64 {
+            let there = places.iter().filter(|place| place.place[0] < 1e-9);
+            there
+                .map(|place| place.frame[0][0].abs())
+                .fold(0.0, f64::max)
+        };
+        let planes = (0..mesh.nodes.len() as u32)
+            .filter(|&node| mesh.nodes[node as usize][0] < 1e-9)
+            .map(|node| (node, vec![[1.0, 0.0, 0.0]]))
+            .collect();
+        let options = PairOptions {
+            symmetry: Some(&planes),
+            ..Default::default()
+        };
+        let places = found(&mesh, ["low-top", "up-bottom"], &options);
+        let expected = if is_edge { slope.atan().sin() } else { 0.0 };
+        assert_relative_eq!(half(&places), expected, epsilon = 1e-12);
+    }
+}
+
+/// What lies opposite, but behind something nearer, is told.
+#[test]
+fn what_is_not_met_is_told() {
+    let lower = block(
+        [0.0; 3],
+        [2.0, 1.0, 1.0],
+        [5, 3, 1],
+        Hexahedron,
+        "low",
+        "low-",
+    );
+    let plate = |name: &str, z: f64, length: f64| {
+        let prefix = format!("{name}-");
+        block(
+            [0.0, 0.0, z],
+            [length, 1.0, 0.1],
+            [4, 2, 1],
+            Hexahedron,
+            name,
+            &prefix,
+        )
+    };
+    let mesh = join(join(lower, plate("a", 1.1, 1.0)), plate("b", 1.5, 2.0));
+    let others = ["a-bottom", "b-bottom"]
+        .map(|name| mesh.boundaries[name].clone())
+        .concat();
+    let options = PairOptions {
+        search_distance: Some(1.0),
+        ..Default::default()
+    };
+    let found = mortar_contact(&body(&mesh), &mesh.boundaries["low-top"], &others, &options)
+        .unwrap_or_else(|error| panic!("{error}"));
+    let unmet = found.unmet.expect("half of the upper plate");
+    assert_eq!(unmet.facets, 4, "{unmet:?}");
+    assert_relative_eq!(unmet.area, 1.0, max_relative = 1e-9);
 }
 
 /// On bent faces that fit into each other the forces of a pair have neither a resultant nor, along the normals, a moment.
@@ -155,7 +327,7 @@ fn pressures_on_bent_faces_balance() {
         let (mut moment, mut size) = ([0.0; 3], 0.0);
         let mut resultant = [0.0; 3];
         for (k, node) in nodes.iter().enumerate() {
-            let x = mesh.nodes[node.node as usize];
+            let x = node.place;
             let force = node.frame[0].map(|c| c * node.area * (1.0 + (k % 7) as f64));
             let about = cross(minus(x, met(&mesh, node)), force);
             let sum: f64 = node.partners.iter().map(|p| p.1).sum();
@@ -210,6 +382,7 @@ fn the_nearer_of_two_faces_counts() {
             &options,
         )
         .unwrap_or_else(|error| panic!("{error}"));
+        let nodes = nodes.places;
         let area: f64 = nodes.iter().map(|node| node.area).sum();
         assert_relative_eq!(area, 2.0, max_relative = 1e-12);
         let volume: f64 = nodes.iter().map(|node| node.area * node.gap).sum();
@@ -238,7 +411,7 @@ fn interference_stands_instead_of_the_distance() {
         interference: Some(&|_| 1e-3),
         ..Default::default()
     });
-    for node in nodes.unwrap_or_else(|error| panic!("{error}")) {
+    for node in nodes.unwrap_or_else(|error| panic!("{error}")).places {
         assert_relative_eq!(node.gap, -1e-3, max_relative = 1e-11);
     }
     let error = with(PairOptions {
@@ -302,9 +475,9 @@ fn friction_along_a_plane_of_symmetry_only() {
             let rows = contact_rows(&body(&mesh), &unknowns, &nodes)
                 .unwrap_or_else(|error| panic!("{error}"));
             let mut there = 0;
-            for (i, node) in rows.nodes.iter().enumerate() {
+            for (i, place) in rows.places.iter().enumerate() {
                 let entries = [0, 1].map(|a| rows.tangential.row(2 * i + a).0.len());
-                let on_it = across(&mesh.nodes[node.node as usize]);
+                let on_it = across(&place.place);
                 there += usize::from(on_it);
                 assert!(entries[0] > 0 && (entries[1] == 0) == on_it, "{entries:?}");
                 assert_eq!(rows.coefficient[i], 0.3);

@@ -100,7 +100,7 @@ fn bounds_add_up_over_a_face() {
             assert_eq!(found.len(), 12);
             let (mut area, mut bound) = (0.0, 0.0);
             for node in &found {
-                let x = mesh.nodes[node.node as usize];
+                let x = node.place;
                 assert_eq!(x[2], 0.5);
                 area += node.area;
                 let SlipBound::Given(given) = node.slip_bound else {
@@ -196,9 +196,9 @@ fn corners_of_a_cube_with_supports() {
     let rows = contact_rows(&body, &unknowns, &found).unwrap_or_else(|error| panic!("{error}"));
     let (n, t) = (dense(&rows.normal), dense(&rows.tangential));
     assert_eq!((n.len(), t.len()), (12, 24));
-    for (i, node) in rows.nodes.iter().enumerate() {
-        let [x, y, _] = mesh.nodes[node.node as usize];
-        let block = 3 * unknowns.block(node.node).expect("z is free") as usize;
+    for (i, place) in rows.places.iter().enumerate() {
+        let [x, y, _] = place.place;
+        let block = 3 * unknowns.block(place.own[0].0).expect("z is free") as usize;
         let mut expected = vec![0.0; n[i].len()];
         expected[block + 2] = -1.0;
         assert_eq!(n[i], expected);

@@ -3,6 +3,7 @@
 use super::*;
 use crate::mesh::structured::{SolidShape, block};
 use approx::assert_relative_eq;
+use std::collections::HashMap;
 
 const SHAPES: [(SolidShape, usize); 3] = [
     (SolidShape::Hexahedron, 1),

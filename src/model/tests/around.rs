@@ -376,13 +376,10 @@ fn radial_supports_leave_the_turn() {
         .iter()
         .map(|&path| {
             let lambda = solved(&built, path).lambda;
-            let nodes = built.elastic.contact.nodes.iter().zip(&lambda);
+            let nodes = built.elastic.contact.places.iter().zip(&lambda);
             // The moment about the axis balances that of the pressure on 1 × 1 at 1.5.
             nodes
-                .map(|(node, force)| {
-                    let x = built.elastic.mesh.nodes[node.node as usize];
-                    x[0].hypot(x[1]) * force
-                })
+                .map(|(place, force)| place.place[0].hypot(place.place[1]) * force)
                 .sum()
         })
         .collect();

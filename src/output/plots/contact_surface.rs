@@ -8,7 +8,7 @@ use super::raster::{Raster, viridis};
 use super::sheet::{Sheet, sheets};
 use crate::mesh::vector::bounds;
 use crate::model::Elastic;
-use crate::output::{ContactFields, NodeStatus, put};
+use crate::output::{ContactFields, NodeStatus, put, shown_at_nodes};
 use base64::Engine as _;
 use profile::profile;
 use std::collections::HashMap;
@@ -37,7 +37,7 @@ const NOTHING_COLOUR: [u8; 3] = [214, 214, 214];
 struct Scene<'a> {
     elastic: &'a Elastic<3>,
     contact: &'a ContactFields<3>,
-    /// The contact node at a node of the mesh.
+    /// The contact place that a node of the mesh shows.
     rows: HashMap<u32, usize>,
     /// The pressures with the last of the colours, and the largest; the largest tangential traction.
     top: f64,
@@ -59,17 +59,10 @@ pub(super) fn svg(
     contact: &ContactFields<3>,
     pair: usize,
 ) -> String {
-    let rows: HashMap<u32, usize> = (elastic
-        .contact
-        .nodes
-        .iter()
-        .zip(&elastic.pair_of)
-        .enumerate())
-    .filter(|(_, (_, owner))| **owner as usize == pair)
-    .map(|(i, (node, _))| (node.node, i))
-    .collect();
-    let mut order: Vec<usize> = rows.values().copied().collect();
-    order.sort_unstable();
+    let rows = shown_at_nodes(elastic, contact, Some(pair));
+    let order: Vec<usize> = (0..elastic.pair_of.len())
+        .filter(|&i| elastic.pair_of[i] as usize == pair)
+        .collect();
     let pressures: Vec<f64> = order.iter().map(|&i| contact.pressure[i]).collect();
     let rubbed = order.iter().map(|&i| along(contact, i));
     let mut scene = Scene {

@@ -47,36 +47,57 @@ pub(super) fn contact(elastic: &Elastic, fields: &ContactFields, pair: usize) ->
 /// Interrupts a line.
 const GAP: (f64, f64) = (f64::NAN, f64::NAN);
 
-/// A contact node at its place along the boundary; None between parts of the boundary.
+/// A contact place, and where it lies along the boundary; None between parts of the boundary.
 type Places = Vec<Option<(f64, usize)>>;
 
-/// The nodes of a contact in the order of its boundary, with a coordinate where the boundary goes along an
+/// The places of a contact in the order of its boundary, with a coordinate where the boundary goes along an
 /// axis, else with the distance along it.
 fn along(elastic: &Elastic, pair: usize) -> (&'static str, Places) {
     let edges = &elastic.pairs[pair].facets;
     let place = |node: u32| elastic.mesh.nodes[node as usize];
-    let row: HashMap<u32, usize> = (elastic
-        .contact
-        .nodes
-        .iter()
-        .zip(&elastic.pair_of)
-        .enumerate())
-    .filter(|(_, (_, owner))| **owner as usize == pair)
-    .map(|(i, (node, _))| (node.node, i))
-    .collect();
     let axis = direction(edges, place);
+    // The places at each node, and those on the edge between two, with the part of it from the first.
+    let mut at_node: HashMap<u32, Vec<usize>> = HashMap::new();
+    let mut on_edge: HashMap<[u32; 2], Vec<(f64, usize)>> = HashMap::new();
+    for (i, here) in elastic.contact.places.iter().enumerate() {
+        if elastic.pair_of[i] as usize != pair {
+            continue;
+        }
+        match (here.node, &here.own[..]) {
+            (None, &[(a, _), (b, part)]) => {
+                on_edge.entry([a, b]).or_default().push((part, i));
+                on_edge.entry([b, a]).or_default().push((1.0 - part, i));
+            }
+            _ => at_node.entry(here.own[0].0).or_default().push(i),
+        }
+    }
     let mut places: Places = Vec::new();
     let mut s = 0.0;
     for chain in chains(edges) {
         places.push(None);
-        for (k, &node) in chain.iter().enumerate() {
-            if k > 0 {
-                let (p, q) = (place(chain[k - 1]), place(node));
-                s += (q[0] - p[0]).hypot(q[1] - p[1]);
-            }
-            if let Some(&i) = row.get(&node) {
-                places.push(Some((axis.map_or(s, |c| place(node)[c]), i)));
-            }
+        let mut add = |s: f64, i: usize| {
+            places.push(Some((
+                axis.map_or(s, |c| elastic.contact.places[i].place[c]),
+                i,
+            )));
+        };
+        let next = chain.iter().skip(1).copied().map(Some).chain([None]);
+        for (&node, next) in chain.iter().zip(next) {
+            at_node
+                .get(&node)
+                .into_iter()
+                .flatten()
+                .for_each(|&i| add(s, i));
+            // A closed chain ends with the edge to its first node.
+            let next = next.unwrap_or(chain[0]);
+            let (p, q) = (place(node), place(next));
+            let length = (q[0] - p[0]).hypot(q[1] - p[1]);
+            let mut between = on_edge.get(&[node, next]).cloned().unwrap_or_default();
+            between.sort_by(|a, b| a.0.total_cmp(&b.0));
+            between
+                .into_iter()
+                .for_each(|(part, i)| add(s + part * length, i));
+            s += length;
         }
     }
     if axis.is_some() {

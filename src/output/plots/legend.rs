@@ -30,12 +30,12 @@ where
     // A gap d that becomes g is drawn as d + s (g − d).
     let room = FALSE_OVERLAP * size;
     // Nor may bodies with an interference come apart.
-    let pressed = (elastic.contact.nodes.iter().zip(&contact.gap))
-        .filter(|(node, gap)| node.gap < 0.0 && **gap > node.gap)
-        .map(|(node, gap)| 1.0 + room / (gap - node.gap))
+    let pressed = (elastic.contact.places.iter().zip(&contact.gap))
+        .filter(|(place, gap)| place.gap < 0.0 && **gap > place.gap)
+        .map(|(place, gap)| 1.0 + room / (gap - place.gap))
         .fold(f64::INFINITY, f64::min);
-    let wanted = (elastic.contact.nodes.iter().zip(&contact.gap))
-        .map(|(node, gap)| (node.gap, node.gap - gap))
+    let wanted = (elastic.contact.places.iter().zip(&contact.gap))
+        .map(|(place, gap)| (place.gap, place.gap - gap))
         .filter(|&(before, closed)| closed > 1e-9 * before)
         .map(|(before, closed)| (before + room) / closed)
         .fold((SHOWN * size / largest).min(pressed), f64::min);

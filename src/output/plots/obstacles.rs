@@ -53,9 +53,9 @@ pub(super) fn patches(elastic: &Elastic<3>) -> Vec<Patch> {
     (elastic.pairs.iter().enumerate())
         .filter_map(|(number, pair)| {
             let obstacle = pair.obstacle?;
-            let mut places: Vec<[f64; 3]> = (elastic.contact.nodes.iter().zip(&elastic.pair_of))
+            let mut places: Vec<[f64; 3]> = (elastic.contact.places.iter().zip(&elastic.pair_of))
                 .filter(|&(_, &owner)| owner as usize == number)
-                .map(|(node, _)| elastic.mesh.nodes[node.node as usize])
+                .map(|(place, _)| place.place)
                 .collect();
             let distance = |x: &[f64; 3]| obstacle.distance(*x).0;
             let nearest = places.iter().map(distance).fold(f64::INFINITY, f64::min);

@@ -49,7 +49,7 @@ pub(super) fn svg(
     scene.put(format_args!("<g transform=\"translate({MARGIN} {HEAD})\">"));
     scene.obstacles();
     scene.bodies();
-    scene.contact_nodes();
+    scene.contact_places();
     scene.put(format_args!("</g>"));
     scene.colour_bar();
     scene.legend();
@@ -244,16 +244,16 @@ impl<'a> Scene<'a> {
         raster
     }
 
-    /// The contact nodes in the colours of their states.
-    fn contact_nodes(&mut self) {
-        let nodes = &self.elastic.contact.nodes;
+    /// The contact places in the colours of their states.
+    fn contact_places(&mut self) {
+        let places = &self.elastic.contact.places;
         let extent = self.size[0].max(self.size[1]);
-        let radius = (0.25 * extent / nodes.len().max(1) as f64).clamp(1.6, 3.4);
+        let radius = (0.25 * extent / places.len().max(1) as f64).clamp(1.6, 3.4);
         for (state, fill) in legend::states(self.contact) {
-            let dots: String = (nodes.iter().enumerate())
+            let dots: String = (places.iter().enumerate())
                 .filter(|&(i, _)| self.contact.status(i) == state)
-                .map(|(_, node)| {
-                    let [x, y] = self.place(self.moved[node.node as usize]);
+                .map(|(_, place)| {
+                    let [x, y] = self.place(place.mean(|node| self.moved[node as usize]));
                     format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\"/>")
                 })
                 .collect();
@@ -279,7 +279,7 @@ impl<'a> Scene<'a> {
 
     /// The colours of the contact nodes, below the field.
     fn legend(&mut self) {
-        if self.elastic.contact.nodes.is_empty() {
+        if self.elastic.contact.places.is_empty() {
             return;
         }
         let (mut x, y) = (MARGIN, self.height() - 14.0);

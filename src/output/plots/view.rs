@@ -6,7 +6,7 @@ use super::obstacles::Patch;
 use super::raster::VIRIDIS;
 use super::solid::Solids;
 use crate::mesh::vector::bounds;
-use crate::output::put;
+use crate::output::{put, shown_at_nodes};
 use base64::Engine as _;
 use serde::Serialize;
 
@@ -179,17 +179,18 @@ fn scaled(value: f64, largest: f64, steps: f64) -> f64 {
     }
 }
 
-/// The contact pressure at each node of the mesh, and whether it has one: contact nodes, and those that they meet, with
+/// The contact pressure at each node of the mesh, and whether it has one: those of contact places, and what they meet, with
 /// the mean of what presses on them.
 fn pressures(solids: &Solids) -> (Vec<f64>, Vec<bool>) {
     let count = solids.elastic.mesh.nodes.len();
     let (mut pressure, mut known) = (vec![0.0_f64; count], vec![false; count]);
     let (mut sums, mut weights) = (vec![0.0; count], vec![0.0; count]);
-    for (node, &value) in (solids.elastic.contact.nodes.iter()).zip(&solids.contact.pressure) {
-        let held = &mut pressure[node.node as usize];
-        *held = held.max(value);
-        known[node.node as usize] = true;
-        for &(partner, weight) in node.partners.iter().filter(|(_, weight)| *weight > 0.0) {
+    for (node, i) in shown_at_nodes(solids.elastic, solids.contact, None) {
+        pressure[node as usize] = solids.contact.pressure[i];
+        known[node as usize] = true;
+    }
+    for (place, &value) in (solids.elastic.contact.places.iter()).zip(&solids.contact.pressure) {
+        for &(partner, weight) in place.partners.iter().filter(|(_, weight)| *weight > 0.0) {
             sums[partner as usize] += weight * value;
             weights[partner as usize] += weight;
         }
@@ -230,7 +231,7 @@ fn fields(solids: &Solids, step: usize) -> Step {
         None,
     );
     let mut all = vec![mises];
-    if !solids.elastic.contact.nodes.is_empty() {
+    if !solids.elastic.contact.places.is_empty() {
         let (pressure, known) = pressures(solids);
         let top = legend::top_pressure(&solids.contact.pressure);
         let largest = pressure.iter().copied().fold(0.0, f64::max);

@@ -1,0 +1,431 @@
+//! The places of a contact: what the facets of the first boundary add up to at each.
+
+use super::surface::Surface;
+use super::{FacetShares, Mortar, Share, Shares, Site, add_to};
+use crate::contact::{ContactError, ContactPlace, PairOptions, checked, frame, mean};
+use crate::dense;
+use crate::elasticity::Body;
+use crate::mesh::vector::{dot, length, minus, unit};
+use crate::mesh::{Groups, Kind, Mesh, Topology, facet_nodes};
+use faer::Mat;
+use rstar::RTree;
+use rstar::primitives::GeomWithData;
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+/// What is covered of a facet and narrower than this part of it hands its share to the places of its neighbours, where
+/// they have any as near as this: it moves by no more, and A would be the worse conditioned (its entries of two places
+/// this far apart differ by that part squared).
+const SLIVER: f64 = 1e-2;
+/// The same reach in the diameter of the facet, for places that lie askew of each other.
+const REACH: f64 = 1.5 * SLIVER;
+/// Points on an edge that two facets say differently by less than this part of it are one.
+const ONE: f64 = 1e-2;
+
+/// What makes a place: points with the same key are one. Nodes come first, in the order of their numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Key {
+    /// A node, in a smooth part of its boundary, against a part of the other one.
+    Node { node: u32, part: u32, other: u32 },
+    /// A point on the edge between two nodes, the same parts, and which of those.
+    Edge {
+        edge: [u32; 2],
+        part: u32,
+        other: u32,
+        number: usize,
+    },
+    /// A point inside of a facet.
+    Inside {
+        facet: usize,
+        cover: usize,
+        vertex: usize,
+    },
+}
+
+/// Which smooth part of the first boundary a place belongs to, and which of the other one.
+type Parts = (u32, u32);
+
+/// A vertex of what is covered of a facet: the facet, the number of the cover, its own.
+type Vertex = (usize, usize, usize);
+
+/// What the facets of the first boundary add up to at each place.
+pub(super) struct Places<const D: usize> {
+    sums: BTreeMap<Key, Sums<D>>,
+}
+
+impl<const D: usize> Places<D>
+where
+    Kind: Mortar<D>,
+{
+    pub fn new(body: &Body<D>, first: &Surface<D>, shares: &[FacetShares<D>]) -> Self {
+        let keys = Keys::new(first, shares);
+        let mut all = Self {
+            sums: BTreeMap::new(),
+        };
+        // Each facet with its covers that are slivers, or not.
+        let covers = |slivers: bool| {
+            let covers = (shares.iter().enumerate()).flat_map(|(facet, shares)| {
+                shares
+                    .covers
+                    .iter()
+                    .enumerate()
+                    .map(move |(number, cover)| (facet, number, cover))
+            });
+            covers.filter(move |(.., cover)| (cover.width < SLIVER) == slivers)
+        };
+        let mut thick: HashMap<Parts, Vec<GeomWithData<[f64; D], Key>>> = HashMap::new();
+        for (facet, number, cover) in covers(false) {
+            let parts = (first.part[facet], cover.part);
+            for (vertex, share) in cover.vertices.iter().enumerate() {
+                let key = keys.of(first, cover, (facet, number, vertex));
+                let there = all.sums.entry(key).or_insert_with(|| {
+                    let place = GeomWithData::new(share.place, key);
+                    thick.entry(parts).or_default().push(place);
+                    Sums::new(parts)
+                });
+                there.add(share, facet_nodes(&first.facets[facet]));
+            }
+        }
+        let thick: HashMap<Parts, RTree<_>> = (thick.into_iter())
+            .map(|(parts, places)| (parts, RTree::bulk_load(places)))
+            .collect();
+        for (facet, number, cover) in covers(true) {
+            let parts = (first.part[facet], cover.part);
+            let (corners, len) = body.mesh.corners_of(&first.facets[facet]);
+            let sizes = corners[..len].iter().map(|&x| length(minus(x, corners[0])));
+            let reach = REACH * sizes.fold(0.0, f64::max);
+            for (vertex, share) in cover.vertices.iter().enumerate() {
+                let nearest = thick
+                    .get(&parts)
+                    .and_then(|tree| tree.nearest_neighbor(share.place));
+                let near =
+                    nearest.filter(|place| length(minus(*place.geom(), share.place)) <= reach);
+                let key = near.map_or_else(
+                    || keys.of(first, cover, (facet, number, vertex)),
+                    |place| place.data,
+                );
+                let there = all.sums.entry(key).or_insert_with(|| Sums::new(parts));
+                there.add(share, facet_nodes(&first.facets[facet]));
+            }
+        }
+        all
+    }
+
+    /// The contact places, in the order of their keys.
+    pub fn finish(
+        self,
+        body: &Body<D>,
+        first: &Surface<D>,
+        options: &PairOptions<D>,
+    ) -> Result<Vec<ContactPlace<D>>, ContactError> {
+        // ∫ φ over all facets of a smooth part at a node, covered or not (of a quadrilateral a fourth of its area).
+        let mut full: HashMap<(u32, u32), f64> = HashMap::new();
+        for (number, facet) in first.facets.iter().enumerate() {
+            let nodes = facet_nodes(facet);
+            let part = first.measure[number] / nodes.len() as f64;
+            for &node in nodes {
+                *full.entry((node, first.part[number])).or_default() += part;
+            }
+        }
+        let (mut places, mut of_parts, mut whole) = (Vec::new(), Vec::new(), Vec::new());
+        for (key, sums) in self.sums {
+            let place = sums.contact_place(body.mesh, first, key, options)?;
+            let parts = place
+                .own
+                .iter()
+                .map(|&(node, weight)| weight * full[&(node, sums.parts.0)]);
+            whole.push(parts.sum::<f64>());
+            of_parts.push(sums.parts);
+            places.push(place);
+        }
+        pool(&mut places, &of_parts, &whole, body.thickness);
+        Ok(places)
+    }
+}
+
+/// The keys of points on edges that several facets have in common; all others follow from themselves.
+struct Keys {
+    on_edges: HashMap<Vertex, Key>,
+}
+
+impl Keys {
+    fn new<const D: usize>(first: &Surface<D>, shares: &[FacetShares<D>]) -> Self
+    where
+        Kind: Topology<D>,
+    {
+        // On each edge, between which parts, at which part of it from its lower node on, which vertices lie.
+        let mut on_edge: BTreeMap<([u32; 2], Parts), Vec<(f64, Vertex)>> = BTreeMap::new();
+        for (facet, shares) in shares.iter().enumerate() {
+            let nodes = facet_nodes(&first.facets[facet]);
+            for (number, cover) in shares.covers.iter().enumerate() {
+                for (vertex, share) in cover.vertices.iter().enumerate() {
+                    let Site::Edge(edge, part) = share.site else {
+                        continue;
+                    };
+                    let (a, b) = (nodes[edge], nodes[(edge + 1) % nodes.len()]);
+                    let part = if a < b { part } else { 1.0 - part };
+                    let parts = (first.part[facet], cover.part);
+                    let points = on_edge.entry(([a.min(b), a.max(b)], parts)).or_default();
+                    points.push((part, (facet, number, vertex)));
+                }
+            }
+        }
+        let mut on_edges = HashMap::new();
+        for ((edge, (part, other)), mut points) in on_edge {
+            points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            // A facet has each point once, however near to the next one: those of a needle.
+            let (mut number, mut begin, mut facets) = (0, f64::NEG_INFINITY, HashSet::new());
+            for (at, vertex) in points {
+                if !(at - begin <= ONE && facets.insert(vertex.0)) {
+                    (number, begin) = (number + 1, at);
+                    facets = HashSet::from([vertex.0]);
+                }
+                let key = Key::Edge {
+                    edge,
+                    part,
+                    other,
+                    number,
+                };
+                on_edges.insert(vertex, key);
+            }
+        }
+        Self { on_edges }
+    }
+
+    fn of<const D: usize>(
+        &self,
+        first: &Surface<D>,
+        cover: &Shares<D>,
+        (facet, number, vertex): Vertex,
+    ) -> Key
+    where
+        Kind: Topology<D>,
+    {
+        match cover.vertices[vertex].site {
+            Site::Corner(corner) => Key::Node {
+                node: facet_nodes(&first.facets[facet])[corner],
+                part: first.part[facet],
+                other: cover.part,
+            },
+            Site::Edge(..) => self.on_edges[&(facet, number, vertex)],
+            Site::Inside => Key::Inside {
+                facet,
+                cover: number,
+                vertex,
+            },
+        }
+    }
+}
+
+/// What the facets of the first boundary add up to at a place.
+struct Sums<const D: usize> {
+    parts: Parts,
+    area: f64,
+    bound: f64,
+    gap: f64,
+    facing: [f64; D],
+    own: Vec<(u32, f64)>,
+    partners: Vec<(u32, f64)>,
+}
+
+impl<const D: usize> Sums<D> {
+    fn new(parts: Parts) -> Self {
+        Self {
+            parts,
+            area: 0.0,
+            bound: 0.0,
+            gap: 0.0,
+            facing: [0.0; D],
+            own: Vec::new(),
+            partners: Vec::new(),
+        }
+    }
+
+    /// Adds the integrals of a vertex on a facet with these nodes.
+    fn add(&mut self, share: &Share<D>, nodes: &[u32]) {
+        self.area += share.area;
+        self.bound += share.bound;
+        self.gap += share.gap;
+        for c in 0..D {
+            self.facing[c] += share.facing[c];
+        }
+        match (share.own, share.site) {
+            (None, Site::Corner(corner)) => add_to(&mut self.own, nodes[corner], share.area),
+            (own, _) => {
+                for (&node, weight) in nodes.iter().zip(own.unwrap_or_default()) {
+                    add_to(&mut self.own, node, weight);
+                }
+            }
+        }
+        for &(other, weight) in &share.partners {
+            add_to(&mut self.partners, other, weight);
+        }
+    }
+
+    fn contact_place(
+        &self,
+        mesh: &Mesh<D>,
+        first: &Surface<D>,
+        key: Key,
+        options: &PairOptions<D>,
+    ) -> Result<ContactPlace<D>, ContactError>
+    where
+        Kind: Topology<D>,
+    {
+        let weights = |entries: &[(u32, f64)]| -> Vec<(u32, f64)> {
+            let mut weights: Vec<(u32, f64)> = (entries.iter())
+                .map(|&(node, weight)| (node, weight / self.area))
+                .filter(|p| p.1.abs() > 1e-14)
+                .collect();
+            weights.sort_unstable_by_key(|p| p.0);
+            weights
+        };
+        let mut own = weights(&self.own);
+        if let [only] = &mut own[..] {
+            only.1 = 1.0;
+        }
+        let nodes: Vec<u32> = own.iter().map(|p| p.0).collect();
+        let x = mean(&own, |node| mesh.nodes[node as usize]);
+        let outward = mean(&own, |node| first.normal(node, self.parts.0));
+        let outward = if nodes.len() > 1 {
+            unit(outward)
+        } else {
+            outward
+        };
+        let slip_bound = options.friction.at(x, self.bound)?;
+        // ν lies between the normals of both sides, so that it does not matter which of them is named first.
+        let normal = unit(minus(outward, self.facing.map(|c| c / self.area)));
+        let normal = options.within_planes(normal, &nodes);
+        let gap = self.gap / self.area * dot(outward, normal);
+        if let Some(interference) = options.interference {
+            checked("interference", x, interference(x))?;
+        }
+        if !gap.is_finite() {
+            checked("gap", x, f64::NAN)?;
+        }
+        let frame = frame(normal);
+        let mut partners = weights(&self.partners);
+        centre(
+            mesh,
+            x,
+            &frame,
+            self.area.powf(1.0 / (D as f64 - 1.0)),
+            &mut partners,
+        );
+        Ok(ContactPlace {
+            place: x,
+            node: match key {
+                Key::Node { node, .. } => Some(node),
+                _ => None,
+            },
+            own,
+            partners,
+            frame,
+            // ψ has negative parts, so that the mean of a gap that is nowhere negative may be, by O(h²).
+            gap: if options.interference.is_some() {
+                gap
+            } else {
+                gap.max(0.0)
+            },
+            area: self.area,
+            pool: 0,
+            slip_bound,
+        })
+    }
+}
+
+/// Moves the mean place of the partners of a node at x onto its normal, by the least change of their weights.
+///
+/// Only then a pressure has no moment on the pair, and none is needed to turn it as a whole. Where both boundaries are
+/// flat this holds as it is; on curved ones it misses by O(h²).
+fn centre<const D: usize>(
+    mesh: &Mesh<D>,
+    x: [f64; D],
+    frame: &[[f64; D]; D],
+    size_of_facets: f64,
+    partners: &mut [(u32, f64)],
+) where
+    Kind: Topology<D>,
+{
+    // Offsets along the tangents; the first entry stands for the normal and stays 0.
+    let offset = |node: u32| -> [f64; D] {
+        let to = minus(mesh.nodes[node as usize], x);
+        std::array::from_fn(|a| if a == 0 { 0.0 } else { dot(frame[a], to) })
+    };
+    let (mut off, mut middle, mut size) = ([0.0; D], [0.0; D], 0.0);
+    for &(node, weight) in &*partners {
+        let y = offset(node);
+        size += weight.abs();
+        for a in 1..D {
+            off[a] += weight * y[a];
+            middle[a] += weight.abs() * y[a];
+        }
+    }
+    let middle = middle.map(|sum| sum / size);
+    let mut spread = Mat::<f64>::zeros(D - 1, D - 1);
+    for &(node, weight) in &*partners {
+        let y = minus(offset(node), middle);
+        for a in 1..D {
+            for b in 1..D {
+                spread[(a - 1, b - 1)] += weight.abs() * y[a] * y[b];
+            }
+        }
+    }
+    let scale = (0..D - 1).map(|a| spread[(a, a)]).sum::<f64>().sqrt();
+    // Rounding needs no correction, and partners in one place allow none.
+    if !(length(off) > 1e-11 * size_of_facets && length(off) < 0.5 * scale) {
+        return;
+    }
+    let inverse = dense::pseudo_inverse(&spread, 1e-6);
+    let slope: [f64; D] = std::array::from_fn(|a| match a {
+        0 => 0.0,
+        _ => (1..D).map(|b| -inverse[(a - 1, b - 1)] * off[b]).sum(),
+    });
+    for (node, weight) in partners {
+        *weight += weight.abs() * dot(slope, minus(offset(*node), middle));
+    }
+}
+
+/// Gives each place the number of the pool that its pressure is shown with: a place with little area beside that of the
+/// mesh there, `whole` without what is not covered, and those nearest to it, until they have enough of it together.
+///
+/// With less than a quarter of the size along each direction of the boundary pressures are as much a matter of where the
+/// facets of the other boundary happen to end.
+fn pool<const D: usize>(
+    places: &mut [ContactPlace<D>],
+    parts: &[Parts],
+    whole: &[f64],
+    thickness: f64,
+) {
+    let ways = D as i32 - 1;
+    let enough = |i: usize| whole[i] * thickness * 0.25_f64.powi(ways);
+    let few: Vec<usize> = (0..places.len())
+        .filter(|&i| places[i].area < enough(i))
+        .collect();
+    let mut groups = Groups::new(places.len());
+    if !few.is_empty() {
+        let mut area: Vec<f64> = places.iter().map(|place| place.area).collect();
+        let all = (places.iter().enumerate()).map(|(i, place)| GeomWithData::new(place.place, i));
+        let tree = RTree::bulk_load(all.collect());
+        for i in few {
+            // What is farther than two facets is no neighbour.
+            let reach = 2.0 * whole[i].abs().powf(1.0 / f64::from(ways));
+            for near in tree.nearest_neighbor_iter(places[i].place) {
+                let (mine, j) = (groups.of(i as u32), near.data);
+                let to = minus(*near.geom(), places[i].place);
+                if area[mine as usize] >= enough(i) || length(to) > reach {
+                    break;
+                }
+                let other = groups.of(j as u32);
+                if other != mine && parts[j] == parts[i] {
+                    let sum = area[mine as usize] + area[other as usize];
+                    groups.join(mine, other);
+                    area[mine as usize] = sum;
+                }
+            }
+        }
+    }
+    let (_, numbers) = groups.numbers();
+    for (place, number) in places.iter_mut().zip(numbers) {
+        place.pool = number;
+    }
+}
