@@ -282,6 +282,10 @@ fn errors_name_what_is_at_fault() {
             "support 3 on \"low-left\": the displacement is NaN",
         ),
         (
+            sound().support(Support::on("up-left").y(1e300)),
+            "support 3 on \"up-left\": the displacement is 1e300 at ",
+        ),
+        (
             sound().traction(Traction::on("up-left")),
             "traction 1 on \"up-left\": a traction needs",
         ),
