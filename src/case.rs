@@ -22,12 +22,18 @@ pub use tables::{
     SupportTable, Tables, TractionTable,
 };
 
+use crate::input;
 use crate::mesh::AnyMesh;
 use crate::model::{Definition, Units};
+use std::io::{Error, ErrorKind};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use toml::Spanned;
+
+/// The most bytes of a case file. Its numbers are typed or made by a script, a few kilobytes; and its tables take many
+/// times as much memory as its text, so that this is no question of what a machine can hold.
+const LARGEST: usize = 64 << 20;
 
 /// A case file could not be understood.
 #[derive(Debug, thiserror::Error)]
@@ -82,7 +88,11 @@ pub struct Case {
 impl Case {
     /// Reads a case file; each of `settings` is `key.path=value` and replaces or adds an entry.
     pub fn read(path: &Path, settings: &[String]) -> Result<Self, CaseError> {
-        let text = std::fs::read_to_string(path).map_err(|source| CaseError::Io {
+        let text = input::whole(path, LARGEST).and_then(|bytes| {
+            let not_text = |_| Error::new(ErrorKind::InvalidData, "it is not text (UTF-8)");
+            String::from_utf8(bytes).map_err(not_text)
+        });
+        let text = text.map_err(|source| CaseError::Io {
             path: path.to_owned(),
             source,
         })?;
@@ -138,6 +148,21 @@ impl Case {
     /// The same as a result.
     fn invalid<T>(&self, span: Range<usize>, message: impl Into<String>) -> Result<T, CaseError> {
         Err(self.at(span, message))
+    }
+
+    /// The files that it is read from: itself, and those of its meshes or matrices. (Not those that an Abaqus input file
+    /// names in its turn.)
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        let tables = &self.tables;
+        let mesh = tables.mesh.iter().map(Spanned::get_ref);
+        let files = mesh.flat_map(|mesh| {
+            let parts = mesh.part.iter().map(|part| &part.get_ref().file);
+            parts.chain([&mesh.file]).flatten()
+        });
+        let matrices = (tables.algebraic.iter()).flat_map(|table| table.get_ref().files());
+        let mut all = vec![self.path.clone()];
+        all.extend(files.chain(matrices).map(|file| self.beside(file)));
+        all
     }
 
     /// A path of the case file, relative to it.

@@ -157,6 +157,7 @@ mod dense;
 pub mod dual;
 pub mod elasticity;
 pub mod engine;
+pub mod input;
 #[cfg(test)]
 mod lattice;
 pub mod matrix_market;

@@ -2,6 +2,7 @@
 
 mod parse;
 
+use crate::input;
 use crate::sparse::{BlockCsr, Csr};
 use parse::Entry;
 use std::fmt::Write as _;
@@ -147,7 +148,7 @@ impl Matrix {
 /// The order of the entries is that of the file, whatever the number of threads. Memory is taken for what the file
 /// holds, not for what its header announces.
 pub fn read(path: &Path) -> Result<Matrix, MatrixMarketError> {
-    let text = std::fs::read(path).map_err(|source| MatrixMarketError::Io {
+    let text = input::whole(path, input::data_limit()).map_err(|source| MatrixMarketError::Io {
         path: path.to_owned(),
         source,
     })?;

@@ -58,6 +58,7 @@ pub(crate) use error::{nearest, without_boundaries};
 
 use crate::elasticity::{Material, Plane};
 use crate::mesh::{Kind as ElementKind, Mesh, Topology};
+use crate::problem::{SIZES, is_sized};
 
 /// A model on its way: a mesh, and what is said about it. Numbers are in any consistent units.
 #[derive(Clone, Debug)]
@@ -216,6 +217,10 @@ impl<const D: usize> Definition<D> {
         if !(self.thickness > 0.0 && self.thickness.is_finite()) {
             return Err(Entity::all(Kind::Thickness).error("thickness must be positive"));
         }
+        if !is_sized(self.thickness) {
+            let text = format!("thickness is {:e}: {SIZES}", self.thickness);
+            return Err(Entity::all(Kind::Thickness).error(text));
+        }
         self.check_entities()?;
         self.check_steps()
     }
@@ -228,6 +233,8 @@ impl<const D: usize> Definition<D> {
         for (number, (_, m)) in self.materials.iter().enumerate() {
             let fault = if !(m.young > 0.0 && m.young.is_finite()) {
                 format!("young is {}: it must be positive", m.young)
+            } else if !is_sized(m.young) {
+                format!("young is {:e}: {SIZES}", m.young)
             } else if !(m.poisson > -1.0 && m.poisson < 0.5) {
                 format!(
                     "poisson is {}: it must lie between −1 and 0.5, both excluded",

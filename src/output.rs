@@ -13,7 +13,9 @@ mod vtu;
 
 pub(crate) use fields::shown_at_nodes;
 pub use fields::{ContactFields, NodeStatus, StepFields};
-pub use files::{OutputError, prepare, write_index, write_report, write_solution, write_whole};
+pub use files::{
+    OutputError, prepare, withdraw, write_index, write_report, write_solution, write_whole,
+};
 pub use reactions::{ContactReport, SupportReport};
 pub use report::{EnginePath, HistoryRow, NotHeldReport, Report, StepReport, Timings};
 pub use resources::{forget_peak_memory, peak_memory_mib};

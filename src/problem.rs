@@ -12,6 +12,7 @@ mod matrices;
 mod tests;
 
 pub use check::ProblemError;
+pub(crate) use check::{LARGEST, SIZES, is_sized};
 pub use free::{FreeBodies, FreeBody};
 pub use kkt::Kkt;
 pub(crate) use kkt::{ROUNDING, slip_violation};
@@ -199,6 +200,7 @@ impl<const D: usize> ContactProblem<D> {
         }
         check::length("the gap d", &gap, self.m())?;
         check::finite("the load f", &load)?;
+        check::sized_load(&load)?;
         check::finite("the gap d", &gap)?;
         check::finite("the origin of slip", &slip_origin)?;
         check::slip_bound(&slip_bound, self.m())?;

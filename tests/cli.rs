@@ -418,6 +418,21 @@ fn broken_matrices_are_explained() {
         ("f.mtx", array("0\n1\n2\n3", "2 2"), "expected a vector"),
         (
             "f.mtx",
+            array("0\n1e-310", "2 1"),
+            "the load f: entry 2 (the largest one) is 1e-310: what is not 0 has to be between",
+        ),
+        (
+            "K.mtx",
+            coordinate("1 1 2e-320\n1 2 -1e-320\n2 1 -1e-320\n2 2 1e-320", "2 2 4"),
+            "the stiffness matrix K: entry (1, 1) is 2e-320: what is not 0 has to be between",
+        ),
+        (
+            "K.mtx",
+            coordinate("1 1 2e200\n1 2 -1e200\n2 1 -1e200\n2 2 1e200", "2 2 4"),
+            "the stiffness matrix K: entry (1, 1) is 2e200: what is not 0 has to be between",
+        ),
+        (
+            "f.mtx",
             array("0\nx", "2 1"),
             "f.mtx, line 4: \"x\" is not a number",
         ),
@@ -491,6 +506,124 @@ boundary = \"bottom\"
 obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }
 friction = { tresca = 10 }
 ";
+
+/// What lies in a directory.
+fn names(directory: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(directory).unwrap_or_else(|error| panic!("{error}"));
+    let mut names: Vec<String> = (entries.flatten())
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn nothing_of_the_run_before_is_left() {
+    let place = directory();
+    let (case, out) = (place.path().join("case.toml"), place.path().join("out"));
+    let path = case.to_string_lossy().into_owned();
+    let run = |text: &str, arguments: &[&str], code: i32| {
+        write(&case, text);
+        let output = out.to_string_lossy().into_owned();
+        let run = signorini(&[&["solve", &path, "--output", &output], arguments].concat());
+        let said = self::text(&run.stderr);
+        assert_eq!(run.status.code(), Some(code), "{said}");
+        said
+    };
+    let steps = format!("{SOUND}[steps]\nfactors = [0.2, 0.6, 1.0]\n");
+    run(&steps, &["--plots"], 0);
+    let before = names(&out);
+    for name in [
+        "contact-003.csv",
+        "solution.pvd",
+        "contact-002.svg",
+        "report.html",
+    ] {
+        assert!(
+            before.iter().any(|found| found == name),
+            "{name}: {before:?}"
+        );
+    }
+    // What is not called like a result is nobody's business.
+    let kept = ["contact-3.csv", "notes.txt", "solution-old.vtu"];
+    kept.iter().for_each(|name| write(&out.join(name), "mine"));
+    run(SOUND, &[], 0);
+    let results = ["contact.csv", "report.json", "solution.vtu"];
+    let mut expected = [&kept[..], &results].concat();
+    expected.sort_unstable();
+    assert_eq!(names(&out), expected);
+    // An error that comes before all results takes away what says that the run has converged, and no more.
+    for broken in [
+        SOUND.replace(
+            "rectangle = { size = [2, 1], cells = [4, 2] }",
+            "file = \"none.msh\"",
+        ),
+        SOUND.replace("\"left\"", "\"lift\""),
+        SOUND.replace("[mesh]", "[mash]"),
+    ] {
+        run(&steps, &["--plots"], 0);
+        run(&broken, &[], 1);
+        let left = names(&out);
+        let has = |name: &str| left.iter().any(|found| found == name);
+        assert!(!has("report.json") && !has("report.html"), "{left:?}");
+        assert!(has("solution-003.vtu") && has("notes.txt"), "{left:?}");
+    }
+}
+
+#[test]
+fn what_a_run_reads_is_no_result_of_it() {
+    let place = directory();
+    let out = place.path().to_string_lossy().into_owned();
+    let refused = |case: &Path, input: &str| {
+        let input = place.path().join(input);
+        let before = (names(place.path()), read(&input));
+        let case = case.to_string_lossy();
+        let run = signorini(&["solve", &case, "--output", &out]);
+        let said = text(&run.stderr);
+        assert_eq!(run.status.code(), Some(1), "{said}");
+        let expected = format!("cannot write {}: this run reads it", input.display());
+        assert!(said.contains(&expected), "{expected}\n{said}");
+        assert_eq!((names(place.path()), read(&input)), before);
+    };
+    // A mesh.
+    let case = place.path().join("case.toml");
+    let mesh = read(Path::new("tests/meshes/other-ascii.vtu"));
+    write(&place.path().join("solution-001.vtu"), &mesh);
+    write(&place.path().join("report.json"), "{}");
+    write(
+        &case,
+        &SOUND.replace(
+            "rectangle = { size = [2, 1], cells = [4, 2] }",
+            "file = \"solution-001.vtu\"",
+        ),
+    );
+    refused(&case, "solution-001.vtu");
+    // A matrix.
+    let case = algebraic(place.path());
+    let text = read(&case).replace("f.mtx", "u.mtx");
+    write(&case, &text);
+    write(
+        &place.path().join("u.mtx"),
+        &read(&place.path().join("f.mtx")),
+    );
+    refused(&case, "u.mtx");
+    // The case itself.
+    let case = place.path().join("report.json");
+    write(&case, SOUND);
+    refused(&case, "report.json");
+    write(&case, "{ no case }");
+    let run = signorini(&["solve", &case.to_string_lossy(), "--output", &out]);
+    assert_eq!(run.status.code(), Some(1));
+    assert_eq!(read(&case), "{ no case }");
+    // And where the user says what to write.
+    let mesh = place.path().join("a.msh");
+    std::fs::copy("tests/meshes/other.msh", &mesh).unwrap_or_else(|error| panic!("{error}"));
+    let path = mesh.to_string_lossy().into_owned();
+    let run = signorini(&["convert", &path, &path, "--scale", "2"]);
+    assert_eq!(run.status.code(), Some(1));
+    assert!(self::text(&run.stderr).contains("written over itself"));
+    assert_eq!(read(&mesh), read(Path::new("tests/meshes/other.msh")));
+}
 
 #[test]
 fn broken_cases_are_explained_with_their_line() {

@@ -95,6 +95,10 @@ fn a_signal_at_any_time_leaves_a_report() {
             assert!(after < 100, "killed after {after} ms");
             continue;
         };
+        if outcome.errors.contains("while the case was read") {
+            assert!(code == 3 && after < 100, "still reading after {after} ms");
+            continue;
+        }
         let report = outcome
             .report
             .unwrap_or_else(|| panic!("no report: {}", outcome.errors));
@@ -113,6 +117,124 @@ fn a_signal_at_any_time_leaves_a_report() {
         }
     }
     assert!(interrupted > 0, "no signal came in time");
+}
+
+/// Solves a case, sends the signal after a while if there is one, and waits: what it has ended with, and what it says.
+fn ended(case: &Path, signal: Option<&str>) -> (Option<i32>, String) {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_signorini"))
+        .arg("solve")
+        .arg(case)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap_or_else(|error| panic!("{error}"));
+    if let Some(name) = signal {
+        std::thread::sleep(Duration::from_millis(500));
+        let _ = Command::new("kill")
+            .args(["-s", name, &child.id().to_string()])
+            .status();
+    }
+    for _ in 0..600 {
+        if child.try_wait().is_ok_and(|ended| ended.is_some()) {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let _ = child.kill();
+    let ended = child
+        .wait_with_output()
+        .unwrap_or_else(|error| panic!("{error}"));
+    let errors = String::from_utf8_lossy(&ended.stderr).into_owned();
+    (ended.status.code(), errors)
+}
+
+fn pipe(path: &Path) {
+    let made = Command::new("mkfifo").arg(path).status();
+    assert!(made.is_ok_and(|status| status.success()));
+}
+
+/// The case with a mesh from this file.
+fn with_mesh(file: &str) -> String {
+    PROCESS.replace(
+        "[mesh.rectangle]\nsize = [4, 1]\ncells = [120, 30]\n",
+        &format!("[mesh]\nfile = \"{file}\"\n"),
+    )
+}
+
+#[test]
+fn the_first_signal_ends_a_run_that_waits_for_a_pipe() {
+    let directory = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+    let fifo = directory.path().join("pipe");
+    pipe(&fifo);
+    let case = directory.path().join("case.toml");
+    std::fs::write(&case, with_mesh("pipe")).unwrap_or_else(|error| panic!("{error}"));
+    for (case, signal) in [(&fifo, "TERM"), (&case, "INT")] {
+        let (code, errors) = ended(case, Some(signal));
+        assert_eq!(code, Some(3), "{signal}: {errors}");
+        assert!(errors.contains("while the case was read"), "{errors}");
+    }
+}
+
+#[test]
+fn what_has_no_end_is_not_read_to_its_end() {
+    let directory = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+    let case = directory.path().join("case.toml");
+    std::fs::write(&case, with_mesh("/dev/zero")).unwrap_or_else(|error| panic!("{error}"));
+    for case in [&case, Path::new("/dev/zero")] {
+        let (code, errors) = ended(case, None);
+        assert_eq!(code, Some(1), "{errors}");
+        let expected = "cannot read /dev/zero: this is a device";
+        assert!(errors.contains(expected), "{errors}");
+    }
+    let fifo = directory.path().join("pipe");
+    pipe(&fifo);
+    let mut endless = Command::new("sh")
+        .args(["-c", "exec yes '# nothing' > \"$0\""])
+        .arg(&fifo)
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap_or_else(|error| panic!("{error}"));
+    let (code, errors) = ended(&fifo, None);
+    let _ = endless.kill();
+    let _ = endless.wait();
+    assert_eq!(code, Some(1), "{errors}");
+    assert!(errors.contains("it has more than 64 MiB"), "{errors}");
+}
+
+/// What a link of such a name leads to is emptied, not removed; it is no result where the run reads it.
+#[test]
+fn links_among_the_results_stay() {
+    let directory = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+    let at = |name: &str| directory.path().join(name);
+    let link = |to: &str, name: &str| {
+        let made = std::os::unix::fs::symlink(at(to), at(name));
+        made.unwrap_or_else(|error| panic!("{error}"));
+    };
+    let write = |name: &str, text: &str| {
+        std::fs::write(at(name), text).unwrap_or_else(|error| panic!("{error}"));
+    };
+    let mesh = include_str!("meshes/other.msh");
+    std::fs::create_dir(at("case-out")).unwrap_or_else(|error| panic!("{error}"));
+    write("case.toml", &with_mesh("a.msh"));
+    write("a.msh", mesh);
+    write("elsewhere.json", "{ \"status\": \"converged\" }");
+    link("elsewhere.json", "case-out/report.json");
+    link("a.msh", "case-out/contact-001.csv");
+    let (code, errors) = ended(&at("case.toml"), None);
+    assert_eq!(code, Some(1), "{errors}");
+    assert!(
+        errors.contains("contact-001.csv: this run reads it"),
+        "{errors}"
+    );
+    let read = |name: &str| std::fs::read_to_string(at(name)).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(read("a.msh"), mesh);
+    assert!(read("elsewhere.json").contains("converged"));
+    std::fs::remove_file(at("case-out/contact-001.csv")).unwrap_or_else(|e| panic!("{e}"));
+    // The mesh has other boundaries than the case names.
+    let (code, errors) = ended(&at("case.toml"), None);
+    assert_eq!(code, Some(1), "{errors}");
+    assert_eq!(read("elsewhere.json"), "");
+    assert!(at("case-out/report.json").is_symlink());
 }
 
 #[test]

@@ -232,8 +232,24 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
             "line 9: surface \"a\": S5 is no face of such an element",
         ),
         (
+            flat.replace("2, 3, 4", "2, 3, 4, 5"),
+            "line 7: an element of this type has 4 nodes, here are 5",
+        ),
+        (
+            flat.replace("2, 3, 4", "2, 3,\n4, 5"),
+            "line 8: an element of this type has 4 nodes, here are 5",
+        ),
+        (
             flat.to_owned() + "*INCLUDE, INPUT=b.inp\n",
-            "line 8: *INCLUDE: other files are not followed",
+            "a.inp, line 8: *INCLUDE: cannot read ",
+        ),
+        (
+            flat.to_owned() + "*ELEMENT, TYPE=C3D4,\nINPUT=\n",
+            "a.inp, line 8: *ELEMENT: INPUT= has to name a file",
+        ),
+        (
+            flat.to_owned() + "*INCLUDE, INPUT=a.inp\n",
+            "does one name itself?",
         ),
         (
             flat.to_owned() + "*NGEN\n1, 9, 1\n",
@@ -263,6 +279,90 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
     for (text, expected) in cases {
         let told = parsed("a.inp", &text, None).err().unwrap_or_default();
         assert!(told.contains(expected), "{expected}\n{told}");
+    }
+}
+
+/// Nodes, elements and sets in files of their own, as `INPUT=` names them, are those of one file.
+#[test]
+fn data_may_stand_in_other_files() {
+    let place = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+    let file = |name: &str, text: &str| {
+        let path = place.path().join(name);
+        let folder = path.parent().unwrap_or(place.path());
+        std::fs::create_dir_all(folder)
+            .and_then(|()| std::fs::write(&path, text))
+            .unwrap_or_else(|error| panic!("{error}"));
+        path
+    };
+    let nodes = "1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, 1\n5, 1, 1, 1\n";
+    let whole = format!(
+        "*NODE\n{nodes}*ELEMENT, TYPE=C3D4, ELSET=body\n1, 1, 2, 3, 4\n2, 2, 3, 4, 5\n*NSET, NSET=low\n1, 2, 3\n"
+    );
+    let expected = solid(parsed("whole.inp", &whole, None));
+    assert_eq!(expected.elements.len(), 2);
+    let main = file(
+        "main.inp",
+        "*HEADING\nparts\n*NODE, INPUT=mesh/nodes.txt\n*Include,\n input=\"mesh/rest.inp\"\n\
+         *AMPLITUDE, NAME=a, INPUT=none.txt\n*NSET, NSET=low, INPUT=low.txt\n**\n",
+    );
+    file("mesh/nodes.txt", nodes);
+    file(
+        "mesh/rest.inp",
+        "** elements\n*ELEMENT, TYPE=C3D4, ELSET=body, INPUT=mesh/second.txt\n1, 1, 2, 3, 4\n",
+    );
+    // No newline at the end.
+    file("mesh/second.txt", "2, 2, 3, 4, 5");
+    file("low.txt", "1, 2,\n3\n");
+    let told = |read: Result<AnyMesh, signorini::mesh::FileError>| {
+        read.map(drop)
+            .err()
+            .map_or(String::new(), |e| e.to_string())
+    };
+    let mesh = solid(read(&main, 1.0, None).map_err(|error| error.to_string()));
+    assert_eq!(mesh.nodes, expected.nodes);
+    let volume = |mesh: &Mesh<3>| mesh.measures().iter().sum::<f64>();
+    assert_eq!(mesh.elements.len(), 2);
+    assert!(near(volume(&mesh), volume(&expected)));
+    assert_eq!(mesh.boundaries, expected.boundaries);
+    // What is wrong is told with the file it is in, and the line there.
+    for (name, text, expected) in [
+        (
+            "low.txt",
+            "1, 2\n9\n",
+            "low.txt, line 2: a set names node 9",
+        ),
+        (
+            "mesh/second.txt",
+            "2, 2, 3, 4, 5, 1\n",
+            "second.txt, line 1: an element of this type has 4 nodes, here are 5",
+        ),
+        (
+            "mesh/rest.inp",
+            "*ELEMENT, TYPE=C3D4, ELSET=body\n1, 1, 2, 3, 4\n2, 2, 3, 4, 7\n",
+            "rest.inp, line 3: an element names node 7",
+        ),
+        (
+            "mesh/rest.inp",
+            "*ELEMENT, TYPE=C3D4, ELSET=body, INPUT=gone.txt\n",
+            "rest.inp, line 1: *ELEMENT: cannot read ",
+        ),
+        (
+            "main.inp",
+            "*NODE, INPUT=mesh/nodes.txt\n*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 4\n*NSET, NSET=a\n8\n",
+            "main.inp, line 5: a set names node 8",
+        ),
+        (
+            "main.inp",
+            "*INCLUDE, INPUT=mesh/nodes.txt\n*NODE\n",
+            "main.inp: there are no elements",
+        ),
+    ] {
+        let path = place.path().join(name);
+        let before = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{error}"));
+        file(name, text);
+        let told = told(read(&main, 1.0, None));
+        assert!(told.contains(expected), "{expected}\n{told}");
+        file(name, &before);
     }
 }
 

@@ -397,3 +397,22 @@ pub struct AlgebraicTable {
     /// n/2 × 2; in space n/3 × 3.
     pub coordinates: Option<PathBuf>,
 }
+
+impl AlgebraicTable {
+    /// All of its files.
+    pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        let needed = [
+            &self.stiffness,
+            &self.load,
+            &self.normal,
+            &self.tangential,
+            &self.gap,
+        ];
+        let others = [
+            &self.slip_bound,
+            &self.friction_coefficient,
+            &self.coordinates,
+        ];
+        needed.into_iter().chain(others.into_iter().flatten())
+    }
+}

@@ -15,6 +15,14 @@ pub fn run(input: &Path, output: &Path, scale: f64, cell_data: Option<&str>) -> 
             output.display()
         ));
     }
+    if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
+        && from == to
+    {
+        return Err(format!(
+            "{}: the mesh would be written over itself: give the new file another name",
+            output.display()
+        ));
+    }
     if cell_data.is_some() && !mesh::has_cell_arrays(input) {
         return Err("--cell-data belongs to a .vtu file".to_owned());
     }

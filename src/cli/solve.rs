@@ -11,10 +11,11 @@ use pictures::{Draw, Pictures};
 use signorini::case::{AnyBuild, Build, Case};
 use signorini::dual::DualOperator as _;
 use signorini::engine::Engine;
+use signorini::input::is_reading;
 use signorini::mesh::Kind;
 use signorini::model::StepData;
 use signorini::output::{
-    EnginePath, Report, Timings, prepare, write_index, write_report, write_solution,
+    EnginePath, Report, Timings, prepare, withdraw, write_index, write_report, write_solution,
 };
 use signorini::quasistatic::{self, Event, Load, State, StepSolution};
 use signorini::ssnm::Status;
@@ -22,10 +23,25 @@ use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Set by Ctrl-C.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Set when everything has been read.
+static READ: AtomicBool = AtomicBool::new(false);
+
+/// Ends the program after Ctrl-C if it is still reading, or reads again: nothing has been computed that could be written,
+/// and a pipe may never end. A file that is read at once is let pass: the run then leaves its report.
+fn leave_reading() {
+    while !READ.load(Ordering::Relaxed) {
+        std::thread::sleep(Duration::from_millis(50));
+        if is_reading() {
+            eprintln!("interrupted while the case was read: nothing has been computed");
+            std::process::exit(NOT_CONVERGED.into());
+        }
+    }
+}
 
 pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     let start = Instant::now();
@@ -34,9 +50,9 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
+        std::thread::spawn(leave_reading);
     });
     let pictures = arguments.plots.then(Pictures::new).transpose()?;
-    let case = Case::read(&arguments.case, &arguments.settings).map_err(|e| told(&e))?;
     let output = match &arguments.output {
         Some(directory) => directory.clone(),
         None => {
@@ -45,6 +61,15 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
             arguments.case.with_file_name(name)
         }
     };
+    let case = match Case::read(&arguments.case, &arguments.settings) {
+        Ok(case) => case,
+        Err(error) => {
+            // The case comes first in what the user has to mend.
+            let _ = withdraw(&output, std::slice::from_ref(&arguments.case));
+            return Err(told(&error));
+        }
+    };
+    withdraw(&output, &case.inputs()).map_err(|e| told(&e))?;
     let log = Log::new(arguments);
 
     let prepared = Prepared {
@@ -55,7 +80,9 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         log: &log,
         pictures,
     };
-    match case.build_any().map_err(|e| told(&e))? {
+    let build = case.build_any().map_err(|e| told(&e))?;
+    READ.store(true, Ordering::Relaxed);
+    match build {
         AnyBuild::Plane(build) => prepared.run(&build),
         AnyBuild::Space(build) => prepared.run(&build),
     }
@@ -85,7 +112,7 @@ impl Prepared<'_> {
             log,
             ..
         } = self;
-        prepare(output).map_err(|e| told(&e))?;
+        prepare(output, &case.inputs()).map_err(|e| told(&e))?;
         log.say(format_args!(
             "n = {}, m = {}: assembled in {:.3} s, of which the contacts {:.4} s",
             build.problem.n_free(),

@@ -1,12 +1,13 @@
 //! Abaqus input files: nodes, elements, sets and surfaces, as Abaqus/CAE and meshers write them.
 //!
 //! Element sets become groups of regions, element-based surfaces boundaries, and so do node sets: of the outer facets
-//! that have all of their corners in the set. Parts stand where their instances put them. Materials, loads and steps
-//! are not read.
+//! that have all of their corners in the set. Parts stand where their instances put them. Files that `INPUT=` names, of
+//! `*INCLUDE` and of data that are read, are looked for beside the first one. Materials, loads and steps are not read.
 
 mod flatten;
 mod keyword;
 mod parts;
+mod text;
 mod types;
 
 use super::AnyMesh;
@@ -19,8 +20,9 @@ use std::path::Path;
 /// If the file cannot be read, or has something that no mesh here has: with its line.
 pub(super) fn read(path: &Path, scale: f64) -> std::result::Result<AnyMesh, FileError> {
     let bytes = file::bytes(path)?;
-    let text = String::from_utf8_lossy(&bytes);
-    parse(&text, scale).map_err(|failure| failure.of(path))
+    let text = text::Text::new(path, &String::from_utf8_lossy(&bytes))?;
+    drop(bytes);
+    parse(&text.text, scale).map_err(|failure| text.locate(failure))
 }
 
 fn parse(text: &str, scale: f64) -> Result<AnyMesh> {

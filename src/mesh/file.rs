@@ -4,6 +4,7 @@ pub(super) mod build;
 pub(super) mod raw;
 
 use super::{AnyMesh, MeshError, abaqus, gmsh, vtu};
+use crate::input;
 use std::path::{Path, PathBuf};
 
 /// Why a mesh file could not be read.
@@ -56,6 +57,7 @@ pub enum FileError {
 /// What a reader complains of.
 #[derive(Debug)]
 pub(super) enum Failure {
+    Line { number: usize, message: String },
     Format { place: String, message: String },
     NoMesh(String),
     Mesh(MeshError),
@@ -66,8 +68,8 @@ pub(super) type Result<T> = std::result::Result<T, Failure>;
 impl Failure {
     /// That a line, counted from 1, is not what it should be.
     pub fn line(number: usize, message: impl Into<String>) -> Self {
-        Self::Format {
-            place: format!("line {number}"),
+        Self::Line {
+            number,
             message: message.into(),
         }
     }
@@ -76,6 +78,11 @@ impl Failure {
     pub fn of(self, path: &Path) -> FileError {
         let path = path.to_owned();
         match self {
+            Self::Line { number, message } => FileError::Format {
+                path,
+                place: format!("line {number}"),
+                message,
+            },
             Self::Format { place, message } => FileError::Format {
                 path,
                 place,
@@ -89,7 +96,7 @@ impl Failure {
 
 /// All bytes of a file.
 pub(super) fn bytes(path: &Path) -> std::result::Result<Vec<u8>, FileError> {
-    std::fs::read(path).map_err(|source| FileError::Io {
+    input::whole(path, input::data_limit()).map_err(|source| FileError::Io {
         path: path.to_owned(),
         source,
     })

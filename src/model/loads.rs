@@ -7,8 +7,9 @@ use crate::contact::Space;
 use crate::elasticity::{Body, Unknowns, load_vector};
 use crate::mesh::vector::dot;
 use crate::mesh::{BoundaryError, Facet, Kind as ElementKind, Mesh, Place as At, Topology};
+use crate::problem::{LARGEST, SIZES, is_sized};
 use crate::quasistatic::Load;
-use crate::sparse::norm;
+use crate::sparse::{norm, norm_max};
 
 /// What a load step puts on the bodies.
 #[derive(Clone, Debug)]
@@ -128,15 +129,25 @@ where
     pub(super) fn forces(&self, body: &Body<D>, step: usize) -> Result<Vec<[f64; D]>, ModelError> {
         let mut forces = vec![[0.0; D]; body.mesh.nodes.len()];
         let finite = |forces: &[[f64; D]], what: &str| {
-            let bad = |f: &[f64; D]| !f.iter().all(|v| v.is_finite());
-            match forces.iter().position(bad) {
+            let bad = |f: &[f64; D]| f.iter().find(|v| !(v.abs() <= LARGEST)).copied();
+            let found = (forces.iter().zip(&body.mesh.nodes)).find_map(|(f, x)| Some((bad(f)?, x)));
+            match found {
                 None => Ok(()),
-                Some(node) => {
-                    let here = At::from(body.mesh.nodes[node]);
-                    Err(Fault::Stated(format!(
-                        "the {what} has no finite value near {here}"
-                    )))
-                }
+                Some((value, &x)) if value.is_finite() => Err(Fault::Stated(format!(
+                    "the {what} is a nodal force of {value:e} near {}: {SIZES}",
+                    At::from(x)
+                ))),
+                Some((_, &x)) => Err(Fault::Stated(format!(
+                    "the {what} has no finite value near {}",
+                    At::from(x)
+                ))),
+            }
+        };
+        // The first load that does anything.
+        let mut acting = None;
+        let mut note = |forces: &[[f64; D]], entity: Entity| {
+            if acting.is_none() && forces.as_flattened().iter().any(|&v| v != 0.0) {
+                acting = Some(entity);
             }
         };
         for (number, t) in self.tractions.iter().enumerate() {
@@ -147,6 +158,7 @@ where
             let traction = |x, n| whole.at(x, n).map(|t| factor * t);
             body.add_traction(&facets, traction, &mut forces);
             finite(&forces, "traction").map_err(at_fault)?;
+            note(&forces, t.entity(number));
         }
         for (number, b) in self.body_forces.iter().enumerate() {
             let at_fault = |fault: Fault| b.entity(number).error(fault);
@@ -161,6 +173,7 @@ where
             };
             body.add_body_force(regions, force, &mut forces);
             finite(&forces, "body force").map_err(at_fault)?;
+            note(&forces, b.entity(number));
         }
         if let Some(g) = self.gravity {
             if body.materials.iter().all(|m| m.density == 0.0) {
@@ -170,8 +183,18 @@ where
             let factor = self.factor(&None, step);
             let force = |_, density| g.map(|g| factor * g * density);
             body.add_body_force(None, force, &mut forces);
+            let all = || Entity::all(Kind::Gravity);
+            finite(&forces, "gravity").map_err(|fault| all().error(fault))?;
+            note(&forces, all());
         }
-        Ok(forces)
+        let largest = norm_max(forces.as_flattened());
+        match acting {
+            Some(entity) if !is_sized(largest) => Err(entity.error(format!(
+                "the largest nodal force of load step {} is {largest:e}: {SIZES}",
+                step + 1
+            ))),
+            _ => Ok(forces),
+        }
     }
 }
 

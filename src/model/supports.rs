@@ -9,6 +9,7 @@ use crate::contact::Space;
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{Facet, Kind as ElementKind, Mesh, Place as At, Topology, facet_nodes};
+use crate::problem::{LARGEST, SIZES};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// The sine of an angle between directions below which they count as one.
@@ -360,6 +361,8 @@ where
             let place = At::from(mesh.nodes[p.node as usize]);
             let fault = if !value.is_finite() {
                 format!("the displacement is {value} at {place}")
+            } else if value.abs() > LARGEST {
+                format!("the displacement is {value:e} at {place}: {SIZES}")
             } else if let Err(way) = set(here, p, prescriptions.frames.get(&p.node), value) {
                 format!("two supports prescribe different displacements in {way} at {place}")
             } else {

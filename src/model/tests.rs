@@ -224,6 +224,36 @@ fn errors_name_what_is_at_fault() {
             "material 1: young is 0: it must be positive",
         ),
         (
+            sound().thickness(1e-310),
+            "thickness: thickness is 1e-310: what is not 0 has to be between 1e-70 and 1e70",
+        ),
+        (
+            Model::on(blocks()).material(Material {
+                young: 1e-310,
+                ..STEEL
+            }),
+            "material 1: young is 1e-310: what is not 0 has to be",
+        ),
+        (
+            Model::on(blocks()).material(Material {
+                young: 1e300,
+                ..STEEL
+            }),
+            "material 1: young is 1e300: what is not 0 has to be",
+        ),
+        (
+            sound().traction(Traction::on("up-left").x(1e-310)),
+            "traction 1 on \"up-left\": the largest nodal force of load step 1 is ",
+        ),
+        (
+            sound().traction(Traction::on("up-left").x(1e200)),
+            "traction 1 on \"up-left\": the traction is a nodal force of ",
+        ),
+        (
+            sound().body_force(BodyForce::everywhere().y(1e-300)),
+            "body force 1: the largest nodal force of load step 1 is ",
+        ),
+        (
             sound().thickness(0.0),
             "thickness: thickness must be positive",
         ),
@@ -250,6 +280,10 @@ fn errors_name_what_is_at_fault() {
         (
             sound().support(Support::on("low-left").y(|x: [f64; 2]| (x[0] - 1.0).sqrt())),
             "support 3 on \"low-left\": the displacement is NaN",
+        ),
+        (
+            sound().support(Support::on("up-left").y(1e300)),
+            "support 3 on \"up-left\": the displacement is 1e300 at ",
         ),
         (
             sound().traction(Traction::on("up-left")),

@@ -7,6 +7,8 @@ use crate::matrix_market::vector_text;
 use crate::mesh::Kind;
 use crate::model::StepData;
 use crate::quasistatic::StepSolution;
+use std::io::ErrorKind::{NotADirectory, NotFound};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// A result could not be written.
@@ -48,13 +50,127 @@ pub fn write_whole(path: &Path, contents: &[u8]) -> Result<(), OutputError> {
     written.map_err(OutputError::at(path))
 }
 
-/// Makes the directory of the results, and tries whether files can be written there: not only after an hour.
-pub fn prepare(directory: &Path) -> Result<(), OutputError> {
+/// Makes the directory of the results, tries whether files can be written there (not only after an hour), and removes
+/// the results of a run before, all that are called as this program calls them: a run may have fewer steps, or draw
+/// nothing. `inputs` is what the run reads.
+///
+/// # Errors
+/// If files cannot be written or removed there; or, before anything is, if one of `inputs` is called like a result there.
+pub fn prepare(directory: &Path, inputs: &[PathBuf]) -> Result<(), OutputError> {
     let path = directory.join(".signorini.part");
-    std::fs::create_dir_all(directory)
-        .and_then(|()| std::fs::write(&path, b""))
+    std::fs::create_dir_all(directory).map_err(OutputError::at(directory))?;
+    let before = results(directory, inputs)?;
+    std::fs::write(&path, b"")
         .and_then(|()| std::fs::remove_file(&path))
-        .map_err(OutputError::at(directory))
+        .map_err(OutputError::at(directory))?;
+    before.iter().try_for_each(|path| remove(path))
+}
+
+/// The files that tell how a run has ended, with what they begin with: no mesh and no matrix does.
+const REPORTS: [(&str, &[u8]); 2] = [("report.json", b"{"), ("report.html", b"<!")];
+
+/// Removes what tells how the run before has ended, so that nobody takes it for the end of a run that fails before it
+/// has results. These stay, up to [`prepare`]: a slip in the new case shall not cost them. `inputs` is what the run reads,
+/// as far as that is known.
+///
+/// # Errors
+/// As [`prepare`]; where there is no such directory there is nothing to do.
+pub fn withdraw(directory: &Path, inputs: &[PathBuf]) -> Result<(), OutputError> {
+    let all = results(directory, inputs)?;
+    for (name, begin) in REPORTS {
+        let path = directory.join(name);
+        if all.contains(&path) && begins(&path, begin) {
+            remove(&path)?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether a file can be read and begins so.
+fn begins(path: &Path, begin: &[u8]) -> bool {
+    let mut found = vec![0; begin.len()];
+    std::fs::File::open(path).is_ok_and(|mut file| file.read_exact(&mut found).is_ok())
+        && found == begin
+}
+
+/// The files of a directory that are called like results, if none of them is one of `inputs`.
+fn results(directory: &Path, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, OutputError> {
+    // The dot is for the directory "".
+    let entries = match std::fs::read_dir(directory.join(".")) {
+        // Where there is none yet, there is nothing in it; what is in its place is told when it is made.
+        Err(error) if matches!(error.kind(), NotFound | NotADirectory) => return Ok(Vec::new()),
+        entries => entries.map_err(OutputError::at(directory))?,
+    };
+    let mut files = Vec::new();
+    for entry in entries {
+        let name = entry.map_err(OutputError::at(directory))?.file_name();
+        let path = directory.join(&name);
+        // Pipes and devices are written to; links have to lead to a file.
+        if name.to_str().is_some_and(is_result) && path.is_file() {
+            files.push(path);
+        }
+    }
+    let inputs = inputs.iter().filter_map(|path| path.canonicalize().ok());
+    let inputs: Vec<PathBuf> = inputs.collect();
+    let is_input = |path: &&PathBuf| path.canonicalize().is_ok_and(|path| inputs.contains(&path));
+    match files.iter().find(is_input) {
+        None => Ok(files),
+        Some(path) => {
+            let text = "this run reads it, and results are called so: choose another directory for them, or another \
+                        name for the file";
+            Err(OutputError::at(path)(std::io::Error::other(text)))
+        }
+    }
+}
+
+/// Removes a result. What a link points to stays, empty, in its place.
+fn remove(path: &Path) -> Result<(), OutputError> {
+    let removed = if path.is_symlink() {
+        std::fs::write(path, b"")
+    } else {
+        std::fs::remove_file(path)
+    };
+    removed.map_err(OutputError::at(path))
+}
+
+/// Whether a run calls a result so, or what it writes on the way to one.
+fn is_result(name: &str) -> bool {
+    const WHOLE: [&str; 8] = [
+        "report.json",
+        "report.html",
+        "solution.pvd",
+        "u.mtx",
+        "lambda_normal.mtx",
+        "lambda_tangential.mtx",
+        "convergence.svg",
+        "steps.svg",
+    ];
+    // The number of a step has three digits or more; that of a contact begins with none of 0.
+    let number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    let of_step = |text: &str| text.len() >= 3 && number(text);
+    let of_contact = |text: &str| number(text) && !text.starts_with('0');
+    let rest = |kind: &str, ending: &str| {
+        let rest = name.strip_prefix(kind)?.strip_suffix(ending)?;
+        if rest.is_empty() {
+            Some(rest)
+        } else {
+            rest.strip_prefix('-').filter(|rest| !rest.is_empty())
+        }
+    };
+    let stepped = |rest: Option<&str>| rest.is_some_and(|rest| rest.is_empty() || of_step(rest));
+    let picture = |rest: &str| match rest.split_once('-') {
+        Some((contact, step)) => of_contact(contact) && of_step(step),
+        None => rest.is_empty() || of_contact(rest) || of_step(rest),
+    };
+    let part = name
+        .strip_prefix('.')
+        .and_then(|name| name.strip_suffix(".part"));
+    WHOLE.contains(&name)
+        || stepped(rest("solution", ".vtu"))
+        || stepped(rest("contact", ".csv"))
+        || stepped(rest("deformed", ".svg"))
+        || rest("contact", ".svg").is_some_and(picture)
+        || part.is_some_and(|name| !name.starts_with('.') && is_result(name))
 }
 
 /// Writes one of the results into their directory, made if need be; returns the file.
@@ -157,8 +273,48 @@ mod tests {
         let place = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
         let file = place.path().join("file");
         std::fs::write(&file, b"").unwrap_or_else(|error| panic!("{error}"));
-        let error = prepare(&file.join("results")).map_err(|error| error.to_string());
+        let error = prepare(&file.join("results"), &[]).map_err(|error| error.to_string());
         assert!(error.is_err_and(|text| text.starts_with("cannot write ")));
-        assert!(prepare(&place.path().join("new/results")).is_ok());
+        assert!(prepare(&place.path().join("new/results"), &[]).is_ok());
+    }
+
+    #[test]
+    fn results_are_known_by_their_names() {
+        for name in [
+            "report.json",
+            "solution.vtu",
+            "solution-012.vtu",
+            "solution-1000.vtu",
+            "contact.csv",
+            "contact-003.csv",
+            "deformed-001.svg",
+            "contact.svg",
+            "contact-2.svg",
+            "contact-001.svg",
+            "contact-12-003.svg",
+            "lambda_normal.mtx",
+            ".solution-001.vtu.part",
+        ] {
+            assert!(is_result(name), "{name}");
+        }
+        for name in [
+            "solution",
+            "solution-.vtu",
+            "solution-1.vtu",
+            "solution-old.vtu",
+            "solution001.vtu",
+            "my-solution.vtu",
+            "contact-3.csv",
+            "contact-02-001.svg",
+            "contact-2-1.svg",
+            "contact-1-2-003.svg",
+            "report.json~",
+            "Report.json",
+            "K.mtx",
+            ".part",
+            "..report.json.part.part",
+        ] {
+            assert!(!is_result(name), "{name}");
+        }
     }
 }

@@ -95,6 +95,13 @@ pub enum ProblemError {
         value: f64,
         mirror: f64,
     },
+    /// K or f is so small or so large that numbers made of it are none any more.
+    #[error("{name}: entry {place} is {value:e}: {SIZES}")]
+    Size {
+        name: &'static str,
+        place: String,
+        value: f64,
+    },
     /// A diagonal entry of K is not positive.
     #[error(
         "the stiffness matrix K is not positive definite: its diagonal entry {row} is {value:e}, must be > 0"
@@ -133,6 +140,35 @@ pub enum ProblemError {
     TooManyRows { rows: usize, n: usize },
 }
 
+/// Entries of K and of f, and what they are made of, are 0 or have a size between these: displacements are their quotients,
+/// within 1e±140, and squares and energies of all these remain within what a double holds to full accuracy, 1e±307. No
+/// system of units comes near them.
+const SMALLEST: f64 = 1e-70;
+/// See [`SMALLEST`].
+pub(crate) const LARGEST: f64 = 1e70;
+
+/// What to do about others.
+pub(crate) const SIZES: &str = "what is not 0 has to be between 1e-70 and 1e70 in size, to be computed with: state it in other units";
+
+/// Whether a size is one that can be computed with, or 0.
+pub(crate) fn is_sized(value: f64) -> bool {
+    value == 0.0 || (SMALLEST..=LARGEST).contains(&value.abs())
+}
+
+/// The largest entry of a load can be computed with, or all of them are 0.
+pub(super) fn sized_load(load: &[f64]) -> Result<(), ProblemError> {
+    let all = load.iter().enumerate();
+    let largest = all.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    match largest {
+        Some((i, &value)) if !is_sized(value) => Err(ProblemError::Size {
+            name: "the load f",
+            place: format!("{} (the largest one)", i + 1),
+            value,
+        }),
+        _ => Ok(()),
+    }
+}
+
 /// Relative asymmetry of K that counts as rounding.
 const SYMMETRY_LIMIT: f64 = 1e-9;
 
@@ -157,8 +193,17 @@ pub(super) fn checked_but_for_rank<const D: usize>(
     if !n.is_multiple_of(D) {
         data = pad(data);
     }
-    symmetric(&data.stiffness)?;
     let diagonal = data.stiffness.diagonal();
+    // What is too small for products would not be found symmetric, either.
+    if let Some(i) = diagonal.iter().position(|&v| v > 0.0 && !is_sized(v)) {
+        return Err(ProblemError::Size {
+            name: "the stiffness matrix K",
+            place: format!("({0}, {0})", i + 1),
+            value: diagonal[i],
+        });
+    }
+    sized_load(&data.load)?;
+    symmetric(&data.stiffness)?;
     if let Some(i) = diagonal.iter().position(|&v| !(v > 0.0)) {
         return Err(ProblemError::Diagonal {
             row: i + 1,

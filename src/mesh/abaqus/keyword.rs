@@ -49,12 +49,21 @@ impl<'a> Keyword<'a> {
     }
 
     /// Adds the options of a line, the first one of the keyword or one that goes on with it.
-    pub fn add(&mut self, parts: impl Iterator<Item = &'a str>) {
+    fn add(&mut self, parts: impl Iterator<Item = &'a str>) {
         let options = parts.filter(|part| !part.trim().is_empty()).map(|part| {
             let (name, value) = part.split_once('=').unwrap_or((part, ""));
             (key(name), plain(value))
         });
         self.options.extend(options);
+    }
+
+    /// Adds the lines that go on with it: while one ends with a comma, the next one does. `last` is its first line.
+    pub fn complete(&mut self, mut last: &'a str, mut next: impl FnMut() -> Option<&'a str>) {
+        while last.trim().ends_with(',') {
+            let Some(more) = next() else { break };
+            last = more;
+            self.add(last.trim().split(','));
+        }
     }
 
     /// The value of an option, empty where it has none; None without the option.

@@ -117,12 +117,7 @@ pub(super) fn read(text: &str) -> Result<Assembly> {
             reader.data(&block, line, text)?;
             continue;
         };
-        let mut last = text;
-        while last.ends_with(',') {
-            let Some((_, more)) = lines.next() else { break };
-            last = more.trim();
-            keyword.add(last.split(','));
-        }
+        keyword.complete(text, || lines.next().map(|(_, more)| more));
         reader.end_element(line)?;
         block = reader.keyword(&keyword)?;
     }
@@ -224,9 +219,6 @@ impl<'a> Reader<'a> {
                 self.in_instance = false;
                 self.part = None;
                 Block::Skip
-            }
-            "INCLUDE" => {
-                return refuse("other files are not followed: put their text in its place");
             }
             "NGEN" | "NFILL" | "NCOPY" | "ELGEN" | "ELCOPY" | "NMAP" => {
                 return refuse(
@@ -346,8 +338,13 @@ impl<'a> Reader<'a> {
         if self.begun.len() < wanted && text.ends_with(',') {
             return Ok(());
         }
-        let all = std::mem::take(&mut self.begun);
-        if all.len() < wanted {
+        let mut all = std::mem::take(&mut self.begun);
+        while all.len() > wanted && all.last().is_some_and(|last| last.is_empty()) {
+            all.pop();
+        }
+        // A beam may have one more, which says how its section lies.
+        let most = wanted + usize::from(cell == Cell::Line);
+        if !(wanted..=most).contains(&all.len()) {
             return Err(Failure::line(
                 line,
                 format!(

@@ -1,0 +1,133 @@
+//! Files that are read whole, up to a limit.
+
+use std::fs::File;
+use std::io::{Error, ErrorKind, Read as _, Result};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// How many files are being read.
+static OPEN: AtomicUsize = AtomicUsize::new(0);
+
+/// Whether a thread of this program waits for a case, a mesh or a matrix, which may be a pipe that nobody fills: nothing
+/// that it is waited for will be done before.
+pub fn is_reading() -> bool {
+    OPEN.load(Ordering::SeqCst) > 0
+}
+
+/// Counts a file that is being read.
+struct Reading;
+
+impl Reading {
+    fn begin() -> Self {
+        OPEN.fetch_add(1, Ordering::SeqCst);
+        Self
+    }
+}
+
+impl Drop for Reading {
+    fn drop(&mut self) {
+        OPEN.fetch_sub(1, Ordering::SeqCst);
+    }
+}
+
+/// The most bytes of a mesh or a matrix that are read: a quarter of the memory. What is made of a file, K and its factor
+/// above all, takes more than three times its size, so that a larger one could not be solved either.
+pub(crate) fn data_limit() -> usize {
+    crate::memory::total_bytes().map_or(usize::MAX, |bytes| bytes / 4)
+}
+
+/// All bytes of a file or a pipe that has no more than `limit` of them.
+///
+/// # Errors
+/// Those of the system; or if there is more, or `path` is a device, which may have no end.
+pub(crate) fn whole(path: &Path, limit: usize) -> Result<Vec<u8>> {
+    // A pipe makes its reader wait as soon as it is opened.
+    let _reading = Reading::begin();
+    let file = File::open(path)?;
+    let there = file.metadata()?;
+    if is_device(&there) {
+        return Err(Error::new(
+            ErrorKind::InvalidInput,
+            "this is a device: name a file, or a pipe",
+        ));
+    }
+    let too_large = || {
+        let mib = limit.div_ceil(1 << 20);
+        Error::new(
+            ErrorKind::FileTooLarge,
+            format!(
+                "it has more than {mib} MiB, the most that is read here: is this the right file?"
+            ),
+        )
+    };
+    let length = usize::try_from(there.len()).unwrap_or(usize::MAX);
+    if there.is_file() && length > limit {
+        return Err(too_large());
+    }
+    let mut bytes = Vec::new();
+    // Of a pipe the system knows no length.
+    bytes.try_reserve_exact(length)?;
+    file.take((limit as u64).saturating_add(1))
+        .read_to_end(&mut bytes)?;
+    if bytes.len() > limit {
+        return Err(too_large());
+    }
+    Ok(bytes)
+}
+
+#[cfg(unix)]
+fn is_device(there: &std::fs::Metadata) -> bool {
+    use std::os::unix::fs::FileTypeExt as _;
+    let kind = there.file_type();
+    kind.is_char_device() || kind.is_block_device()
+}
+
+#[cfg(not(unix))]
+fn is_device(_there: &std::fs::Metadata) -> bool {
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_read_up_to_the_limit() {
+        let place = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+        let path = place.path().join("a");
+        std::fs::write(&path, b"four").unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(whole(&path, 4).ok().as_deref(), Some(&b"four"[..]));
+        let told = whole(&path, 3).map_err(|error| error.kind());
+        assert_eq!(told, Err(ErrorKind::FileTooLarge));
+        assert!(data_limit() > 1 << 26);
+    }
+
+    /// A pipe has no length, and its writer may never stop.
+    #[cfg(unix)]
+    #[test]
+    fn pipes_without_an_end_are_refused() {
+        let place = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+        let pipe = place.path().join("pipe");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.is_ok_and(|status| status.success()));
+        let writer = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || -> Result<()> {
+                use std::io::Write as _;
+                let mut pipe = std::fs::OpenOptions::new().write(true).open(pipe)?;
+                loop {
+                    pipe.write_all(&[b' '; 4096])?;
+                }
+            }
+        });
+        let told = whole(&pipe, 100_000).map_err(|error| error.to_string());
+        assert!(
+            told.as_ref()
+                .is_err_and(|text| text.contains("more than 1 MiB")),
+            "{told:?}"
+        );
+        assert!(writer.join().is_ok_and(|ended| ended.is_err()));
+        let told = whole(Path::new("/dev/zero"), 4).map_err(|error| error.to_string());
+        assert!(told.is_err_and(|text| text.contains("this is a device")));
+    }
+}

@@ -1,0 +1,123 @@
+//! A file with the text of the files that it names (`INPUT=`) in the places where they belong.
+
+use super::keyword::Keyword;
+use crate::input;
+use crate::mesh::file::{Failure, FileError};
+use std::path::{Path, PathBuf};
+
+/// All lines as of one file.
+#[derive(Default)]
+pub(super) struct Text {
+    pub text: String,
+    /// How many lines these are.
+    lines: usize,
+    /// Where they come from, in order.
+    pieces: Vec<Piece>,
+}
+
+/// Lines of a file one after another.
+struct Piece {
+    path: PathBuf,
+    /// How many lines come before it, of all and in its file.
+    before: [usize; 2],
+}
+
+/// Files go into files no deeper than this: Abaqus itself allows for five.
+const DEEPEST: usize = 10;
+
+/// The keywords whose data are read, so that they may stand in another file.
+const READ: [&str; 5] = ["NODE", "ELEMENT", "NSET", "ELSET", "SURFACE"];
+
+impl Text {
+    /// The text of `path`, which has been read, with that of the files it names.
+    ///
+    /// # Errors
+    /// If one of these cannot be read: with the line that names it.
+    pub fn new(path: &Path, text: &str) -> Result<Self, FileError> {
+        let mut whole = Self::default();
+        whole.add(path, text, path.parent().unwrap_or(Path::new("")), 0)?;
+        Ok(whole)
+    }
+
+    /// What is wrong, with the file and the line of it where it is.
+    pub fn locate(&self, failure: Failure) -> FileError {
+        match failure {
+            Failure::Line { number, message } => {
+                // Of pieces that begin at the same line all but the last are empty.
+                let after = (self.pieces).partition_point(|piece| piece.before[0] < number);
+                let Piece { path, before } = &self.pieces[after.max(1) - 1];
+                Failure::line(number - before[0] + before[1], message).of(path)
+            }
+            failure => failure.of(&self.pieces[0].path),
+        }
+    }
+
+    /// Adds a file; those that it names are in the folder `place`.
+    fn add(
+        &mut self,
+        path: &Path,
+        text: &str,
+        place: &Path,
+        depth: usize,
+    ) -> Result<(), FileError> {
+        self.begin(path, 0);
+        let mut lines = (1..).zip(text.trim_start_matches('\u{feff}').lines());
+        while let Some((line, first)) = lines.next() {
+            let before = (self.text.len(), self.lines);
+            self.push(first);
+            let Some(mut keyword) = Keyword::parse(line, first) else {
+                continue;
+            };
+            let mut last = line;
+            keyword.complete(first, || {
+                let (number, more) = lines.next()?;
+                last = number;
+                self.push(more);
+                Some(more)
+            });
+            let is_include = keyword.name == "INCLUDE";
+            let input = keyword.option("INPUT");
+            if !is_include && (input.is_none() || !READ.contains(&keyword.name.as_str())) {
+                continue;
+            }
+            let failed = |message: String| {
+                Failure::line(line, format!("*{}: {message}", keyword.name)).of(path)
+            };
+            let Some(name) = input.filter(|name| !name.is_empty()) else {
+                return Err(failed("INPUT= has to name a file".to_owned()));
+            };
+            if is_include {
+                // The text of the file stands in its place.
+                self.text.truncate(before.0);
+                self.lines = before.1;
+            }
+            let file = place.join(name);
+            let shown = file.display();
+            if depth == DEEPEST {
+                return Err(failed(format!(
+                    "{DEEPEST} files name each other up to {shown}: does one name itself?"
+                )));
+            }
+            let left = input::data_limit().saturating_sub(self.text.len());
+            let bytes = input::whole(&file, left)
+                .map_err(|error| failed(format!("cannot read {shown}: {error}")))?;
+            self.add(&file, &String::from_utf8_lossy(&bytes), place, depth + 1)?;
+            self.begin(path, last);
+        }
+        Ok(())
+    }
+
+    /// What comes now is from `path`, after so many of its lines.
+    fn begin(&mut self, path: &Path, line: usize) {
+        self.pieces.push(Piece {
+            path: path.to_owned(),
+            before: [self.lines, line],
+        });
+    }
+
+    fn push(&mut self, line: &str) {
+        self.text.push_str(line);
+        self.text.push('\n');
+        self.lines += 1;
+    }
+}
