@@ -122,6 +122,7 @@ pub struct Body<const D: usize> {
     /// The angle about the upright axis through its middle that it is turned by, in space.
     pub angle: f64,
     pub young: f64,
+    pub poisson: f64,
 }
 
 impl<const D: usize> Body<D>
@@ -138,6 +139,7 @@ where
             shape: 0,
             angle: 0.0,
             young: YOUNG,
+            poisson: 0.2,
         }
     }
 
@@ -235,7 +237,7 @@ where
         for body in &self.bodies {
             let material = Material {
                 young: body.young,
-                poisson: 0.2,
+                poisson: body.poisson,
                 density: 0.0,
             };
             model = model.material_in(&body.name, material);

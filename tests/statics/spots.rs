@@ -7,6 +7,7 @@ use crate::common_area::common;
 use crate::scene::{
     Body, Fate, Interface, MU, STRAIN, Scene, Solid, Tally, YOUNG, judge, pair, path,
 };
+use signorini::engine::Stiffness;
 use signorini::mesh::Kind;
 
 /// Widths of the foot as parts of a facet.
@@ -46,7 +47,12 @@ where
                 let place = direction.map(|d| 0.5 * width * part * d);
                 let force = STRAIN * YOUNG * width.powi(D as i32 - 1);
                 let [upper, lower] = if below { [slab, foot] } else { [foot, slab] };
-                let stiffness = path(random);
+                // Iterations cannot tell such unlike sizes of bodies as well.
+                let stiffness = if width < 1e-3 {
+                    Stiffness::Cholesky
+                } else {
+                    path(random)
+                };
                 let name = format!(
                     "{D} dimensions, foot of {width:e} {} the slab, {upper_first}, {stiffness:?}, force at {part} along \
                      {direction:?}",
