@@ -47,6 +47,7 @@ fn twisted(
         loads: vec![(1, WEIGHT, [0.0; 2])],
         pairs: vec![pair("plate", "column", plate_first, MU)],
         held: vec![("column-bottom".to_owned(), [0.0; 3])],
+        guided: Vec::new(),
     };
     let up = turned(&scene.frame, [0.0, 0.0, 1.0]);
     let torque = Traction::on("plate-top")
@@ -88,9 +89,9 @@ fn a_plate_on_a_column_bears_no_more_torque_than_its_corners() {
             let area = common(&scene.bodies[0].area(), &scene.bodies[1].area());
             let interface = Interface {
                 upper_first: plate_first,
-                area,
+                areas: vec![area],
                 force: WEIGHT,
-                at: [0.0; 2],
+                at: Some([0.0; 2]),
             };
             let name = format!("{cells} × {cells} facets, {plate_first}, at rest");
             tally.add(&name, judge(&scene, &[interface], Fate::Stands, stiffness));

@@ -7,6 +7,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod bridges;
 mod column;
 mod common_area;
 mod needles;

@@ -120,6 +120,7 @@ where
         bodies: vec![slab, needle.clone()],
         frame: <Kind as Solid<D>>::frames()[random.below(2)],
         loads: Vec::new(),
+        guided: Vec::new(),
         pairs: vec![pair],
         held: vec![
             ("slab-bottom".to_owned(), [0.0; D]),
@@ -223,6 +224,7 @@ where
         bodies: vec![slab, first, second],
         frame,
         loads: vec![(0, load, BETWEEN)],
+        guided: Vec::new(),
         pairs: vec![pair.interference(overlap).coulomb(MU)],
         held: ["a-bottom", "b-bottom"]
             .map(|name| (name.to_owned(), [0.0; D]))
@@ -249,12 +251,12 @@ where
     Ok(())
 }
 
-fn all_on_two<const D: usize>(seed: u64)
+fn all_on_two<const D: usize>(seed: u64, widths: &[f64])
 where
     Kind: Solid<D>,
 {
     let (mut random, mut tally) = (generator(seed), Tally::default());
-    for width in [0.3, 0.1, 1e-2, 1e-3, 1e-4, 1e-5] {
+    for &width in widths {
         for slab_first in [true, false] {
             for _ in 0..2 {
                 let name = format!("on two needles of {width:e}, slab first: {slab_first}");
@@ -267,10 +269,11 @@ where
 
 #[test]
 fn a_slab_on_two_needles_under_one_facet() {
-    all_on_two::<2>(23);
+    all_on_two::<2>(23, &[0.3, 0.1, 1e-2, 1e-3, 1e-4, 1e-5]);
 }
 
 #[test]
 fn a_slab_on_two_needles_under_one_facet_in_space() {
-    all_on_two::<3>(24);
+    // Thinner ones have next to no moment across the way from one to the other, beside the slab's size.
+    all_on_two::<3>(24, &[0.3, 0.1, 1e-2, 1e-3]);
 }

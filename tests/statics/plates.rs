@@ -5,14 +5,14 @@ use crate::common::Random;
 use crate::common::cases::generator;
 use crate::common_area::{Point, common, middle};
 use crate::scene::{
-    Body, Fate, Interface, MU, STRAIN, Scene, Solid, Tally, YOUNG, judge, pair, path,
+    Body, Fate, Interface, MU, STRAIN, Scene, Solid, Tally, YOUNG, judge, pair, path, plan,
 };
 use signorini::mesh::Kind;
 
 /// How far inside or outside of the border the resultant lies, as a part of the plate's length.
 const NEAR: f64 = 1e-3;
 
-/// A plate on a table that is held from below, with its weight somewhere.
+/// A plate on a table that is held from below, with its weight somewhere: with friction, or guided without it.
 fn plate_on_table<const D: usize>(
     table: Body<D>,
     plate: Body<D>,
@@ -27,16 +27,25 @@ where
     let force = STRAIN * YOUNG * plate.volume();
     let interface = Interface {
         upper_first,
-        area,
+        areas: vec![area],
         force,
-        at,
+        at: Some(at),
     };
+    let guided = random.below(4) == 0;
+    let frames = <Kind as Solid<D>>::frames();
+    let mu = if guided { 0.0 } else { MU };
     let scene = Scene {
-        bodies: vec![table, plate],
-        frame: <Kind as Solid<D>>::frames()[random.below(2)],
-        loads: vec![(1, force, at)],
-        pairs: vec![pair("plate", "table", upper_first, MU)],
+        frame: frames[if guided { 0 } else { random.below(2) }],
+        // What gravity pulls needs no other load.
+        loads: if plate.density > 0.0 {
+            Vec::new()
+        } else {
+            vec![(1, force, at)]
+        },
+        pairs: vec![pair("plate", "table", upper_first, mu)],
         held: vec![("table-bottom".to_owned(), [0.0; D])],
+        guided: if guided { vec![1] } else { Vec::new() },
+        bodies: vec![table, plate],
     };
     (scene, interface)
 }
@@ -105,6 +114,47 @@ fn over_an_edge(cell: f64, cut: f64, random: &mut Random, tally: &mut Tally) {
     let name = format!("edge, facets of {cell}, cut at {cut}");
     // Both ends of what is common.
     near_the_border(&name, &table, &plate, 4, random, tally);
+}
+
+/// A plate that overhangs by about half of it under its own weight: with its middle this far beyond the edge.
+fn by_gravity<const D: usize>(random: &mut Random, tally: &mut Tally)
+where
+    Kind: Solid<D>,
+{
+    let size = std::array::from_fn(|c| if c == D - 1 { 0.2 } else { 1.7 });
+    let mut low = [-1.1; D];
+    low[D - 1] = -0.5;
+    let mut wide = [2.2; D];
+    wide[D - 1] = 0.5;
+    low[0] = -wide[0];
+    let table = Body::new("table", low, wide, 0.23);
+    for cell in [0.3, 0.18] {
+        for (fate, beyond) in [(Fate::Stands, -NEAR), (Fate::Falls, NEAR)] {
+            for upper_first in [true, false] {
+                let mut from = [-0.8; D];
+                (from[0], from[D - 1]) = ((beyond - 0.5) * size[0], 0.0);
+                let mut plate = Body::new("plate", from, size, cell);
+                plate.density = STRAIN * YOUNG;
+                plate.shape = random.below(<Kind as Solid<D>>::SHAPES);
+                let (at, stiffness) = (plate.middle(), path(random));
+                let at = plan(at);
+                let (scene, interface) =
+                    plate_on_table(table.clone(), plate, at, upper_first, random);
+                let name = format!(
+                    "{D} dimensions, facets of {cell}, {upper_first}, {stiffness:?}, {beyond} beyond"
+                );
+                tally.add(&name, judge(&scene, &[interface], fate, stiffness));
+            }
+        }
+    }
+}
+
+#[test]
+fn plates_overhang_by_half_of_them() {
+    let (mut random, mut tally) = (generator(4), Tally::default());
+    by_gravity::<2>(&mut random, &mut tally);
+    by_gravity::<3>(&mut random, &mut tally);
+    tally.end();
 }
 
 #[test]

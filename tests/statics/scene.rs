@@ -123,6 +123,8 @@ pub struct Body<const D: usize> {
     pub angle: f64,
     pub young: f64,
     pub poisson: f64,
+    /// What gravity pulls, of 1 m/s².
+    pub density: f64,
 }
 
 impl<const D: usize> Body<D>
@@ -140,6 +142,7 @@ where
             angle: 0.0,
             young: YOUNG,
             poisson: 0.2,
+            density: 0.0,
         }
     }
 
@@ -188,6 +191,26 @@ where
         mesh
     }
 
+    /// The model in which it neither slides nor turns about the upright axis.
+    fn guided(&self, model: Model<D>) -> Model<D> {
+        let mut first = self.low;
+        first[D - 1] += self.size[D - 1];
+        let mut second = first;
+        second[0] += self.size[0];
+        let [first, second] = [first, second].map(|x| self.put(x));
+        let model = model.support(Support::at_point(first).x(0.0));
+        match D {
+            2 => model,
+            // Across the way from one corner to the other, whichever axis that is nearer to.
+            _ if (second[0] - first[0]).abs() > (second[1] - first[1]).abs() => model
+                .support(Support::at_point(first).y(0.0))
+                .support(Support::at_point(second).y(0.0)),
+            _ => model
+                .support(Support::at_point(first).y(0.0))
+                .support(Support::at_point(second).x(0.0)),
+        }
+    }
+
     /// A downward force in its volume that changes linearly and has this resultant there: with ξ from the middle along an
     /// axis of the box ∫ ξ · 12 d ξ / s² dξ / s is d.
     fn weight(&self, force: f64, at: Point, frame: Frame<D>) -> BodyForce<D> {
@@ -221,6 +244,9 @@ pub struct Scene<const D: usize> {
     pub pairs: Vec<Pair<D>>,
     /// Boundaries that are held, and where they are moved to.
     pub held: Vec<(String, [f64; D])>,
+    /// Bodies that are kept from sliding at corners of their tops, in a scene that is not turned: as nothing pushes them,
+    /// that bears neither force nor moment.
+    pub guided: Vec<usize>,
 }
 
 impl<const D: usize> Scene<D>
@@ -238,12 +264,17 @@ where
             let material = Material {
                 young: body.young,
                 poisson: body.poisson,
-                density: 0.0,
+                density: body.density,
             };
             model = model.material_in(&body.name, material);
         }
         for &(body, force, at) in &self.loads {
             model = model.body_force(self.bodies[body].weight(force, at, self.frame));
+        }
+        let down = self.frame[D - 1].map(|c| -c);
+        model = model.gravity(down);
+        for &body in &self.guided {
+            model = self.bodies[body].guided(model);
         }
         for (name, by) in &self.held {
             model = model.support(<Kind as Solid<D>>::driven(name, turned(&self.frame, *by)));
@@ -261,7 +292,7 @@ where
     }
 }
 
-/// The upper body's bottom and the lower one's top, in either order, with friction.
+/// The upper body's bottom and the lower one's top, in either order, with friction if there is any.
 pub fn pair<const D: usize>(upper: &str, lower: &str, upper_first: bool, mu: f64) -> Pair<D>
 where
     Kind: Solid<D>,
@@ -274,7 +305,10 @@ where
             [b, a]
         }
     };
-    Pair::new(first, second).coulomb(mu)
+    match mu {
+        0.0 => Pair::new(first, second),
+        _ => Pair::new(first, second).coulomb(mu),
+    }
 }
 
 /// What is tried with a scene beside the scene itself, from a stream of random numbers.
@@ -321,19 +355,16 @@ pub enum Fate {
     Falls,
 }
 
-impl Fate {
-    pub fn of(stands: bool) -> Self {
-        if stands { Self::Stands } else { Self::Falls }
-    }
-}
-
 /// A pair of a scene: whether the upper body is named first, what bears, and the resultant handed down.
 #[derive(Clone, Debug)]
 pub struct Interface {
     pub upper_first: bool,
-    pub area: Area,
+    /// What the upper body has in common with each of those that it lies on.
+    pub areas: Vec<Area>,
+    /// In all, or where statics does not say it a force that is as large as any there.
     pub force: f64,
-    pub at: Point,
+    /// None where statics leaves the resultant open.
+    pub at: Option<Point>,
 }
 
 /// Solves a scene, and compares what comes of it.
@@ -378,11 +409,12 @@ where
     for (number, interface) in interfaces.iter().enumerate() {
         let Interface {
             upper_first,
-            area,
+            areas,
             force: load,
             at,
         } = interface;
-        let extent = size(area);
+        let extent = areas.iter().map(size).fold(0.0, f64::max);
+        let about = at.unwrap_or([0.0; 2]);
         // What stands far from the origin, or is small, has its moment about the place of the resultant.
         let (mut sum, mut moment) = ([0.0; D], [0.0; 2]);
         for i in (0..answer.m()).filter(|&i| answer.built.elastic.pair_of[i] as usize == number) {
@@ -392,11 +424,12 @@ where
                 false => force.map(|f| -f),
             };
             (0..D).for_each(|c| sum[c] += up[c]);
-            (0..2).for_each(|c| moment[c] += (plan(place)[c] - at[c]) * up[D - 1]);
+            (0..2).for_each(|c| moment[c] += (plan(place)[c] - about[c]) * up[D - 1]);
             if up[D - 1] < -1e-9 * load {
                 return Err(format!("pair {number} pulls at {place:?} with {up:?}"));
             }
-            let inside = depth(area, plan(place));
+            let depths = areas.iter().map(|area| depth(area, plan(place)));
+            let inside = depths.fold(f64::NEG_INFINITY, f64::max);
             if up[D - 1] > SMALL * load && inside < -ON_BORDER * extent - ROUNDING {
                 return Err(format!(
                     "pair {number}: {:.3e} of the load {:.3e} outside of the common area, which is {extent:.3e} large",
@@ -404,6 +437,9 @@ where
                     -inside
                 ));
             }
+        }
+        if at.is_none() {
+            continue;
         }
         let mut wanted = [0.0; D];
         wanted[D - 1] = *load;

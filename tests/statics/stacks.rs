@@ -74,14 +74,14 @@ where
                 let moment = |c: usize| above.iter().map(|load| load.1 * load.2[c]).sum::<f64>();
                 Interface {
                     upper_first,
-                    area: common(&bodies[k + 1].area(), &bodies[k].area()),
+                    areas: vec![common(&bodies[k + 1].area(), &bodies[k].area())],
                     force,
-                    at: [0, 1].map(|c| moment(c) / force),
+                    at: Some([0, 1].map(|c| moment(c) / force)),
                 }
             })
             .collect();
-        let margins = interfaces.iter().map(|i| match size(&i.area) {
-            extent if extent > 0.0 => depth(&i.area, i.at) / extent,
+        let margins = interfaces.iter().map(|i| match (size(&i.areas[0]), i.at) {
+            (extent, Some(at)) if extent > 0.0 => depth(&i.areas[0], at) / extent,
             _ => f64::NEG_INFINITY,
         });
         let margin = margins.fold(f64::INFINITY, f64::min);
@@ -91,6 +91,7 @@ where
             loads,
             pairs,
             held: vec![("table-bottom".to_owned(), [0.0; D])],
+            guided: Vec::new(),
         };
         Self {
             scene,
@@ -101,7 +102,7 @@ where
 
     /// Whether all that lie on each other have some area in common.
     pub fn touches(&self) -> bool {
-        self.interfaces.iter().all(|i| size(&i.area) > AREA)
+        self.interfaces.iter().all(|i| size(&i.areas[0]) > AREA)
     }
 
     /// The next that has this fate, clearly.
