@@ -271,8 +271,9 @@ where
         for &(body, force, at) in &self.loads {
             model = model.body_force(self.bodies[body].weight(force, at, self.frame));
         }
-        let down = self.frame[D - 1].map(|c| -c);
-        model = model.gravity(down);
+        if self.bodies.iter().any(|body| body.density > 0.0) {
+            model = model.gravity(self.frame[D - 1].map(|c| -c));
+        }
         for &body in &self.guided {
             model = self.bodies[body].guided(model);
         }
