@@ -6,11 +6,14 @@ use crate::common::cases::{chance, generator};
 use crate::common_area::{common, depth, size};
 use crate::scene::{Body, Fate, Interface, STRAIN, Scene, Solid, Tally, YOUNG, judge, pair, path};
 use signorini::mesh::Kind;
+use std::time::{Duration, Instant};
 
 /// How far from the border of the common area resultants are at least, as a part of its size.
 const CLEAR: f64 = 0.01;
 /// Common areas smaller than this, beside blocks of about 1, are not asked for.
 const AREA: f64 = 0.1;
+/// What takes longer is named.
+const SLOW: Duration = Duration::from_secs(2);
 /// High enough that nothing slides.
 const MU: f64 = 0.5;
 
@@ -139,7 +142,11 @@ where
             seed + case,
             interfaces.len()
         );
+        let begin = Instant::now();
         tally.add(&name, judge(&scene, &interfaces, fate, stiffness));
+        if begin.elapsed() > SLOW {
+            println!("{name}: {:.1} s", begin.elapsed().as_secs_f64());
+        }
     }
 }
 
