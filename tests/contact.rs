@@ -144,13 +144,10 @@ fn a_side_that_cannot_move_at_all_carries_contact() {
     let a = resultant(&run(&text("punch-bottom", "die-top")))[1];
     let b = -resultant(&run(&text("die-top", "punch-bottom")))[1];
     assert!(a > 1e5 && (a / b - 1.0).abs() < 0.15, "{a} {b}");
-    // The other way round there are more contact nodes than unknowns that they meet.
+    // With more contact forces than unknowns that they meet, rows depend on each other: the resultant is what it is.
     let fine = text("punch-bottom", "die-top").replace("cells = [3, 2]", "cells = [90, 2]");
-    let message = error(&fine);
-    assert!(
-        message.contains("name the other boundary first"),
-        "{message}"
-    );
+    let c = resultant(&run(&fine))[1];
+    assert!((c / b - 1.0).abs() < 0.15, "{c} {b}");
 }
 
 #[test]
@@ -248,13 +245,10 @@ fn friction_is_never_dropped_in_silence() {
             support("\"die-bottom\"", Some(0.0), Some(0.0)),
         )
     };
-    let message = error(&text("die-top", "punch-bottom"));
-    assert!(
-        message.contains("name the other boundary first"),
-        "{message}"
-    );
-    let [x, y] = resultant(&run(&text("punch-bottom", "die-top")));
-    assert!((x / y + 0.3).abs() < 1e-3, "{x} {y}");
+    for (first, second) in [("die-top", "punch-bottom"), ("punch-bottom", "die-top")] {
+        let [x, y] = resultant(&run(&text(first, second)));
+        assert!((x / y + 0.3).abs() < 1e-3, "{first}: {x} {y}");
+    }
 }
 
 #[test]

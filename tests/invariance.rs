@@ -75,9 +75,10 @@ fn extruded_is_plane(shapes: (CellShape, SolidShape), floors: (Obstacle, Obstacl
     assert_eq!(solid.m(), 2 * m);
     let (mut stick, mut slip, mut separated) = (0, 0, 0);
     for i in 0..2 * m {
-        let node = solid.node(i) as usize % nodes;
-        let there = (0..m).find(|&k| plane.node(k) as usize == node);
-        let k = there.unwrap_or_else(|| panic!("node {node} is none of the plane's"));
+        let [x, y, _] = solid.place(i);
+        let off = |k: usize| (plane.place(k)[0] - x).abs() + (plane.place(k)[1] - y).abs();
+        let there = (0..m).find(|&k| off(k) < 1e-9);
+        let k = there.unwrap_or_else(|| panic!("({x}, {y}) is none of the plane's places"));
         let [x, y] = plane.contact_force(k);
         let expected = [x, y, 0.0].map(|f| 0.5 * width * f);
         close(solid.contact_force(i), expected, 1e-2);

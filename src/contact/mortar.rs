@@ -19,8 +19,9 @@
 //!   of a segment, `mortar/hull.rs` in space). Since Σβ = 1 and Σβᵢxᵢ = x, Σψ = 1 and ∫ ψᵢ x ds = Dᵢ xᵢ: a uniform
 //!   pressure is handed on exactly, and the force of a place acts just there, on the border of what is covered. With the
 //!   facet's own functions it would act at nodes beyond, and a body would stand on what is not there.
-//! - Facets share the places that they have in common: nodes, and points on their common edges. What is very thin
-//!   (`SLIVER`) hands its share to the places of its neighbours.
+//! - Facets share the places that they have in common: nodes, and points on their common edges. Where such places lie
+//!   nearer to each other than the mesh can tell apart, one hands its share on to the other; corners of what is covered
+//!   stay.
 //! - Both boundaries are cut at edges sharper than an angle ([`super::PairOptions::edge_angle`]): each smooth part has
 //!   places and normals of its own.
 //!
@@ -112,10 +113,10 @@ pub enum Site {
 pub struct Cover<const D: usize> {
     /// The smooth part of the other boundary.
     part: u32,
-    /// The places that it hands forces on at: the vertices of its convex hull.
-    vertices: Vec<(Site, [f64; D])>,
-    /// Its least width, in that of the facet along the same direction; 1 of a facet that is wholly covered.
-    width: f64,
+    /// The places that it hands forces on at, the vertices of its convex hull, with its angle there in half turns (in the
+    /// plane a half for either end): those of all that is covered around a place on its border add up to 1 or, at a
+    /// corner, to less.
+    vertices: Vec<(Site, [f64; D], f64)>,
     /// Integration points, those with one facet one after the other.
     meetings: Vec<Meeting<D>>,
     /// β of the vertices at each of them; none of a facet that is wholly covered, where they are φ.
@@ -165,9 +166,8 @@ impl Mortar<3> for Kind {
 
 /// The cosine between outward normals of boundaries that face each other is below this.
 const FACING: f64 = -0.1;
-/// Vertices this near to a corner or an edge of their facet, in its size, are there: coordinates in files have six
-/// digits at least.
-const SAME: f64 = 1e-6;
+/// Vertices this near to a corner or an edge of their facet, in its size, are there.
+const SAME: f64 = 1e-9;
 /// The same in the least width of what is covered: places of a needle stay apart from each other.
 const SAME_OF_WIDTH: f64 = 1e-2;
 /// What part of a smooth boundary is not met by the other one may be lost to curvature: less integrated than this part of
@@ -339,7 +339,6 @@ struct FacetShares<const D: usize> {
 /// What is covered of a facet by one part of the other boundary, and what it adds to the integrals of its vertices.
 struct Shares<const D: usize> {
     part: u32,
-    width: f64,
     vertices: Vec<Share<D>>,
 }
 
@@ -347,6 +346,7 @@ struct Shares<const D: usize> {
 struct Share<const D: usize> {
     site: Site,
     place: [f64; D],
+    angle: f64,
     /// ∫ βᵢ.
     area: f64,
     /// ∫ βᵢ bound, for a Tresca bound.
@@ -407,9 +407,10 @@ where
         let dual = dual(&mass, &area);
         let vertices = cover.vertices.iter().zip(&area);
         let mut vertices: Vec<Share<D>> = vertices
-            .map(|(&(site, place), &area)| Share {
+            .map(|(&(site, place, angle), &area)| Share {
                 site,
                 place,
+                angle,
                 area,
                 bound: 0.0,
                 gap: 0.0,
@@ -461,7 +462,6 @@ where
         }
         all.covers.push(Shares {
             part: cover.part,
-            width: cover.width,
             vertices,
         });
     }

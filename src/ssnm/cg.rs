@@ -7,6 +7,10 @@ use super::subspace::Subspace;
 use crate::dual::{DualError, DualOperator};
 use crate::sparse::{dot, norm};
 
+/// A direction along which A curves q by less than this part of its largest eigenvalue is one that moves no forces, but
+/// for rounding: where rows of B depend on each other.
+pub(super) const FLAT: f64 = 1e-12;
+
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// CGM(A, b, 𝒜, λ, tol): minimises q over the free multipliers until ‖r‖ there is at most `target`
     /// or `enough` says so; returns the number of iterations.
@@ -46,7 +50,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             self.products.apply(&p, &mut image, step, residual)?;
             face.curve(&p, &mut image);
             let curvature = dot(&p, &image);
-            if !(curvature > 0.0) {
+            if !(curvature > FLAT * self.products.sigma * dot(&p, &p)) {
                 break;
             }
             inner += 1;

@@ -5,6 +5,7 @@
 //! equations as unknowns, but not symmetric. GCR (Eisenstat, Elman and Schultz 1983) makes ‖Zᵀr‖ least over the
 //! directions F y tried so far; A F y is kept beside each of them, so that r follows for nothing.
 
+use super::cg::FLAT;
 use super::face::Face;
 use super::newton::Newton;
 use super::point::Point;
@@ -25,22 +26,23 @@ pub(super) struct Gcr {
 
 impl Gcr {
     /// Starts with the known directions that the face allows.
-    pub fn on<const D: usize>(face: &Face<D>, known: &Subspace) -> Self {
+    pub fn on<const D: usize>(face: &Face<D>, known: &Subspace, sigma: f64) -> Self {
         let fitting = known.combinations(face);
         let mut gcr = Self { span: Vec::new() };
         for (direction, mut image) in fitting {
             face.curve(&direction, &mut image);
-            gcr.add(face, direction, image);
+            gcr.add(face, direction, image, sigma);
         }
         gcr
     }
 
-    /// Adds a direction with its image; says whether it adds anything.
+    /// Adds a direction with its image; says whether it adds anything. `sigma`: the largest eigenvalue of A.
     fn add<const D: usize>(
         &mut self,
         face: &Face<D>,
         mut direction: Vec<f64>,
         mut image: Vec<f64>,
+        sigma: f64,
     ) -> bool {
         let mut seen = image.clone();
         face.residual(&mut seen);
@@ -54,8 +56,9 @@ impl Gcr {
             }
         }
         let length = norm(&seen);
-        // Written so that NaN is refused.
-        if !(length > INDEPENDENT * before && before > 0.0) {
+        // Written so that NaN is refused. With σ = 0 nothing is known of A.
+        let is_flat = !(length > FLAT * sigma * norm(&direction));
+        if is_flat || !(length > INDEPENDENT * before && before > 0.0) {
             return false;
         }
         for vector in [&mut direction, &mut image, &mut seen] {
@@ -124,7 +127,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             self.products.apply(&p, &mut image, step, size)?;
             face.curve(&p, &mut image);
             inner += 1;
-            if !gcr.add(face, p, image.clone()) {
+            if !gcr.add(face, p, image.clone(), self.products.sigma) {
                 break;
             }
             let last = gcr.span.len() - 1;

@@ -84,7 +84,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     fn inner_with(&self, face: Face<D>, known: &Subspace, point: &mut Point) -> Inner<D> {
         let span = if self.law.is_coulomb() {
-            Span::Gcr(Gcr::on(&face, known))
+            Span::Gcr(Gcr::on(&face, known, self.products.sigma))
         } else {
             let span = known.fitting(&face);
             face.curve_gradient(point);

@@ -45,6 +45,9 @@ const DRIFTED: f64 = 2.0;
 const ROUGH: f64 = 1e-2;
 /// The accuracy in energy of a product where PCG is slow, relative to that of the product.
 const SLOW: f64 = 0.1;
+/// A direction along which A curves q by less than this part of its largest eigenvalue is not kept: where rows of B depend
+/// on each other it is one of rounding, and combinations with directions that much longer than others fit no face.
+const STEEP: f64 = 1e-10;
 /// A part of the error to reach that does not matter.
 const NEGLIGIBLE: f64 = 0.05;
 
@@ -246,7 +249,9 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
             following.drift += relative * size;
         }
         ap.iter_mut().zip(&image).for_each(|(a, i)| *a += i);
-        self.known.add(rest, image);
+        if dot(&rest, &image) > STEEP * self.sigma * dot(&rest, &rest) {
+            self.known.add(rest, image);
+        }
         Ok(())
     }
 

@@ -6,7 +6,6 @@ use signorini::case::{AnyBuild, Build, Case};
 use signorini::contact::Space;
 use signorini::dual::DirectDual;
 use signorini::mesh::Kind;
-use signorini::output::ContactFields;
 use signorini::quasistatic::{self, State};
 use signorini::ssnm::Status;
 use std::collections::BTreeMap;
@@ -79,8 +78,11 @@ fn wider(line: &str) -> String {
     made + &parts
 }
 
-/// What a contact node ends with.
-struct Node {
+/// What a contact place ends with.
+struct Contact<const D: usize> {
+    place: [f64; D],
+    area: f64,
+    partners: Vec<(u32, f64)>,
     pressure: f64,
     traction: Vec<f64>,
     separated: bool,
@@ -90,10 +92,7 @@ struct Node {
 struct Solved<const D: usize> {
     places: Vec<[f64; D]>,
     displacement: Vec<[f64; D]>,
-    /// By the number of the mesh's node.
-    nodes: BTreeMap<u32, Node>,
-    /// Of each row of N, the column and the value over the nodes of the mesh: weights of partners.
-    partners: BTreeMap<u32, (f64, Vec<(u32, f64)>)>,
+    contacts: Vec<Contact<D>>,
     products: usize,
 }
 
@@ -121,26 +120,30 @@ where
         last = Some((data, solution));
     }
     let (data, solution) = last.expect("a case has a step");
-    let fields = ContactFields::new(build, elastic, &data, &solution);
-    let (mut nodes, mut partners) = (BTreeMap::new(), BTreeMap::new());
-    for (i, node) in elastic.contact.places.iter().enumerate() {
-        let [pressed, rubbed] = fields.traction_vectors(i);
-        let found = Node {
-            pressure: fields.pressure[i],
-            traction: (0..D).map(|c| pressed[c] + rubbed[c]).collect(),
-            separated: solution.sets.is_separated(i),
-            slips: solution.sets.slips(i),
-        };
-        // Both sides end together: every place is a node.
-        let own = node.node.expect("a node");
-        nodes.insert(own, found);
-        partners.insert(own, (node.area, node.partners.clone()));
-    }
+    let contacts = (elastic.contact.places.iter().enumerate())
+        .map(|(i, place)| {
+            // As they are: what is pooled for figures depends on the dimension.
+            let m = elastic.contact.places.len();
+            let (frame, along) = (&place.frame, &solution.lambda[m + (D - 1) * i..][..D - 1]);
+            let force = |c: usize| {
+                let rubbed: f64 = (0..D - 1).map(|k| along[k] * frame[1 + k][c]).sum();
+                -solution.lambda[i] * frame[0][c] - rubbed
+            };
+            Contact {
+                place: place.place,
+                area: place.area,
+                partners: place.partners.clone(),
+                pressure: solution.lambda[i] / place.area,
+                traction: (0..D).map(|c| force(c) / place.area).collect(),
+                separated: solution.sets.is_separated(i),
+                slips: solution.sets.slips(i),
+            }
+        })
+        .collect();
     Solved {
         places: elastic.mesh.nodes.clone(),
         displacement: data.unknowns.displacements(&solution.u),
-        nodes,
-        partners,
+        contacts,
         products,
     }
 }
@@ -187,35 +190,36 @@ fn apart(name: &str, text: &str, tolerance: f64) -> Apart {
             );
             largest = largest.max(u[0].hypot(u[1]));
             apart.u = apart.u.max((v[0] - u[0]).hypot(v[1] - u[1]).hypot(v[2]));
-            let (here, expected) = (solid.nodes.get(&node), plane.nodes.get(&there));
-            // Far from each other curved boundaries may be just within reach of each other in one of them.
-            let (Some(here), Some(expected)) = (here, expected) else {
-                let alone = here.or(expected);
-                assert!(alone.is_none_or(|node| node.separated));
-                continue;
-            };
-            top = top.max(expected.pressure);
-            let [x, y] = [0, 1].map(|c| here.traction[c] - expected.traction[c]);
-            let off = x.hypot(y).max(here.traction[2].abs());
-            apart.traction =
-                (apart.traction).max((here.pressure - expected.pressure).abs().max(off));
-            apart.sets += usize::from(here.separated != expected.separated);
-            apart.sets += usize::from(here.slips != expected.slips);
-            // Half of the width to either layer; what both layers of the other side weigh is what its node weighs.
-            let (here, expected) = (&solid.partners[&node], &plane.partners[&there]);
-            apart.weights = apart
-                .weights
-                .max((here.0 / (0.5 * WIDTH * expected.0) - 1.0).abs());
-            let mut sums: BTreeMap<u32, f64> = expected.1.iter().map(|&(j, w)| (j, -w)).collect();
-            for &(partner, weight) in &here.1 {
-                let other = usize::from(solid.places[partner as usize][2] > 0.5 * WIDTH);
-                let place = layers[other].partition_point(|&node| node < partner);
-                *sums.entry(place as u32).or_default() += weight;
-            }
-            apart.weights = sums
-                .values()
-                .fold(apart.weights, |worst, sum| worst.max(sum.abs()));
         }
+    }
+    for here in &solid.contacts {
+        let off =
+            |there: &&Contact<2>| (0..2).all(|c| (there.place[c] - here.place[c]).abs() < 1e-9);
+        // Far from each other curved boundaries may be just within reach of each other in one of them.
+        let Some(expected) = plane.contacts.iter().find(off) else {
+            assert!(here.separated, "{:?}", here.place);
+            continue;
+        };
+        top = top.max(expected.pressure);
+        let [x, y] = [0, 1].map(|c| here.traction[c] - expected.traction[c]);
+        let off = x.hypot(y).max(here.traction[2].abs());
+        apart.traction = (apart.traction).max((here.pressure - expected.pressure).abs().max(off));
+        apart.sets += usize::from(here.separated != expected.separated);
+        apart.sets += usize::from(here.slips != expected.slips);
+        // Half of the width to either layer; what both layers of the other side weigh is what its node weighs.
+        apart.weights = apart
+            .weights
+            .max((here.area / (0.5 * WIDTH * expected.area) - 1.0).abs());
+        let weights = expected.partners.iter();
+        let mut sums: BTreeMap<u32, f64> = weights.map(|&(j, w)| (j, -w)).collect();
+        for &(partner, weight) in &here.partners {
+            let other = usize::from(solid.places[partner as usize][2] > 0.5 * WIDTH);
+            let place = layers[other].partition_point(|&node| node < partner);
+            *sums.entry(place as u32).or_default() += weight;
+        }
+        apart.weights = sums
+            .values()
+            .fold(apart.weights, |worst, sum| worst.max(sum.abs()));
     }
     apart.u /= largest;
     apart.traction /= top;
@@ -227,7 +231,7 @@ fn apart(name: &str, text: &str, tolerance: f64) -> Apart {
         apart.traction,
         apart.weights,
         apart.sets,
-        3 * solid.nodes.len(),
+        3 * solid.contacts.len(),
         plane.products,
         solid.products
     );
@@ -270,8 +274,7 @@ fn greco_extruded() {
     the_same("GRECO", &published::greco(32));
 }
 
-/// Curved faces: the place that a node meets lies on its normal in space, in the plane on that of its own side. The
-/// answers are apart by what the theory neglects, x/R squared times the strain, and the less the smaller the contact is.
+/// Curved faces: the places that meet each other lie on a common normal, in space as in the plane.
 #[test]
 fn hertz_extruded() {
     for (name, sides) in [
@@ -284,12 +287,9 @@ fn hertz_extruded() {
             "boundary = \"disc-bottom\"\nagainst = \"plate-top\"",
         ),
     ] {
-        let [large, small] = [35000.0, 3500.0].map(|force| {
-            let text = published::hertz(50.0, 40, 0.2, [70000.0, 210000.0], force, sides);
-            apart(&format!("Hertz, {force:e} N, λ on the {name}"), &text, 1e-8)
-        });
-        assert!(large.u < 2e-3 && large.traction < 1e-2);
-        assert!(small.u < 0.5 * large.u, "{} {}", small.u, large.u);
+        let text = published::hertz(50.0, 40, 0.2, [70000.0, 210000.0], 35000.0, sides);
+        let apart = apart(&format!("Hertz, λ on the {name}"), &text, 1e-8);
+        assert!(apart.u < 1e-4 && apart.traction < 1e-3);
     }
 }
 
@@ -297,5 +297,5 @@ fn hertz_extruded() {
 fn cattaneo_extruded() {
     let text = published::cattaneo(0.21, "{ coulomb = 0.2 }", 32);
     let apart = apart("Cattaneo", &text, 1e-8);
-    assert!(apart.u < 2e-3 && apart.traction < 1e-2 && apart.sets == 0);
+    assert!(apart.u < 2e-4 && apart.traction < 2e-3 && apart.sets == 0);
 }

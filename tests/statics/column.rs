@@ -30,13 +30,25 @@ fn twisted(
     turn: usize,
     torque: f64,
 ) -> (Scene<3>, Traction<3>) {
+    twisted_on(cells, 3, plate_first, shape, turn, torque)
+}
+
+/// The same with so many facets along each side of the column, too.
+fn twisted_on(
+    cells: usize,
+    across: usize,
+    plate_first: bool,
+    shape: usize,
+    turn: usize,
+    torque: f64,
+) -> (Scene<3>, Traction<3>) {
     let mut column = Body::new(
         "column",
         [-0.5 * SIDE, -0.5 * SIDE, -1.0],
         [SIDE, SIDE, 1.0],
         0.2,
     );
-    column.cells = [3, 3, 4];
+    column.cells = [across, across, 4];
     column.shape = shape;
     let mut plate = Body::new("plate", [-1.0, -1.0, 0.0], [2.0, 2.0, 0.4], 0.2);
     plate.cells = [cells, cells, 2];
@@ -98,4 +110,41 @@ fn a_plate_on_a_column_bears_no_more_torque_than_its_corners() {
         }
     }
     tally.end();
+}
+
+/// The torque that is held, to a hundredth of the most that statics allows: the figures of docs/validation.md.
+#[test]
+#[ignore = "prints figures, some minutes"]
+fn torques_held() {
+    let most = MU * WEIGHT * SIDE * 0.5f64.sqrt();
+    println!(
+        "uniform {:.1}, corners {most:.1}",
+        MU * WEIGHT * mean_lever()
+    );
+    for (cells, across) in [
+        (3, 3),
+        (5, 3),
+        (9, 3),
+        (17, 3),
+        (3, 6),
+        (9, 6),
+        (17, 6),
+        (17, 12),
+    ] {
+        for plate_first in [true, false] {
+            let holds = |torque: f64| {
+                let (scene, load) = twisted_on(cells, across, plate_first, 0, 0, torque);
+                let mut options = options(Stiffness::Cholesky);
+                options.settings.ssnm.max_iterations = 60;
+                let found = end(scene.model().traction(load), &options);
+                found.is_ok_and(|(status, _)| status == Status::Converged)
+            };
+            let (mut low, mut high) = (0.3 * most, 1.02 * most);
+            while high - low > 0.01 * most {
+                let middle = 0.5 * (low + high);
+                *(if holds(middle) { &mut low } else { &mut high }) = middle;
+            }
+            println!("plate {cells}, column {across}, plate first {plate_first}: {low:.1}");
+        }
+    }
 }

@@ -64,7 +64,8 @@ where
     needle
 }
 
-/// The force of the contacts that lie in a needle, and the area that is in contact there.
+/// The force of the contacts that lie in a needle, and the area that they stand for. Whether each of them presses is not
+/// asked: a needle of one element with five places knows only what they bear together.
 fn borne<const D: usize>(scene: &Scene<D>, answer: &Answer<D>, needle: &Body<D>) -> [f64; 2]
 where
     Kind: Solid<D>,
@@ -74,7 +75,7 @@ where
     for i in 0..answer.m() {
         let (place, _) = scene.contact(answer, i);
         let pressed = answer.solution.lambda[i];
-        if pressed > 0.0 && depth(&section, plan(place)) >= -rounding {
+        if depth(&section, plan(place)) >= -rounding {
             force += pressed;
             area += answer.area(i);
         }

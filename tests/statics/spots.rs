@@ -101,7 +101,8 @@ fn feet_on_a_facet_in_space() {
 
 #[test]
 fn slabs_balanced_on_a_foot() {
-    spots::<2>(true, 13, &WIDTHS);
+    // On narrower ones in and out differ by less of the slab than multipliers are known to.
+    spots::<2>(true, 13, &WIDTHS[..5]);
 }
 
 #[test]

@@ -39,11 +39,7 @@ impl Hull {
     /// Without vertices that hardly stand out: those on a straight line, and most of those on an arc.
     pub fn simplified(self) -> Self {
         let n = self.vertices.len();
-        let allowed = ROUND
-            * self
-                .width_along_edges()
-                .map(|(_, width)| width)
-                .fold(f64::INFINITY, f64::min);
+        let allowed = ROUND * self.width();
         // The two that are farthest apart stay, and between them whatever stands out (Douglas and Peucker 1973).
         let pairs = (0..n).flat_map(|a| (0..a).map(move |b| (b, a)));
         let apart = |&(a, b): &(usize, usize)| length(minus(self.vertices[a], self.vertices[b]));
@@ -76,12 +72,22 @@ impl Hull {
         }
     }
 
-    /// The unit normals of its edges, and its width along each.
-    pub fn width_along_edges(&self) -> impl Iterator<Item = (Flat, f64)> {
-        edges(&self.vertices).map(|(a, b)| {
-            let along = minus(b, a);
-            let normal = [-along[1], along[0]].map(|c| c / length(along));
-            (normal, extent(&self.vertices, normal))
+    /// Its least width: that across one of its edges.
+    pub fn width(&self) -> f64 {
+        let widths = edges(&self.vertices).map(|(a, b)| {
+            let off = self.vertices.iter().map(|&v| turn(a, b, v));
+            off.fold(0.0, f64::max) / length(minus(b, a))
+        });
+        widths.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Its angles, in half turns.
+    pub fn angles(&self) -> impl Iterator<Item = f64> {
+        let n = self.vertices.len();
+        (0..n).map(move |k| {
+            let to = |other: usize| minus(self.vertices[other % n], self.vertices[k]);
+            let ([a, b], [c, d]) = (to(k + 1), to(k + n - 1));
+            (a * d - b * c).atan2(a * c + b * d) / std::f64::consts::PI
         })
     }
 
@@ -105,15 +111,6 @@ impl Hull {
         let sum: f64 = weights.iter().sum();
         weights.into_iter().map(|weight| weight / sum).collect()
     }
-}
-
-/// The width of a polygon along a direction.
-pub(super) fn extent(polygon: &[Flat], along: Flat) -> f64 {
-    let heights = polygon.iter().map(|v| v[0] * along[0] + v[1] * along[1]);
-    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
-        (low.min(h), high.max(h))
-    });
-    high - low
 }
 
 #[cfg(test)]

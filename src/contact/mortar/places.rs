@@ -12,17 +12,21 @@ use rstar::RTree;
 use rstar::primitives::GeomWithData;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-/// What is covered of a facet and narrower than this part of it hands its share to the places of its neighbours, where
-/// they have any as near as this: it moves by no more, and A would be the worse conditioned (its entries of two places
-/// this far apart differ by that part squared).
-const SLIVER: f64 = 1e-2;
-/// The same reach in the diameter of the facet, for places that lie askew of each other.
-const REACH: f64 = 1.5 * SLIVER;
+/// Places on the border of what is covered that lie nearer to another place than this part of the shortest edge there
+/// hand their share on to it: otherwise there were more places along a border than meshes can tell apart, rows would
+/// depend on each other, and Newton's steps lose their way. Of 250 stacks of coarse blocks that stand, 18 did not end
+/// where nothing is handed on; of those 18, 3 do not with 0.3, 1 with 0.5, none with 0.7 and 1.
+const APART: f64 = 0.7;
+/// Corners of what is covered are what a body stands on, so that they stay where they are; but not as near as this: A is
+/// the worse conditioned, by the square of that, and what a body stands on is smaller by no more.
+const SLIVER: f64 = 1e-3;
+/// The border of what is covered has a corner where it turns by more than this, in half turns (10°).
+const TURN: f64 = 10.0 / 180.0;
 /// Points on an edge that two facets say differently by less than this part of it are one.
 const ONE: f64 = 1e-2;
 
 /// What makes a place: points with the same key are one. Nodes come first, in the order of their numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 enum Key {
     /// A node, in a smooth part of its boundary, against a part of the other one.
     Node { node: u32, part: u32, other: u32 },
@@ -58,56 +62,26 @@ where
 {
     pub fn new(body: &Body<D>, first: &Surface<D>, shares: &[FacetShares<D>]) -> Self {
         let keys = Keys::new(first, shares);
-        let mut all = Self {
-            sums: BTreeMap::new(),
-        };
-        // Each facet with its covers that are slivers, or not.
-        let covers = |slivers: bool| {
-            let covers = (shares.iter().enumerate()).flat_map(|(facet, shares)| {
-                shares
-                    .covers
-                    .iter()
-                    .enumerate()
-                    .map(move |(number, cover)| (facet, number, cover))
-            });
-            covers.filter(move |(.., cover)| (cover.width < SLIVER) == slivers)
-        };
-        let mut thick: HashMap<Parts, Vec<GeomWithData<[f64; D], Key>>> = HashMap::new();
-        for (facet, number, cover) in covers(false) {
-            let parts = (first.part[facet], cover.part);
-            for (vertex, share) in cover.vertices.iter().enumerate() {
-                let key = keys.of(first, cover, (facet, number, vertex));
-                let there = all.sums.entry(key).or_insert_with(|| {
-                    let place = GeomWithData::new(share.place, key);
-                    thick.entry(parts).or_default().push(place);
-                    Sums::new(parts)
-                });
-                there.add(share, facet_nodes(&first.facets[facet]));
+        let mut sums: BTreeMap<Key, Sums<D>> = BTreeMap::new();
+        for (facet, shares) in shares.iter().enumerate() {
+            let nodes = facet_nodes(&first.facets[facet]);
+            let place = |k: usize| body.mesh.nodes[nodes[k % nodes.len()] as usize];
+            let edges = (0..nodes.len()).map(|k| length(minus(place(k + 1), place(k))));
+            let edge = edges.fold(f64::INFINITY, f64::min);
+            for (number, cover) in shares.covers.iter().enumerate() {
+                for (vertex, share) in cover.vertices.iter().enumerate() {
+                    let key = keys.of(first, cover, (facet, number, vertex));
+                    let parts = (first.part[facet], cover.part);
+                    let there = sums
+                        .entry(key)
+                        .or_insert_with(|| Sums::new(parts, share.place));
+                    there.add(share, nodes);
+                    there.edge = there.edge.min(edge);
+                }
             }
         }
-        let thick: HashMap<Parts, RTree<_>> = (thick.into_iter())
-            .map(|(parts, places)| (parts, RTree::bulk_load(places)))
-            .collect();
-        for (facet, number, cover) in covers(true) {
-            let parts = (first.part[facet], cover.part);
-            let (corners, len) = body.mesh.corners_of(&first.facets[facet]);
-            let sizes = corners[..len].iter().map(|&x| length(minus(x, corners[0])));
-            let reach = REACH * sizes.fold(0.0, f64::max);
-            for (vertex, share) in cover.vertices.iter().enumerate() {
-                let nearest = thick
-                    .get(&parts)
-                    .and_then(|tree| tree.nearest_neighbor(share.place));
-                let near =
-                    nearest.filter(|place| length(minus(*place.geom(), share.place)) <= reach);
-                let key = near.map_or_else(
-                    || keys.of(first, cover, (facet, number, vertex)),
-                    |place| place.data,
-                );
-                let there = all.sums.entry(key).or_insert_with(|| Sums::new(parts));
-                there.add(share, facet_nodes(&first.facets[facet]));
-            }
-        }
-        all
+        hand_on(&mut sums);
+        Self { sums }
     }
 
     /// The contact places, in the order of their keys.
@@ -139,6 +113,41 @@ where
         }
         pool(&mut places, &of_parts, &whole, body.thickness);
         Ok(places)
+    }
+}
+
+/// Makes one place of those that lie too near to each other.
+fn hand_on<const D: usize>(sums: &mut BTreeMap<Key, Sums<D>>) {
+    let mut few: Vec<(f64, Key)> = (sums.iter())
+        .filter(|(_, sums)| sums.is_partial && sums.angle < 2.0 - TURN)
+        .map(|(&key, sums)| (sums.area, key))
+        .collect();
+    // The smaller one goes to the larger one.
+    few.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut targets: HashMap<Parts, Vec<GeomWithData<[f64; D], Key>>> = HashMap::new();
+    for (&key, sums) in sums.iter().filter(|(_, _)| !few.is_empty()) {
+        if !sums.is_corner() {
+            let place = GeomWithData::new(sums.place, key);
+            targets.entry(sums.parts).or_default().push(place);
+        }
+    }
+    let targets: HashMap<Parts, RTree<_>> = (targets.into_iter())
+        .map(|(parts, places)| (parts, RTree::bulk_load(places)))
+        .collect();
+    for (_, key) in few {
+        let here = &sums[&key];
+        let far = if here.is_corner() { SLIVER } else { APART } * here.edge;
+        let near = targets.get(&here.parts).and_then(|tree| {
+            let mut others = tree.nearest_neighbor_iter(here.place);
+            others.find(|place| place.data != key && sums.contains_key(&place.data))
+        });
+        let near = near.filter(|place| length(minus(*place.geom(), here.place)) <= far);
+        if let Some(to) = near.map(|place| place.data)
+            && let Some(from) = sums.remove(&key)
+            && let Some(there) = sums.get_mut(&to)
+        {
+            there.take(&from);
+        }
     }
 }
 
@@ -219,6 +228,14 @@ impl Keys {
 /// What the facets of the first boundary add up to at a place.
 struct Sums<const D: usize> {
     parts: Parts,
+    /// Where it is, but for what is handed on to it.
+    place: [f64; D],
+    /// The angles of what is covered around it, in half turns.
+    angle: f64,
+    /// Whether one of the facets is covered in part.
+    is_partial: bool,
+    /// The shortest edge of the facets.
+    edge: f64,
     area: f64,
     bound: f64,
     gap: f64,
@@ -228,9 +245,13 @@ struct Sums<const D: usize> {
 }
 
 impl<const D: usize> Sums<D> {
-    fn new(parts: Parts) -> Self {
+    fn new(parts: Parts, place: [f64; D]) -> Self {
         Self {
             parts,
+            place,
+            angle: 0.0,
+            is_partial: false,
+            edge: f64::INFINITY,
             area: 0.0,
             bound: 0.0,
             gap: 0.0,
@@ -240,8 +261,29 @@ impl<const D: usize> Sums<D> {
         }
     }
 
+    /// Whether the border of what is covered turns there.
+    fn is_corner(&self) -> bool {
+        self.angle < 1.0 - TURN
+    }
+
+    /// Adds those of a place that is none any more.
+    fn take(&mut self, other: &Self) {
+        self.area += other.area;
+        self.bound += other.bound;
+        self.gap += other.gap;
+        (0..D).for_each(|c| self.facing[c] += other.facing[c]);
+        for &(node, weight) in &other.own {
+            add_to(&mut self.own, node, weight);
+        }
+        for &(node, weight) in &other.partners {
+            add_to(&mut self.partners, node, weight);
+        }
+    }
+
     /// Adds the integrals of a vertex on a facet with these nodes.
     fn add(&mut self, share: &Share<D>, nodes: &[u32]) {
+        self.angle += share.angle;
+        self.is_partial |= share.own.is_some();
         self.area += share.area;
         self.bound += share.bound;
         self.gap += share.gap;

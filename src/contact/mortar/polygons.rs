@@ -6,7 +6,7 @@
 //! long as quadrilaterals are.
 
 use super::super::frame;
-use super::hull::{Hull, extent};
+use super::hull::Hull;
 use super::{Beam, Cover, Here, Meeting, Near, SAME, SAME_OF_WIDTH, Site};
 use crate::elasticity::{Quad, triangle_points};
 use crate::mesh::Groups;
@@ -254,13 +254,9 @@ pub(super) fn covers(here: &Here<3>, near: &[Near<3>], distance: f64) -> Vec<Cov
             let corners = pieces.iter().flat_map(|piece| piece.polygon.clone());
             let hull = Hull::around(corners.collect());
             let (hull, sites) = places(outline, hull);
-            let widths = hull.width_along_edges();
             let mut cover = Cover {
                 part: near[pieces[0].other].part,
                 vertices: Vec::new(),
-                width: widths
-                    .map(|(along, width)| width / extent(outline, along))
-                    .fold(1.0, f64::min),
                 meetings: Vec::new(),
                 functions: Vec::new(),
             };
@@ -269,19 +265,19 @@ pub(super) fn covers(here: &Here<3>, near: &[Near<3>], distance: f64) -> Vec<Cov
             };
             let is_whole = sites.is_none();
             cover.vertices = match &sites {
-                None => (0..here.len)
-                    .map(|k| (Site::Corner(k), here.corners[k]))
+                None => (here.corners.iter().zip(angles(&here.corners[..here.len])))
+                    .take(here.len)
+                    .enumerate()
+                    .map(|(k, (&corner, angle))| (Site::Corner(k), corner, angle))
                     .collect(),
                 Some(sites) => (sites.iter().zip(&hull.vertices))
-                    .map(|(&site, &v)| match site {
-                        Site::Corner(k) => (site, here.corners[k]),
-                        _ => (site, weighted(&own.at(v).1, &here.corners)),
+                    .zip(hull.angles())
+                    .map(|((&site, &v), angle)| match site {
+                        Site::Corner(k) => (site, here.corners[k], angle),
+                        _ => (site, weighted(&own.at(v).1, &here.corners), angle),
                     })
                     .collect(),
             };
-            if is_whole {
-                cover.width = 1.0;
-            }
             for piece in pieces {
                 let other = &seen[piece.other];
                 let fine = !(own.is_affine() && other.is_affine());
@@ -341,10 +337,7 @@ fn places(outline: &[Flat], hull: Hull) -> (Hull, Option<Vec<Site>>) {
         return (hull, None);
     }
     let hull = hull.simplified();
-    let width = (hull.width_along_edges())
-        .map(|(_, width)| width)
-        .fold(f64::INFINITY, f64::min);
-    let same = (SAME * size).min(SAME_OF_WIDTH * width);
+    let same = (SAME * size).min(SAME_OF_WIDTH * hull.width());
     let site = |&v: &Flat| {
         if let Some(corner) = outline.iter().position(|&p| near(p, v, same)) {
             return Site::Corner(corner);

@@ -84,14 +84,13 @@ pub(super) fn covers(here: &Here<2>, near: &[Near<2>], distance: f64) -> Vec<Cov
         let same = SAME.min(SAME_OF_WIDTH * (to - from));
         let is_whole = from <= same && 1.0 - to <= same;
         let site = |s: f64| match s {
-            s if s <= same => (Site::Corner(0), edge.ends[0]),
-            s if 1.0 - s <= same => (Site::Corner(1), edge.ends[1]),
-            _ => (Site::Inside, edge.at(s).0),
+            s if s <= same => (Site::Corner(0), edge.ends[0], 0.5),
+            s if 1.0 - s <= same => (Site::Corner(1), edge.ends[1], 0.5),
+            _ => (Site::Inside, edge.at(s).0, 0.5),
         };
         let mut cover = Cover {
             part: near[segments[0].0].part,
             vertices: vec![site(from), site(to)],
-            width: if is_whole { 1.0 } else { to - from },
             meetings: Vec::with_capacity(3 * segments.len()),
             functions: Vec::new(),
         };
