@@ -51,6 +51,9 @@ type Parts = (u32, u32);
 /// A vertex of what is covered of a facet: the facet, the number of the cover, its own.
 type Vertex = (usize, usize, usize);
 
+/// Vertices on an edge, each with the part of it.
+type OnEdge = Vec<(f64, Vertex)>;
+
 /// What the facets of the first boundary add up to at each place.
 pub(super) struct Places<const D: usize> {
     sums: BTreeMap<Key, Sums<D>>,
@@ -162,7 +165,7 @@ impl Keys {
         Kind: Topology<D>,
     {
         // On each edge, between which parts, at which part of it from its lower node on, which vertices lie.
-        let mut on_edge: BTreeMap<([u32; 2], Parts), Vec<(f64, Vertex)>> = BTreeMap::new();
+        let mut on_edge: BTreeMap<([u32; 2], Parts), OnEdge> = BTreeMap::new();
         for (facet, shares) in shares.iter().enumerate() {
             let nodes = facet_nodes(&first.facets[facet]);
             for (number, cover) in shares.covers.iter().enumerate() {
