@@ -96,7 +96,7 @@ fn the_example_of_the_readme() {
     let mut lines = csv.lines();
     assert_eq!(
         lines.next(),
-        Some("x,y,gap,normal_pressure,tangential_traction,slip,status,contact")
+        Some("x,y,gap,normal_pressure,tangential_traction,slip,status,contact,place")
     );
     let count = |what: &str| csv.lines().filter(|line| line.contains(what)).count();
     assert!(count(",separated,") > 10 && count(",stick,") > 3 && count(",slip,") > 10);
@@ -923,7 +923,7 @@ fn units_are_named_and_frictionless_nodes_are_in_contact() {
         "{summary}"
     );
     let csv = read(&results.join("contact.csv"));
-    let head = "x [mm],y [mm],gap [mm],normal_pressure [GPa],tangential_traction [GPa],slip [mm],status,contact";
+    let head = "x [mm],y [mm],gap [mm],normal_pressure [GPa],tangential_traction [GPa],slip [mm],status,contact,place";
     assert_eq!(csv.lines().next(), Some(head));
     assert!(csv.contains(",contact,bottom") && csv.contains(",separated,right"));
     assert!(!csv.contains(",stick,") && !csv.contains(",slip,bottom"));

@@ -61,8 +61,8 @@ fn the_program_describes_a_solid() {
         "analysis      solid",
         "total load    (0.000000e0, 4.000000e0, -8.000000e0) N, step 2",
         "support       \"left\": x = 0, y = 0, z = -1e-4 * z",
-        "contact       \"bottom\" / rigid half-space: 12 nodes, 1.7500e0 mm²",
-        "size          108 unknowns, 12 contact nodes",
+        "contact       \"bottom\" / rigid half-space: 12 places, 1.7500e0 mm²",
+        "size          108 unknowns, 12 contact places",
     ] {
         assert!(text.contains(line), "{line}\n{text}");
     }

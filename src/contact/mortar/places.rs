@@ -125,14 +125,15 @@ fn hand_on<const D: usize>(sums: &mut BTreeMap<Key, Sums<D>>) {
         .filter(|(_, sums)| sums.is_partial && sums.angle < 2.0 - TURN)
         .map(|(&key, sums)| (sums.area, key))
         .collect();
+    if few.is_empty() {
+        return;
+    }
     // The smaller one goes to the larger one.
     few.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let mut targets: HashMap<Parts, Vec<GeomWithData<[f64; D], Key>>> = HashMap::new();
-    for (&key, sums) in sums.iter().filter(|(_, _)| !few.is_empty()) {
-        if !sums.is_corner() {
-            let place = GeomWithData::new(sums.place, key);
-            targets.entry(sums.parts).or_default().push(place);
-        }
+    for (&key, sums) in sums.iter().filter(|(_, sums)| !sums.is_corner()) {
+        let place = GeomWithData::new(sums.place, key);
+        targets.entry(sums.parts).or_default().push(place);
     }
     let targets: HashMap<Parts, RTree<_>> = (targets.into_iter())
         .map(|(parts, places)| (parts, RTree::bulk_load(places)))
