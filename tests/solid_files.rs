@@ -133,6 +133,7 @@ fn the_program_writes_all_of_a_solid() {
             "traction_x [MPa]",
             "traction_y [MPa]",
             "traction_z [MPa]",
+            "place",
         ]
     );
     assert_eq!(rows.len(), 12);
