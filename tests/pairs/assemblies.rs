@@ -2,8 +2,9 @@
 
 use crate::common::half_space::compare;
 use crate::common::models::{Answer, answer, answer_by, on_the_cpu};
-use crate::common::space::{Vector, length};
+use crate::common::space::{Vector, close, length};
 use signorini::backend::Precision;
+use signorini::contact::Obstacle;
 use signorini::elasticity::Material;
 use signorini::engine::{Place, Stiffness};
 use signorini::mesh::Mesh;
@@ -275,6 +276,64 @@ fn a_block_slides_on_an_incline_from_the_angle_of_friction_on() {
                 step.n_a()
             );
             assert_eq!(step.status, status);
+        }
+    }
+}
+
+/// A free block in the corner of two rigid walls, on an elastic slab, pressed on all three: nodes along the edges belong to
+/// two contacts, one to three.
+#[test]
+fn a_block_in_a_corner_on_a_slab() {
+    let material = Material {
+        young: 1e9,
+        poisson: 0.3,
+        density: 0.0,
+    };
+    let wall = |normal| Obstacle::HalfPlane {
+        point: [0.0; 3],
+        normal,
+    };
+    for (number, shape) in [
+        SolidShape::Hexahedron,
+        SolidShape::Tetrahedron,
+        SolidShape::Wedge,
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        for sides in [["low-top", "up-bottom"], ["up-bottom", "low-top"]] {
+            for (mu, stiffness) in [(0.0, Stiffness::Cholesky), (0.3, Stiffness::Pcg)] {
+                let low = moved(
+                    "low",
+                    [1.7, 1.6, 0.5],
+                    [4 + number, 5, 2],
+                    shape,
+                    |[x, y, z]| [x, y, z - 0.5],
+                );
+                let up = moved("up", [1.0; 3], [3, 3, 3], shape, |x| x);
+                // On all three sides by themselves, each with its own friction.
+                let model = Model::on(join(low, up))
+                    .material(material)
+                    .support(Support::on("low-bottom").fixed())
+                    .traction(Traction::on("up-top").pressure(1e6))
+                    .traction(Traction::on("up-right").pressure(6e5))
+                    .traction(Traction::on("up-back").pressure(5e5))
+                    .contact(Pair::new(sides[0], sides[1]).coulomb(mu))
+                    .contact(Pair::obstacle("up-left", wall([1.0, 0.0, 0.0])).coulomb(mu))
+                    .contact(Pair::obstacle("up-front", wall([0.0, 1.0, 0.0])).coulomb(mu));
+                let answer = answer(model, 1e-7, stiffness);
+                let [load, contact, support] = answer.resultants();
+                for c in 0..3 {
+                    let rest: f64 = load[c] + contact[c] + support[c];
+                    assert!(rest.abs() < 1e-5 * 1e6, "{load:?} {contact:?} {support:?}");
+                }
+                if mu == 0.0 {
+                    close(contact, [6e5, 5e5, 0.0], 10.0);
+                } else {
+                    // Walls take what the slab's friction leaves them, and rub along it.
+                    assert!(contact[0] > 2.5e5 && contact[1] > 1.5e5, "{contact:?}");
+                }
+            }
         }
     }
 }
