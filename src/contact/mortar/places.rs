@@ -359,8 +359,12 @@ impl<const D: usize> Sums<D> {
         );
         Ok(ContactPlace {
             place: x,
+            // What is handed on to a node moves its place away from it.
             node: match key {
-                Key::Node { node, .. } => Some(node),
+                Key::Node { node, .. } => {
+                    let off = length(minus(mesh.nodes[node as usize], x));
+                    (off <= 1e-6 * self.edge).then_some(node)
+                }
                 _ => None,
             },
             own,

@@ -68,7 +68,12 @@ fn along(elastic: &Elastic, pair: usize) -> (&'static str, Places) {
                 on_edge.entry([a, b]).or_default().push((part, i));
                 on_edge.entry([b, a]).or_default().push((1.0 - part, i));
             }
-            _ => at_node.entry(here.own[0].0).or_default().push(i),
+            _ => {
+                let most = here.own.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+                if let Some(&(node, _)) = most {
+                    at_node.entry(node).or_default().push(i);
+                }
+            }
         }
     }
     let mut places: Places = Vec::new();
