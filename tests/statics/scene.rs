@@ -386,7 +386,7 @@ where
         (Fate::Falls, Status::Converged) => {
             Err("it falls, and forces are given that hold it".to_owned())
         }
-        (_, status) => Err(format!("{fate:?} by statics, and ends with {status:?}")),
+        (_, status) => Err(format!("{fate:?} by statics, {NO_ANSWER} {status:?}")),
     }
 }
 
@@ -460,11 +460,16 @@ where
     Ok(())
 }
 
+/// What is said of a case that has no answer in the time and the steps that it is given.
+const NO_ANSWER: &str = "and ends with";
+
 /// Counts cases, and keeps what is wrong with some until all have been tried.
 #[derive(Default)]
 pub struct Tally {
     cases: usize,
     wrong: Vec<String>,
+    /// So many cases may end without an answer.
+    pub without_answer: usize,
 }
 
 impl Tally {
@@ -478,7 +483,17 @@ impl Tally {
     /// # Panics
     /// If something was wrong.
     pub fn end(self) {
-        let Self { cases, wrong } = self;
+        let Self {
+            cases,
+            wrong,
+            without_answer,
+        } = self;
+        let (none, wrong): (Vec<String>, Vec<String>) =
+            wrong.into_iter().partition(|what| what.contains(NO_ANSWER));
+        if !none.is_empty() {
+            println!("{} without an answer:\n{}", none.len(), none.join("\n"));
+        }
+        assert!(none.len() <= without_answer, "{}", none.join("\n"));
         println!("{cases} cases, {} wrong", wrong.len());
         assert!(
             wrong.is_empty(),
