@@ -275,7 +275,7 @@ fn check_describes_the_case() {
         "4492 triangles",
         "\"steel\"",
         "\"base\": 116 edges",
-        "117 nodes",
+        "117 places",
         "9.0",
         "-8.0",
     ] {
