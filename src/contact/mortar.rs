@@ -288,12 +288,10 @@ where
         .filter(|(_, (met, opposite))| **met < MET * **opposite);
     let missed: Vec<(usize, f64)> = missed.map(|(number, (_, area))| (number, *area)).collect();
     let &(most, _) = missed.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let (corners, len) = body.mesh.corners_of(&second.facets[most]);
-    let sum = |c: usize| corners[..len].iter().map(|x| x[c]).sum::<f64>();
     Some(Unmet {
         facets: missed.len(),
         area: missed.iter().map(|m| m.1).sum(),
-        place: std::array::from_fn(|c| sum(c) / len as f64),
+        place: body.mesh.facet_middle(&second.facets[most]),
     })
 }
 

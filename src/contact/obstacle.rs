@@ -134,9 +134,7 @@ where
     nodes.dedup();
     let faces = |facet: &Facet<D>| {
         let (_, outward) = mesh.facet_normal(facet);
-        let (x, len) = mesh.corners_of(facet);
-        let sum = |c: usize| x[..len].iter().map(|x| x[c]).sum::<f64>();
-        let (_, towards) = obstacle.distance(std::array::from_fn(|c| sum(c) / len as f64));
+        let (_, towards) = obstacle.distance(mesh.facet_middle(facet));
         // An undefined direction is an error of its own below.
         !(dot(outward, towards) <= 0.0)
     };

@@ -399,11 +399,8 @@ impl<const D: usize> ContactRows<D> {
 
     /// The area that the pressure of each place is shown and judged with: that of its pool.
     pub fn pooled_areas(&self) -> Vec<f64> {
-        let mut pools: HashMap<u32, f64> = HashMap::new();
-        for place in &self.places {
-            *pools.entry(place.pool).or_default() += place.area;
-        }
-        self.places.iter().map(|place| pools[&place.pool]).collect()
+        let areas: Vec<f64> = self.places.iter().map(|place| place.area).collect();
+        pooled(&self.places, &areas)
     }
 
     /// Whether a law of friction is stated for a contact place that supports or another contact keep from sliding.
@@ -420,4 +417,35 @@ fn motion<const D: usize>(held: &[Held], unknowns: &Unknowns<D>) -> f64 {
     (held.iter())
         .map(|&(node, c, factor)| factor * prescribed(node, c))
         .sum()
+}
+
+/// The forces of each place and of those that its pressure is shown with, along its own directions; there are one or
+/// D − 1 for each place. Areas add up in the same way.
+pub(crate) fn pooled<const D: usize>(places: &[ContactPlace<D>], forces: &[f64]) -> Vec<f64> {
+    let mut pools: HashMap<u32, Vec<usize>> = HashMap::new();
+    for (i, place) in places.iter().enumerate() {
+        pools.entry(place.pool).or_default().push(i);
+    }
+    let each = forces.len() / places.len().max(1);
+    let directions = |i: usize| match each == D - 1 && D > 2 {
+        true => &places[i].frame[1..],
+        // Normal forces, bounds, and tangents of the plane go round the boundary: along these they are numbers.
+        false => &[],
+    };
+    let mut sums = forces.to_vec();
+    for pool in pools.values().filter(|pool| pool.len() > 1) {
+        for &i in pool {
+            for a in 0..each {
+                sums[each * i + a] = (pool.iter())
+                    .map(|&j| match directions(i).get(a) {
+                        None => forces[each * j + a],
+                        Some(&along) => (directions(j).iter().zip(&forces[each * j..]))
+                            .map(|(&tangent, force)| force * dot(tangent, along))
+                            .sum(),
+                    })
+                    .sum();
+            }
+        }
+    }
+    sums
 }

@@ -272,3 +272,31 @@ fn a_node_in_space_that_is_held_altogether_is_checked() {
             .contains("(1.000000e0, 2.000000e0, 3.000000e0) 2.000e-1")
     );
 }
+
+#[test]
+fn places_of_a_pool_have_their_forces_in_common() {
+    let place = |pool: u32, frame: [[f64; 3]; 3]| ContactPlace {
+        place: [0.0; 3],
+        node: None,
+        own: vec![(0, 1.0)],
+        partners: Vec::new(),
+        frame,
+        gap: 0.0,
+        area: 1.0,
+        pool,
+        slip_bound: SlipBound::Given(0.0),
+    };
+    let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    // The third has its tangents the other way round.
+    let places = [
+        place(0, [z, x, y]),
+        place(1, [z, x, y]),
+        place(0, [z, y, x]),
+    ];
+    assert_eq!(pooled(&places, &[1.0, 2.0, 4.0]), [5.0, 2.0, 5.0]);
+    let tangential = [1.0, 10.0, 2.0, 20.0, 4.0, 40.0];
+    assert_eq!(
+        pooled(&places, &tangential),
+        [41.0, 14.0, 2.0, 20.0, 14.0, 41.0]
+    );
+}

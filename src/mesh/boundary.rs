@@ -83,6 +83,13 @@ where
         <Kind as Topology<D>>::facet_normal(&x[..len])
     }
 
+    /// The mean of the corners of a facet.
+    pub(crate) fn facet_middle(&self, facet: &Facet<D>) -> [f64; D] {
+        let (x, len) = self.corners_of(facet);
+        let sum = |c: usize| x[..len].iter().map(|x| x[c]).sum::<f64>();
+        std::array::from_fn(|c| sum(c) / len as f64)
+    }
+
     /// The coordinates of the nodes of a facet, and how many these are.
     pub(crate) fn corners_of(&self, facet: &Facet<D>) -> ([[f64; D]; 4], usize) {
         let mut x = [[0.0; D]; 4];

@@ -2,9 +2,8 @@
 
 use super::put;
 use crate::case::Build;
-use crate::contact::{ContactPlace, Space};
+use crate::contact::{Space, pooled};
 use crate::elasticity::{Stress, stresses};
-use crate::mesh::vector::dot;
 use crate::mesh::{Kind, Topology};
 use crate::model::{Elastic, StepData};
 use crate::quasistatic::StepSolution;
@@ -216,37 +215,6 @@ where
     }
 }
 
-/// The forces of each place and of those that its pressure is shown with, along its own directions; there are one or
-/// D − 1 for each place.
-fn pooled<const D: usize>(places: &[ContactPlace<D>], forces: &[f64]) -> Vec<f64> {
-    let mut pools: HashMap<u32, Vec<usize>> = HashMap::new();
-    for (i, place) in places.iter().enumerate() {
-        pools.entry(place.pool).or_default().push(i);
-    }
-    let each = forces.len() / places.len().max(1);
-    let directions = |i: usize| match each == D - 1 && D > 2 {
-        true => &places[i].frame[1..],
-        // Normal forces, bounds, and tangents of the plane go round the boundary: along these they are numbers.
-        false => &[],
-    };
-    let mut sums = forces.to_vec();
-    for pool in pools.values().filter(|pool| pool.len() > 1) {
-        for &i in pool {
-            for a in 0..each {
-                sums[each * i + a] = (pool.iter())
-                    .map(|&j| match directions(i).get(a) {
-                        None => forces[each * j + a],
-                        Some(&along) => (directions(j).iter().zip(&forces[each * j..]))
-                            .map(|(&tangent, force)| force * dot(tangent, along))
-                            .sum(),
-                    })
-                    .sum();
-            }
-        }
-    }
-    sums
-}
-
 /// The contact place that each node shows: its own; on a facet that is covered in part the one that has most of it. Of
 /// several the one with the largest pressure. Of all contacts, or of one.
 pub(crate) fn shown_at_nodes<const D: usize>(
@@ -307,34 +275,6 @@ mod tests {
         assert_eq!(csv_text("left, right"), "\"left, right\"");
         assert_eq!(csv_text("the \"foot\""), "\"the \"\"foot\"\"\"");
         assert_eq!(csv_text("two\nlines"), "\"two\nlines\"");
-    }
-
-    #[test]
-    fn places_of_a_pool_have_their_forces_in_common() {
-        let place = |pool: u32, frame: [[f64; 3]; 3]| ContactPlace {
-            place: [0.0; 3],
-            node: None,
-            own: vec![(0, 1.0)],
-            partners: Vec::new(),
-            frame,
-            gap: 0.0,
-            area: 1.0,
-            pool,
-            slip_bound: crate::contact::SlipBound::Given(0.0),
-        };
-        let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        // The third has its tangents the other way round.
-        let places = [
-            place(0, [z, x, y]),
-            place(1, [z, x, y]),
-            place(0, [z, y, x]),
-        ];
-        assert_eq!(pooled(&places, &[1.0, 2.0, 4.0]), [5.0, 2.0, 5.0]);
-        let tangential = [1.0, 10.0, 2.0, 20.0, 4.0, 40.0];
-        assert_eq!(
-            pooled(&places, &tangential),
-            [41.0, 14.0, 2.0, 20.0, 14.0, 41.0]
-        );
     }
 
     #[test]

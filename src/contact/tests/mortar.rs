@@ -8,6 +8,11 @@ use SolidShape::{Hexahedron, Tetrahedron, Wedge};
 /// What a block of cells is moved by.
 type Map<'a> = &'a dyn Fn([f64; 3]) -> [f64; 3];
 
+/// A block whose boundaries have its name in front.
+fn part(name: &str, at: [f64; 3], size: [f64; 3], cells: [usize; 3], shape: SolidShape) -> Mesh<3> {
+    block(at, size, cells, shape, name, &format!("{name}-"))
+}
+
 /// A block of 2 × 1.5 × 1 under one of `size` × 1 whose lower corner is at `at`; both with their nodes moved.
 fn blocks(
     lower: (SolidShape, [usize; 2]),
@@ -17,8 +22,7 @@ fn blocks(
     map: Map,
 ) -> Mesh<3> {
     let of = |(shape, [a, b]): (SolidShape, [usize; 2]), at, size, name: &str| {
-        let prefix = format!("{name}-");
-        let mut mesh = block(at, size, [a, b, 2], shape, name, &prefix);
+        let mut mesh = part(name, at, size, [a, b, 2], shape);
         mesh.nodes.iter_mut().for_each(|x| *x = map(*x));
         mesh
     };
@@ -38,13 +42,7 @@ fn found(mesh: &Mesh<3>, sides: [&str; 2], options: &PairOptions<3>) -> Vec<Cont
 
 /// The mean place of what a node meets.
 fn met(mesh: &Mesh<3>, node: &ContactPlace<3>) -> [f64; 3] {
-    let mut sum = [0.0; 3];
-    for &(other, weight) in &node.partners {
-        for c in 0..3 {
-            sum[c] += weight * mesh.nodes[other as usize][c];
-        }
-    }
-    sum
+    mean(&node.partners, |other| mesh.nodes[other as usize])
 }
 
 const PAIRS: [[(SolidShape, [usize; 2]); 2]; 5] = [
@@ -169,24 +167,15 @@ fn what_is_covered_in_part_counts_in_part() {
 #[test]
 fn needles_under_one_facet_have_their_own_places() {
     let needle = |name: &str, at: [f64; 2]| {
-        let prefix = format!("{name}-");
-        block(
+        part(
+            name,
             [at[0], at[1], 1.0],
             [0.01, 0.01, 0.5],
             [1, 1, 1],
             Hexahedron,
-            name,
-            &prefix,
         )
     };
-    let table = block(
-        [0.0; 3],
-        [4.0, 4.0, 1.0],
-        [1, 1, 1],
-        Hexahedron,
-        "low",
-        "low-",
-    );
+    let table = part("low", [0.0; 3], [4.0, 4.0, 1.0], [1, 1, 1], Hexahedron);
     let mesh = join(
         join(table, needle("a", [1.0, 1.0])),
         needle("b", [2.5, 3.0]),
@@ -275,23 +264,14 @@ fn edges_and_planes_of_symmetry_have_their_normals() {
 /// What lies opposite, but behind something nearer, is told.
 #[test]
 fn what_is_not_met_is_told() {
-    let lower = block(
-        [0.0; 3],
-        [2.0, 1.0, 1.0],
-        [5, 3, 1],
-        Hexahedron,
-        "low",
-        "low-",
-    );
+    let lower = part("low", [0.0; 3], [2.0, 1.0, 1.0], [5, 3, 1], Hexahedron);
     let plate = |name: &str, z: f64, length: f64| {
-        let prefix = format!("{name}-");
-        block(
+        part(
+            name,
             [0.0, 0.0, z],
             [length, 1.0, 0.1],
             [4, 2, 1],
             Hexahedron,
-            name,
-            &prefix,
         )
     };
     let mesh = join(join(lower, plate("a", 1.1, 1.0)), plate("b", 1.5, 2.0));
@@ -346,24 +326,9 @@ fn pressures_on_bent_faces_balance() {
 /// Of two faces that one could meet it meets the nearer one, wherever that is the one or the other.
 #[test]
 fn the_nearer_of_two_faces_counts() {
-    let lower = block(
-        [0.0; 3],
-        [2.0, 1.0, 1.0],
-        [5, 3, 1],
-        Hexahedron,
-        "low",
-        "low-",
-    );
+    let lower = part("low", [0.0; 3], [2.0, 1.0, 1.0], [5, 3, 1], Hexahedron);
     let plate = |name: &str, x: f64, z: f64| {
-        let prefix = format!("{name}-");
-        block(
-            [x, 0.0, z],
-            [1.3, 1.0, 0.1],
-            [4, 2, 1],
-            Tetrahedron,
-            name,
-            &prefix,
-        )
+        part(name, [x, 0.0, z], [1.3, 1.0, 0.1], [4, 2, 1], Tetrahedron)
     };
     let mesh = join(join(lower, plate("a", -0.3, 1.5)), plate("b", 0.7, 1.2));
     let others = [
