@@ -259,6 +259,8 @@ pub trait Backend {
     fn copy(&mut self, from: &Self::Vector, to: &mut Self::Vector);
     /// x = 0.
     fn clear(&mut self, x: &mut Self::Vector);
+    /// y += a x; `a` is rounded to f32.
+    fn add(&mut self, a: f64, x: &Self::Vector, y: &mut Self::Vector);
     /// y = M x on the rows of M that have entries; y is left as it is elsewhere.
     fn multiply_rows(&mut self, m: &Self::Rows, x: &Self::Vector, y: &mut Self::Vector);
     /// y −= K x.

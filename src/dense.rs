@@ -7,9 +7,10 @@ use faer::diag::Diag;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::evd::{self, ComputeEigenvectors};
+use faer::linalg::matmul::matmul;
 use faer::linalg::qr::{col_pivoting, no_pivoting};
 use faer::linalg::svd::{self, ComputeSvdVectors};
-use faer::{Conj, Mat, Par};
+use faer::{Accum, Conj, Mat, Par};
 
 const PAR: Par = Par::Seq;
 
@@ -114,6 +115,20 @@ pub(crate) fn least_squares(mut matrix: Mat<f64>, b: &[f64]) -> Vec<f64> {
     (0..n).map(|i| x[(i, 0)]).collect()
 }
 
+/// aᵀ b.
+pub(crate) fn transposed_product(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
+    let mut product = Mat::zeros(a.ncols(), b.ncols());
+    matmul(
+        product.as_mut(),
+        Accum::Replace,
+        a.transpose(),
+        b.as_ref(),
+        1.0,
+        PAR,
+    );
+    product
+}
+
 /// The Cholesky factor L of a symmetric matrix, of which the lower triangle is read; None if it is not positive
 /// definite.
 pub(crate) fn cholesky(mut matrix: Mat<f64>) -> Option<Mat<f64>> {
@@ -186,7 +201,8 @@ mod tests {
     fn decompositions_are_what_they_say() {
         for n in [1, 2, 5, 40, 150] {
             let m = arbitrary(n + 3, n);
-            let gram = m.transpose() * &m;
+            let gram = transposed_product(&m, &m);
+            assert!((&gram - m.transpose() * &m).norm_max() < 1e-12);
             let close = |a: &Mat<f64>, b: &Mat<f64>| {
                 assert!((a - b).norm_max() < 1e-10 * b.norm_max(), "{n}");
             };

@@ -77,13 +77,15 @@ pub trait DualOperator {
         stop: &Stop,
     ) -> Result<(), DualError>;
     /// r = Aλ − b = c − B u with u = K⁺(f − Bᵀλ), where u is kept and its error is lowered from one time to
-    /// the next. Where bodies can move as a whole, λ has to balance them.
+    /// the next. Where bodies can move as a whole, λ has to balance them. λ has moved by `along` times the p of the last
+    /// product since, and by nothing else if `along` is not 0: what that product has found of u is used.
     ///
     /// None, without a result, where products are exact and r can be carried along.
     fn gradient(
         &mut self,
         _lambda: &[f64],
         _r: &mut [f64],
+        _along: f64,
         _accuracy: Accuracy,
         _stop: &Stop,
     ) -> Result<Option<Followed>, DualError> {

@@ -478,10 +478,11 @@ impl DualOperator for Engine<'_> {
         &mut self,
         lambda: &[f64],
         r: &mut [f64],
+        along: f64,
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Option<Followed>, DualError> {
-        self.with_fallback(|dual| dual.gradient(lambda, r, accuracy, stop))
+        self.with_fallback(|dual| dual.gradient(lambda, r, along, accuracy, stop))
     }
 
     fn displacement(

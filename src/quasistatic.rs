@@ -88,7 +88,7 @@ impl State {
 /// Settings of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a> {
-    /// Those of the method; `initial`, `place` and `first_error` are ignored.
+    /// Those of the method; `initial` and `place` are ignored.
     pub ssnm: ssnm::Settings<'a>,
     /// Under Coulomb's law: whether the bounds are part of the Newton steps. If not, there are only rounds.
     pub coupled: bool,
@@ -290,9 +290,6 @@ struct Process<'a, const D: usize, O: ?Sized, V> {
     /// Rᵀū, and the largest component of ū.
     place: Vec<f64>,
     travelled: f64,
-    sigma: Option<f64>,
-    /// err⁰ with and without frozen bounds.
-    first_errors: [Option<f64>; 2],
     made: Vec<Round>,
     /// The observer has asked for an end.
     stopped: bool,
@@ -328,8 +325,6 @@ where
             origin,
             place: whole.free_bodies().resultants(&start.u),
             travelled: norm_max(&start.u),
-            sigma: settings.ssnm.sigma_max,
-            first_errors: [None; 2],
             made: Vec::new(),
             stopped: false,
         }
@@ -420,7 +415,6 @@ where
             problem = problem.with_frozen_bounds(bounds.to_vec());
         }
         let ssnm = &self.settings.ssnm;
-        let first_error = &mut self.first_errors[usize::from(frozen.is_some())];
         let (observer, stopped) = (&mut self.observer, &mut self.stopped);
         let solution = ssnm::solve(
             &problem,
@@ -429,8 +423,6 @@ where
                 tolerance,
                 initial: Some(initial).filter(|l| l.iter().all(|v| v.is_finite())),
                 place: Some(&self.place),
-                sigma_max: self.sigma,
-                first_error: *first_error,
                 memory: Some(self.memory),
                 time_limit: ssnm
                     .time_limit
@@ -443,9 +435,6 @@ where
                 flow
             },
         )?;
-        // What has overflowed is no use.
-        self.sigma = Some(solution.info.sigma_max).filter(|v| v.is_finite());
-        *first_error = Some(solution.info.first_error).filter(|v| v.is_finite());
         let friction_change = frozen.map_or(0.0, |bounds| {
             let law = self.whole.bounds(&solution.lambda);
             self.relative(&solution.lambda, &difference(&law, bounds))

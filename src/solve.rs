@@ -65,7 +65,6 @@ fn steps<const D: usize>(
         match quasistatic::solve_step(problem, &load, &state, &mut engine, &settings, go_on) {
             Ok(solution) => {
                 state = solution.state(&load);
-                settings.ssnm.sigma_max = Some(solution.last().info.sigma_max);
                 finished.push(solution);
             }
             Err(error) => {

@@ -384,6 +384,18 @@ pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     x.iter().zip(y).map(|(a, b)| a * b).sum()
 }
 
+/// y += c x.
+pub(crate) fn add_times(c: f64, x: &[f64], y: &mut [f64]) {
+    debug_assert_eq!(x.len(), y.len());
+    y.iter_mut().zip(x).for_each(|(y, x)| *y += c * x);
+}
+
+/// x − y.
+pub(crate) fn difference(x: &[f64], y: &[f64]) -> Vec<f64> {
+    debug_assert_eq!(x.len(), y.len());
+    x.iter().zip(y).map(|(x, y)| x - y).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,62 +1,54 @@
-//! The semi-smooth Newton method in dual form: Algorithms SSNM and ISSNM of the paper, with a safeguard.
+//! The semi-smooth Newton method in dual form: Algorithms SSNM and ISSNM of the paper, on A itself and on a surrogate of it.
 //!
 //! The contact problem (1)–(3) is the minimisation of q(λ) = ½ λᵀAλ − λᵀb (8) over
-//! Λ = {λν ≥ 0, |λτ| ≤ g}, in space with discs: ‖λτ,i‖ ≤ gᵢ. Each outer step predicts the active sets from λ − ρr (Step 2), minimises q
+//! Λ = {λν ≥ 0, |λτ| ≤ g}, in space with discs: ‖λτ,i‖ ≤ gᵢ. Products with A are the price of everything.
+//!
+//! **On a surrogate** (`multisecant`, the default; `docs/method.md`). All pairs (v, Av) that are known make a surrogate Ã of A
+//! (`surrogate`). Each outer step solves the whole contact problem with Aλ − b replaced by rᵏ + Ã(λ − λᵏ), for nothing
+//! (`subproblem`: Algorithm SSNM in as many unknowns as there are pairs), and spends one product on the step that
+//! leads there. The product gives the exact q on the chord, whose minimum is the next point, the new pair, and r.
+//!
+//! **As printed** (`step`): each outer step predicts the active sets from λ − ρr (Step 2), minimises q
 //! with the inactive multipliers on their bounds by conjugate gradients (Step 3), and measures the
 //! reduced gradient (10) at the projection of the result (Step 3.4).
 //!
 //! | of the paper | where |
 //! |---|---|
-//! | Algorithms SSNM, ISSNM: the loop, Step 3.1 | `Newton::run` |
+//! | Algorithms SSNM, ISSNM: the loop, Step 3.1 | `step` (`Newton::run_as_printed`) |
 //! | Step 1 | `check` (`Newton::step_1`), the final check with it |
 //! | Step 2: 𝒜ν, ℐν, 𝒜τ, ℐτ⁺, ℐτ⁻ | `sets` (`Sets::predict`), node by node in `constraint` |
 //! | Step 3.2, P_Λ after 3.3 | `step` (`Newton::newton_step`) |
-//! | Step 3.3: CGM, the problem (11) | `cg`, under Coulomb's law `gcr`; what both share in `inner` |
+//! | Step 3.3: CGM, the problem (11) | `inner` |
 //! | Step 3.4: err, (10) | `newton` (`Newton::error`) |
 //! | P_Λ: (4), (5) | `constraint` (`Disc::project`) |
 //! | q (8) and its gradient r (9) | `point` (`Point::q_change`), `products` |
 //! | λ⁰, err⁰, ρ = β/σ_max | `setup` |
 //!
-//! Eight things go beyond the text of the paper, none of which changes the limit:
+//! What goes beyond the text of the paper changes no limit:
 //!
 //! - **Discs.** In space λτ of a node that slips moves along the tangent of its circle. Complementarity there is
 //!   rτ + κλτ = 0, so that (11) becomes min ½ zᵀ(A + diag κ)z + zᵀr over one tangent per slipping node (`face`), κ costs no
-//!   product, and CG is preconditioned by diag(c + κ), c the mean of diag(A). P_Λ takes λτ back to the circle. In the
-//!   plane there are no tangents, and nothing of this is left.
-//! - **Products are carried.** r = Aλ − b is updated along with λ, so a product with A is spent only on
-//!   a direction of CG, on the jump of the multipliers that change to a bound, and on P_Λ(λ) − λ. Where
-//!   products are a matter of iterations they are as accurate as need be (`products`).
-//! - **CG is continued, not restarted,** where the next step has the same sets, and it is cut short once
-//!   its residual is below a part of the last error and the sets that it would lead to have changed.
+//!   product, and CG is preconditioned by diag(c + κ), c the mean of diag(A). P_Λ takes λτ back to the circle.
+//! - **Products** made by iterations are as accurate as need be, and r follows from a u that follows λ (`products`).
 //! - **Multipliers are scaled** (`scaling`) where the stiffness under the contact varies by more than a factor of four.
-//! - **Known products are used again** (`subspace`). All directions with a known product span a subspace; its part that
-//!   vanishes on the held multipliers is minimised over for nothing before CG starts on new sets.
 //! - **Bodies are kept in balance.** Where bodies can move as a whole, Λ is Λₑ = {λ ∈ Λ: Gλ = e}
 //!   (`dual::balance`). Its projection, which costs no product with A, takes the place of P_Λ everywhere, and
-//!   the minimisation (11) keeps Gλ = e. The multiplier of the balance that the projection of λ − ρ(Aλ − b)
-//!   brings with it is ρα, α the rigid motion: r is Aλ − b − Gᵀα with this α at every prediction. So bodies cross
+//!   the multiplier of the balance that the projection of λ − ρ(Aλ − b) brings with it is ρα, α the rigid
+//!   motion: r is Aλ − b − Gᵀα with this α. So bodies cross
 //!   gaps, tip and settle in the projection, the sets are always those of forces in balance, and where Λₑ is
 //!   empty that is known before the first product.
 //! - **Coulomb's law.** Where g = μλν the tangential multipliers of slipping nodes follow the normal ones in
-//!   the inner problem (`face`, `gcr`), the error (10) is that with g = μλν of the same point, and the point stays on
-//!   the law's cones. In space what is predicted to separate bears no friction from the start of a step, and a step takes the
-//!   sets that the last one has put multipliers on. Nothing is minimised then: steps are accepted while the error
-//!   falls every few of them, then made in other ways, then given up (`docs/coulomb.md`); `quasistatic` goes on from there.
-//! - **The safeguard** (`safeguard`). The iterates are feasible and the change of q between them is known for nothing.
-//!   Steps that lower neither the best q nor the best error are discarded: from the best point a
-//!   projected gradient step with ρ = 1/σ_max < 2/σ_max lowers q by at least a fixed part of ‖r̃‖²
-//!   (Kučera 2008, reference 2 of the paper), minimising over the face of Λ reached lowers it further,
-//!   and the set prediction uses no more than that ρ from then on. Each time it acts it stays for twice
-//!   as many steps, hence q decreases to its minimum whatever β was. In space faces are visited with circles linearised,
-//!   and what has left Λ along the tangents goes back in the end, as far as q falls on the chord.
+//!   each Newton step, and the error (10) is that with g = μλν of the same point (`docs/coulomb.md`). Nothing is minimised
+//!   then: of the points on the chord the one of least error is taken.
+//! - **Safeguards.** Under given bounds q falls in each step on the surrogate, by the exact minimum on the chord; the
+//!   algorithms as printed are made to converge by projected gradient steps (`safeguard`).
 
-mod cg;
 mod check;
 mod face;
-mod gcr;
 mod goal;
 mod inner;
 mod law;
+mod multisecant;
 mod newton;
 mod point;
 mod products;
@@ -67,19 +59,17 @@ mod settings;
 mod setup;
 mod solution;
 mod step;
-mod subspace;
+mod subproblem;
+mod surrogate;
 
 pub use point::project;
 pub use sets::{SetSizes, Sets, SlipSizes};
 pub use settings::{Memory, Method, Settings, SettingsError};
 pub use solution::{Cause, Info, Solution, SolveError, Status, Step};
 
-use crate::dual::{DualError, DualOperator};
+use crate::dual::DualOperator;
 use crate::problem::ContactProblem;
-use check::Ended;
-use goal::{Goal, forces_met};
-use newton::{Newton, Way};
-use safeguard::{Plan, Safeguard};
+use goal::forces_met;
 use scaling::Scaled;
 use setup::{SetUp, Start};
 use std::ops::ControlFlow;
@@ -89,10 +79,6 @@ use std::time::Instant;
 pub(crate) const MET: f64 = 10.0;
 /// The residual of the inner problems in Algorithm SSNM, relative to err⁰.
 const EXACT: f64 = 1e-12;
-/// CG may stop early, on sets that have changed, once its residual is below this part of err.
-const SETS_CHANGED: f64 = 0.3;
-/// Directions handed on from one solve to the next: the fewer, the cheaper they are to fit to new sets.
-const REMEMBERED: usize = 40;
 
 /// Solves the problem with a dual operator that was made for it, or for one with the same K, N and T: load and gap are
 /// handed to the operator here.
@@ -118,27 +104,24 @@ pub fn solve<const D: usize>(
     }
     // What no contact can balance of the load is left out of it.
     let dual = Scaled::new(problem, dual);
-    let start = Start::new(problem, &dual, settings);
+    let start = Start::new(problem, &dual);
     let (imbalance, driven) = (start.imbalance.clone(), start.driven.clone());
     let reduced = start.reduced(problem);
     let held = reduced.as_ref().unwrap_or(problem);
     let SetUp {
         mut newton,
         mut way,
-        first_error,
         n_a_sigma,
         seconds: setup_seconds,
         outcome,
     } = SetUp::new(held, dual, start, settings, begin);
 
-    let outcome = outcome.and_then(|()| newton.run(&mut way, settings, &mut observer));
-    if let Some(memory) = settings.memory {
-        let mut memory = memory.borrow_mut();
-        memory.mean = newton.products.mean;
-        if newton.products.are_exact() {
-            let known = std::mem::take(&mut newton.products.known);
-            memory.known = known.latest(REMEMBERED);
-        }
+    let outcome = outcome.and_then(|()| match settings.method {
+        Method::Multisecant => newton.run_multisecant(&mut way, settings, &mut observer),
+        _ => newton.run_as_printed(&mut way, settings, &mut observer),
+    });
+    if let (Method::Multisecant, Some(memory)) = (settings.method, settings.memory) {
+        memory.borrow_mut().surrogate = std::mem::take(&mut newton.surrogate);
     }
     let (mut status, u, mut kkt) = match newton.end(&mut way.point, outcome) {
         Ok(ended) => ended,
@@ -152,7 +135,7 @@ pub fn solve<const D: usize>(
     };
 
     let bounds = newton.law.bounds(&way.point.lambda);
-    let sets = Sets::at_solution(&way.point.lambda, &way.point.r, newton.alpha, &bounds);
+    let sets = Sets::at_solution(&way.point.lambda, &way.point.r, newton.alpha(), &bounds);
     let err_relative = newton.relative(&mut way.point, way.err0);
     let (lambda, r) = newton.unscaled(&way.point);
     // However it came about: what meets all conditions is a solution.
@@ -178,9 +161,9 @@ pub fn solve<const D: usize>(
         n_a: newton.products.n_a,
         first_met: way.first_met,
         n_a_sigma,
-        rho: newton.rho,
-        sigma_max: newton.products.sigma,
-        first_error,
+        rho: newton.rho(),
+        sigma_max: newton.sigma,
+        first_error: way.err0,
         err_relative,
         kkt,
         history: way.history,
@@ -196,77 +179,4 @@ pub fn solve<const D: usize>(
         driven,
         info,
     })
-}
-
-impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
-    /// Algorithm ISSNM, and SSNM: outer steps until the final check is content with a point that meets the goal, or a
-    /// reason to stop.
-    fn run(
-        &mut self,
-        way: &mut Way<D>,
-        settings: &Settings,
-        observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
-    ) -> Result<Status, DualError> {
-        way.err = self.error(&mut way.point);
-        let mut goal = Goal::new(self.tolerance);
-        let mut safeguard = Safeguard::new(self, way);
-        loop {
-            // Step 1.
-            match self.step_1(way, &mut goal)? {
-                Ended::With(status) => return Ok(status),
-                Ended::Again => {
-                    safeguard.go_on_from_check(&way.point, way.err);
-                    continue;
-                }
-                Ended::NotYet => {}
-            }
-            let stop = self.products.stop.now();
-            if stop.is_some() || way.history.len() >= settings.max_iterations {
-                way.go_back_to(safeguard.best());
-                return Ok(stop.map_or(Status::IterationLimit, Status::from));
-            }
-            match self.below_the_goal(way, &goal)? {
-                Ended::With(status) => return Ok(status),
-                Ended::Again => {
-                    safeguard.go_on_from(&way.point);
-                    continue;
-                }
-                Ended::NotYet => {}
-            }
-            // Step 3.1.
-            way.tol = (settings.r_tol * way.err / way.err0).min(settings.c_fact * way.tol);
-            let target = match self.method {
-                Method::Inexact => way.tol * way.err0,
-                Method::Exact => EXACT * way.err0,
-            };
-            // Steps 2, 3.2 and 3.3, or what the safeguard puts in their place.
-            let longest = if D > 2 { self.alpha } else { f64::INFINITY };
-            let plan = safeguard.plan(self.rho.min(longest));
-            let (sets, inner) = match self.step(way, plan, target) {
-                Ok(made) => made,
-                Err(error) => {
-                    // In the middle of a step the point need not be feasible.
-                    way.go_back_to(safeguard.best());
-                    return Err(error);
-                }
-            };
-            // Step 3.4.
-            way.err = self.error(&mut way.point);
-            let made = Step {
-                iter: way.history.len() + 1,
-                inner,
-                n_a: self.products.n_a,
-                err: way.err / way.err0,
-                sets: sets.sizes(|i| self.problem.has_friction(i)),
-                changes: (way.sets.as_ref()).map_or(0, |old| old.differences(&sets)),
-                safeguarded: matches!(plan, Plan::Gradient { .. }),
-            };
-            way.history.push(made);
-            way.sets = Some(sets);
-            let stopped = observer(&made).is_break();
-            if let Some(status) = self.judge(&mut safeguard, way, stopped)? {
-                return Ok(status);
-            }
-        }
-    }
 }

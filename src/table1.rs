@@ -2,7 +2,7 @@
 
 use crate::engine::{Engine, EngineError, Options};
 use crate::reference::{self, Geometry, ReferenceError, TABLE1};
-use crate::ssnm::{self, Settings, Status};
+use crate::ssnm::{self, Method, Settings, Status};
 use serde::Serialize;
 use std::ops::ControlFlow;
 
@@ -30,7 +30,9 @@ The paper gives n, m, β, iter and n_A. Assumed here: E = 21.19e10 Pa, ν = 0.27
 squares; top traction (0, −6e7 − (1/3)e7·x) Pa, right-side traction (2e7, 4e7 − 2e7·y) Pa, zero gap, \
 Tresca bound 2e6 Pa; ε = 1e-4 relative to err⁰, r_tol = 0.1, c_fact = 0.9, λ⁰ = 0. \
 iter and n_A count until err ≤ ε err⁰, the stopping test of the paper; in brackets they count until the \
-optimality conditions, checked in f64 against K, are met to 10 ε as well, which is when signorini stops.";
+optimality conditions, checked in f64 against K, are met to 10 ε as well, which is when signorini stops. \
+Products for b are not counted, nor are those that ISSNM as printed spends on σ_max beforehand; on the surrogate there are \
+none, σ_max is what products have shown so far.";
 
 /// One cell of the table.
 #[derive(Clone, Debug, Serialize)]
@@ -43,6 +45,8 @@ pub struct Cell {
     pub contact_nodes: usize,
     /// β, of ρ = β/σ_max.
     pub beta: f64,
+    /// As printed, or on a surrogate of A.
+    pub method: Method,
     /// How the solve ended.
     pub status: Status,
     /// Until err ≤ ε err⁰.
@@ -79,12 +83,13 @@ pub enum Table1Error {
     Solve(#[from] ssnm::SolveError),
 }
 
-/// The cells of one row by the engine chosen; `log` is that of [`Engine::new`], and `before_cell` may stop
+/// The cells of one row by a method and the engine chosen; `log` is that of [`Engine::new`], and `before_cell` may stop
 /// the row early.
 pub fn row(
     geometry: Geometry,
     k: usize,
     betas: &[f64],
+    method: Method,
     engine: &Options,
     log: impl FnMut(&str),
     mut before_cell: impl FnMut(f64) -> ControlFlow<()>,
@@ -100,6 +105,7 @@ pub fn row(
         let settings = Settings {
             tolerance: TOLERANCE,
             beta,
+            method,
             ..Default::default()
         };
         let solution = ssnm::solve(
@@ -117,6 +123,7 @@ pub fn row(
             n: problem.n_free(),
             contact_nodes: problem.m(),
             beta,
+            method,
             status: solution.status,
             iter,
             n_a,

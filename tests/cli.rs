@@ -262,7 +262,7 @@ fn the_nested_path_says_so_in_the_report() {
     assert!(
         report["v_cycles"]
             .as_u64()
-            .is_some_and(|count| count > 100 && count < 1000)
+            .is_some_and(|count| count > 20 && count < 300)
     );
 }
 
@@ -290,11 +290,11 @@ fn table1_prints_paper_and_ours() {
     let run = signorini(&["table1", "--max-k", "3", "--beta", "1,20", "--json", &json]);
     assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
     let said = text(&run.stdout);
-    assert!(said.contains("1320/60") && said.contains("11160/180") && said.contains(" 7/ 35"));
+    assert!(said.contains("1320/60") && said.contains("11160/180") && said.contains(" 7/ 35 |"));
     assert!(said.contains("Assumed here"));
     let document: serde_json::Value =
         serde_json::from_str(&read(Path::new(&json))).unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(document["cells"].as_array().map(Vec::len), Some(4));
+    assert_eq!(document["cells"].as_array().map(Vec::len), Some(8));
 }
 
 /// A small algebraic case on disk: two springs against a wall (the example of the library's front page).

@@ -847,7 +847,7 @@ fn what_was_bound_to_dropped_buffers_is_forgotten() {
             .map(|f| f * f64::from(round + 1))
             .collect();
         dual.set_data(&load, &problem.offsets())
-            .and_then(|()| dual.gradient(&lambda, &mut r, accuracy, &Stop::default()))
+            .and_then(|()| dual.gradient(&lambda, &mut r, 0.0, accuracy, &Stop::default()))
             .unwrap_or_else(|error| panic!("{error}"));
         kept.push(dual.backend().kept());
     }

@@ -17,7 +17,7 @@ fn problem(geometry: Geometry, k: usize, loads: &Loads) -> ContactProblem {
     reference::problem(geometry, &mesh, loads).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Case B at refinement k for the price of at most six linear solves, all set-up included, by the way that
+/// Case B at refinement k for the price of less than three linear solves, all set-up included, by the way that
 /// the direct path takes.
 fn case_b_costs_a_few_linear_solves(k: usize) {
     let problem = problem(Geometry::OneBody, k, &CASE_B);
@@ -29,22 +29,18 @@ fn case_b_costs_a_few_linear_solves(k: usize) {
     let what = format!("k = {k}: {costs:?} {linear} {:?}", found.info);
     assert_eq!(found.status, Status::Converged, "{what}");
     assert!(linear <= if k < 20 { 20 } else { 24 }, "{what}");
-    // Fine meshes take a little more until their nodal pressures are right.
-    assert!(
-        costs.solves.iterations <= if k < 20 { 6 } else { 7 } * linear,
-        "{what}"
-    );
+    // Found: 2.2 to 2.4.
+    assert!(10 * costs.solves.iterations <= 27 * linear, "{what}");
     if k < 20 {
         let expected = solve(&problem, &settings);
-        // Found: at most one more, and 15 % more; other machines round otherwise.
-        assert!(found.info.iter <= expected.info.iter + 2, "{what}");
-        assert!(4 * found.info.n_a <= 5 * expected.info.n_a, "{what}");
+        // Found: at most one more; other machines round otherwise.
+        assert!(found.info.n_a <= expected.info.n_a + 2, "{what}");
         assert!(distance(&found.u, &expected.u) < 1e-3, "{what}");
     }
 }
 
 #[test]
-fn a_contact_solve_for_the_price_of_six_linear_solves() {
+fn a_contact_solve_for_the_price_of_three_linear_solves() {
     for k in [1, 3, 5, 7, 9, 13] {
         case_b_costs_a_few_linear_solves(k);
     }

@@ -164,6 +164,11 @@ impl<S: Real> Backend for Cpu<S> {
         x.fill(0.0);
     }
 
+    fn add(&mut self, a: f64, x: &Vec<f64>, y: &mut Vec<f64>) {
+        let a = f64::from(a as f32);
+        y.iter_mut().zip(x).for_each(|(y, x)| *y += a * x);
+    }
+
     fn multiply_rows(&mut self, m: &Rows, x: &Vec<f64>, y: &mut Vec<f64>) {
         for &i in &m.filled {
             let (cols, values) = m.matrix.row(i as usize);

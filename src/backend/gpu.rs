@@ -254,6 +254,21 @@ impl Backend for Gpu {
         }
     }
 
+    fn add(&mut self, a: f64, x: &Vector, y: &mut Vector) {
+        assert_eq!(x.len, y.len);
+        let groups = self.vector_groups(x);
+        for (s, (from, to)) in x.segments.iter().zip(&y.segments).enumerate() {
+            let params = Params {
+                count: from.pairs(),
+                steps: [a as f32, 0.0],
+                ..Params::default()
+            };
+            let bytes = self.vector_bytes(from, 3);
+            let buffers = [&from.data, &to.data];
+            self.dispatch(Kernel::Add, params, &buffers, groups[s], bytes);
+        }
+    }
+
     fn multiply_rows(&mut self, m: &Rows, x: &Vector, y: &mut Vector) {
         assert_eq!((x.len, y.len), (m.n_cols, m.n_rows));
         for part in &m.parts {

@@ -251,7 +251,6 @@ where
                 quasistatic::solve_step(&build.problem, load, &state, engine, &settings, observer)
                     .map_err(|error| self.failed(error))?;
             log.finish(&steps, settings.ssnm.tolerance);
-            settings.ssnm.sigma_max = Some(solution.last().info.sigma_max);
             self.report.add_step(build, data.as_ref(), &solution);
             state = solution.state(load);
             self.write_step(data.as_ref(), &solution)?;

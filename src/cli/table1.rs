@@ -4,7 +4,7 @@ use super::advice::told;
 use super::{GeometryArgument, NOT_CONVERGED, Table1Arguments, print};
 use signorini::output::write_whole;
 use signorini::reference::Geometry;
-use signorini::ssnm::Status;
+use signorini::ssnm::{Method, Status};
 use signorini::table1::{ASSUMPTIONS, Cell, SIZES, TOLERANCE, row};
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
@@ -56,11 +56,12 @@ fn table(arguments: &Table1Arguments) -> Result<Vec<Cell>, String> {
     };
     let terminal = std::io::stderr().is_terminal();
     print(&format!(
-        "Table 1, {name}; ISSNM with ρ = β/σ_max: paper | ours (ours with the final check)\n\n{:>12}",
+        "Table 1, {name}, with ρ = β/σ_max: iter/n_A of the paper | of ISSNM as printed | on a surrogate of A (with the \
+         final check)\n\n{:>12}",
         "n/m"
     ))?;
     for beta in &arguments.beta {
-        print(&format!("  {:>23}", format!("β = {beta}")))?;
+        print(&format!("  {:>32}", format!("β = {beta}")))?;
     }
     print("\n")?;
     let mut cells: Vec<Cell> = Vec::new();
@@ -73,25 +74,37 @@ fn table(arguments: &Table1Arguments) -> Result<Vec<Cell>, String> {
                 said = line.to_owned();
             }
         };
-        let found = row(geometry, k, &arguments.beta, &engine, log, |beta| {
-            if terminal {
-                eprint!("\r\x1b[2Kk = {k}, β = {beta} …");
-            }
-            ControlFlow::Continue(())
-        })
-        .map_err(|e| told(&e))?;
+        let mut log = log;
+        let mut found = Vec::new();
+        for method in [Method::Inexact, Method::Multisecant] {
+            let made = row(
+                geometry,
+                k,
+                &arguments.beta,
+                method,
+                &engine,
+                &mut log,
+                |beta| {
+                    if terminal {
+                        eprint!("\r\x1b[2Kk = {k}, β = {beta} …");
+                    }
+                    ControlFlow::Continue(())
+                },
+            );
+            found.push(made.map_err(|e| told(&e))?);
+        }
         if terminal {
             eprint!("\r\x1b[2K");
         }
-        print(&described(geometry, &found))?;
-        cells.extend(found);
+        print(&described(geometry, &found[0], &found[1]))?;
+        cells.extend(found.into_iter().flatten());
     }
     Ok(cells)
 }
 
 /// A row of the table.
-fn described(geometry: Geometry, cells: &[Cell]) -> String {
-    let size = cells.first().map_or(String::new(), |first| {
+fn described(geometry: Geometry, printed: &[Cell], surrogate: &[Cell]) -> String {
+    let size = printed.first().map_or(String::new(), |first| {
         // The paper's m: for two bodies the total number of multipliers.
         let m = match geometry {
             Geometry::OneBody => first.contact_nodes,
@@ -100,18 +113,18 @@ fn described(geometry: Geometry, cells: &[Cell]) -> String {
         format!("{}/{m}", first.n)
     });
     let mut text = format!("{size:>12}");
-    for cell in cells {
+    for (printed, cell) in printed.iter().zip(surrogate) {
         let paper = match cell.paper {
             Some((iter, n_a)) => format!("{iter:2}/{n_a:3}"),
             None => "      ".to_owned(),
         };
-        let mark = match cell.status {
-            Status::Converged => ' ',
+        let mark = match [printed.status, cell.status] {
+            [Status::Converged, Status::Converged] => ' ',
             _ => '!',
         };
         text += &format!(
-            "  {paper} | {:2}/{:3} ({:2}/{:3}){mark}",
-            cell.iter, cell.n_a, cell.iter_checked, cell.n_a_checked
+            "  {paper} | {:2}/{:3} | {:2}/{:2} ({:2}/{:2}){mark}",
+            printed.iter, printed.n_a, cell.iter, cell.n_a, cell.iter_checked, cell.n_a_checked
         );
     }
     text + "\n"

@@ -117,7 +117,7 @@ impl Balance {
     }
 
     /// Motions.
-    fn count(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.e.len()
     }
 
@@ -128,11 +128,24 @@ impl Balance {
         forces
     }
 
+    /// The entries of Gᵀ in the row of a multiplier.
+    pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, f64)> {
+        let (cols, values) = self.motions.row(i);
+        cols.iter().zip(values).map(|(&j, v)| (j as usize, v[0][0]))
+    }
+
     /// The coefficients of the motions for an η, so that B R times them is [`Balance::spread`].
     pub fn coefficients(&self, eta: &[f64]) -> Vec<f64> {
         let lengths = eta.iter().zip(&self.lengths);
         lengths
             .map(|(v, &l)| if l > 0.0 { v / l } else { 0.0 })
+            .collect()
+    }
+
+    /// The η of coefficients: [`Balance::coefficients`] backwards.
+    pub fn eta(&self, coefficients: &[f64]) -> Vec<f64> {
+        (coefficients.iter().zip(&self.lengths))
+            .map(|(v, l)| v * l)
             .collect()
     }
 
@@ -158,7 +171,7 @@ impl Balance {
     }
 
     /// Gᵀ is `motions`, so this is Gλ − e.
-    fn excess(&self, lambda: &[f64]) -> Vec<f64> {
+    pub fn excess(&self, lambda: &[f64]) -> Vec<f64> {
         let mut sums: Vec<f64> = self.e.iter().map(|e| -e).collect();
         self.motions.mul_transpose_add(1.0, lambda, &mut sums);
         sums
@@ -470,13 +483,6 @@ impl<const D: usize> FaceBalance<D> {
             self.shift(&missing, lambda);
         }
         self.balance.is_met(lambda, BALANCED)
-    }
-
-    /// Gλ for a direction, in the units in which the columns of Gᵀ have length one.
-    pub fn moves(&self, direction: &[f64]) -> Vec<f64> {
-        let mut sums = vec![0.0; self.balance.count()];
-        (self.balance.motions).mul_transpose_add(1.0, direction, &mut sums);
-        sums
     }
 }
 

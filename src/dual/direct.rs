@@ -255,6 +255,7 @@ impl DualOperator for DirectDual {
         &mut self,
         lambda: &[f64],
         r: &mut [f64],
+        _along: f64,
         _accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Option<Followed>, DualError> {

@@ -43,6 +43,9 @@ pub struct NestedDual<B: Backend> {
     unit: f64,
     /// u of the last gradient or displacement, the start for the next, where it is kept on the host.
     u: Vec<f64>,
+    /// x = K⁻¹Bᵀp of the last product, where it is kept on the host, and what it has to be multiplied by on the backend.
+    x: Vec<f64>,
+    unit_of_x: f64,
     on_backend: Option<OnBackend<B>>,
 }
 
@@ -90,6 +93,8 @@ impl<B: Backend> NestedDual<B> {
             ties,
             unit,
             u,
+            x: Vec::new(),
+            unit_of_x: 1.0,
             on_backend,
         })
     }
@@ -124,6 +129,7 @@ impl<B: Backend> NestedDual<B> {
         &mut self,
         lambda: &[f64],
         y: &mut [f64],
+        along: f64,
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Followed, DualError> {
@@ -132,6 +138,9 @@ impl<B: Backend> NestedDual<B> {
             self.scale_to(unit)?;
         }
         let Some(there) = &mut self.on_backend else {
+            for (u, x) in self.u.iter_mut().zip(&self.x) {
+                *u -= along * x;
+            }
             let mut load = self.load.clone();
             self.b.mul_transpose_add(-1.0, lambda, &mut load);
             let accuracy = match accuracy {
@@ -143,6 +152,10 @@ impl<B: Backend> NestedDual<B> {
             return Ok(followed);
         };
         let unit = self.unit;
+        if along != 0.0 {
+            let a = -along * self.unit_of_x / unit;
+            self.pcg.backend.add(a, &self.pcg.x, &mut there.u);
+        }
         let mut scaled: Vec<f64> = lambda.iter().map(|l| l / unit).collect();
         scaled.push(1.0);
         let run = match accuracy {
@@ -215,9 +228,10 @@ impl<B: Backend> DualOperator for NestedDual<B> {
         let Some(there) = &mut self.on_backend else {
             let mut load = vec![0.0; self.b.n_cols()];
             self.b.mul_transpose_add(1.0, p, &mut load);
-            let mut x = vec![0.0; load.len()];
-            self.pcg.refine(&load, &mut x, accuracy, stop)?;
-            self.b.mul(&x, y);
+            self.x.fill(0.0);
+            self.x.resize(load.len(), 0.0);
+            self.pcg.refine(&load, &mut self.x, accuracy, stop)?;
+            self.b.mul(&self.x, y);
             return Ok(());
         };
         let unit = power_of_two_below(norm(p));
@@ -235,6 +249,7 @@ impl<B: Backend> DualOperator for NestedDual<B> {
         self.pcg.counts.solves += 1;
         self.pcg.run(run, stop, Some(gather))?;
         let scale = unit * self.pcg.scale;
+        self.unit_of_x = scale;
         y.iter_mut().for_each(|v| *v *= scale);
         Ok(())
     }
@@ -246,7 +261,7 @@ impl<B: Backend> DualOperator for NestedDual<B> {
         stop: &Stop,
     ) -> Result<(), DualError> {
         let zero = vec![0.0; self.b.n_rows()];
-        self.gradient(&zero, b, accuracy, stop)?;
+        self.gradient(&zero, b, 0.0, accuracy, stop)?;
         b.iter_mut().for_each(|b| *b = -*b);
         Ok(())
     }
@@ -255,10 +270,11 @@ impl<B: Backend> DualOperator for NestedDual<B> {
         &mut self,
         lambda: &[f64],
         r: &mut [f64],
+        along: f64,
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Option<Followed>, DualError> {
-        let followed = self.follow(lambda, r, accuracy, stop)?;
+        let followed = self.follow(lambda, r, along, accuracy, stop)?;
         r.iter_mut().for_each(|r| *r = -*r);
         for (r, c) in r.iter_mut().zip(&self.offsets) {
             *r += c;
@@ -276,7 +292,7 @@ impl<B: Backend> DualOperator for NestedDual<B> {
         let mut u = vec![0.0; self.b.n_cols()];
         let mut asked = residual;
         for _ in 0..MOST_PASSES {
-            self.follow(lambda, &mut y, Accuracy::Residual(asked), stop)?;
+            self.follow(lambda, &mut y, 0.0, Accuracy::Residual(asked), stop)?;
             match &self.on_backend {
                 None => u.copy_from_slice(&self.u),
                 Some(there) => {

@@ -3,7 +3,6 @@
 use super::goal::Goal;
 use super::newton::{Newton, Way};
 use super::point::Point;
-use super::subspace::Subspace;
 use super::{MET, Status};
 use crate::control::Stop;
 use crate::dual::{DualError, DualOperator};
@@ -36,11 +35,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Step 1: whether err ≤ ε err⁰, and more than that: pressures as accurate as ε asks for, and conditions that hold
     /// against K.
     pub fn step_1(&mut self, way: &mut Way<D>, goal: &mut Goal) -> Result<Ended, DualError> {
-        self.products.allow(way.err);
         let own_motion = self.own_motion(&way.point.lambda);
         let rounding = self.rounding(&way.point);
         goal.err = (self.tolerance * way.err0.max(own_motion)).max(rounding);
-        self.goal_err = goal.err;
         if way.err <= goal.err {
             let now = (way.history.len(), self.products.n_a);
             way.first_met.get_or_insert(now);
@@ -51,42 +48,28 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         if let Some(status) = self.verify(&mut way.point, goal)? {
             return Ok(Ended::With(status));
         }
-        // r is fresh now. Where it had drifted, so have the images of the known directions.
+        // r is fresh now; if it says something else than before, products were not accurate enough.
         way.err = self.error(&mut way.point);
         if way.err > goal.err {
             self.products.sharpen();
-            self.products.known = Subspace::default();
-        } else {
-            // What is left to do lies below the error that products were to resolve.
-            self.products.aim_at(TIGHTER * self.products.level());
         }
         self.check_accuracy *= (goal.err / way.err).clamp(LEAP, TIGHTER);
-        way.start_anew();
         Ok(Ended::Again)
     }
 
-    /// What an error says that is too small to tell, or to ask for another step, while the forces are not known well
-    /// enough.
-    pub fn below_the_goal(&mut self, way: &mut Way<D>, goal: &Goal) -> Result<Ended, DualError> {
-        if way.err <= self.rounding(&way.point) {
-            self.make_exact(&mut way.point)?;
-            way.err = self.error(&mut way.point);
-            way.start_anew();
-            let nothing_left = way.err <= self.rounding(&way.point);
-            return Ok(if nothing_left && !self.meets(goal, &way.point, way.err) {
-                Ended::With(Status::Stagnated)
-            } else {
-                Ended::Again
-            });
+    /// What an error says that is too small to tell.
+    pub fn below_rounding(&mut self, way: &mut Way<D>, goal: &Goal) -> Result<Ended, DualError> {
+        if way.err > self.rounding(&way.point) {
+            return Ok(Ended::NotYet);
         }
-        if way.err <= goal.err {
-            // Small beside err⁰, but the forces are smaller still.
-            let (lambda, r) = self.unscaled(&way.point);
-            let part = goal.part_for_forces(self.problem, &lambda, &r);
-            let level = (0.5 * part * way.err).min(self.products.level());
-            self.products.aim_at(level);
-        }
-        Ok(Ended::NotYet)
+        self.make_exact(&mut way.point)?;
+        way.err = self.error(&mut way.point);
+        let nothing_left = way.err <= self.rounding(&way.point);
+        Ok(if nothing_left && !self.meets(goal, &way.point, way.err) {
+            Ended::With(Status::Stagnated)
+        } else {
+            Ended::Again
+        })
     }
 
     /// Whether a point meets the goal, in the units of the problem.

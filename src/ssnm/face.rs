@@ -6,11 +6,7 @@ use super::sets::Sets;
 use crate::constraint::{at, put};
 use crate::dual::balance::{Balance, FaceBalance};
 use std::array::from_fn;
-use std::borrow::Cow;
 use std::rc::Rc;
-
-/// What counts as nothing across a direction, relative to it.
-const ROUNDING: f64 = 1e-13;
 
 /// The unknowns y of a step: λ moves by F y.
 ///
@@ -19,8 +15,7 @@ const ROUNDING: f64 = 1e-13;
 ///
 /// In space λτ of a slipping node moves along the tangent t of its circle. Complementarity on the circle is
 /// rτ + κλτ = 0 with κ ≥ 0; linearised along t, the inner problem (11) gets the curvature κ there:
-/// min ½ zᵀ(A + diag κ)z + zᵀr. It costs no product with A. What is called the model here is A + diag κ, and the
-/// gradient of the model at λ is r + κ(λ − λ⁰) along the tangents, λ⁰ where the step starts.
+/// min ½ zᵀ(A + diag κ)z + zᵀr. It costs no product with A.
 pub(super) struct Face<const D: usize> {
     pub sets: Sets<D>,
     /// μ where the tangential multipliers follow the normal one, 0 on all other nodes; empty where there is none.
@@ -35,8 +30,6 @@ pub(super) struct Face<const D: usize> {
 struct Curvature {
     /// κ of each node, 0 where nothing turns.
     kappa: Vec<f64>,
-    /// λ⁰.
-    origin: Vec<f64>,
     /// What an entry of diag(A) is like: c.
     mean: f64,
 }
@@ -65,26 +58,11 @@ impl<const D: usize> Face<D> {
         }
     }
 
-    /// Linearises the circles at a point on the face; those that `earlier` has linearised stay as they are. `mean` is
-    /// what an entry of diag(A) is like.
-    pub fn set_curvature(&mut self, earlier: Option<&Self>, point: &Point, mean: f64) {
-        let mut curvature = Curvature::new(&self.sets, point, mean);
-        if let Some(earlier) = earlier
-            && let Some(before) = &earlier.curvature
-        {
-            for (i, node) in earlier
-                .sets
-                .nodes()
-                .iter()
-                .enumerate()
-                .filter(|(_, n)| n.turns)
-            {
-                curvature.kappa[i] = before.kappa[i];
-                put(&mut curvature.origin, i, at::<D>(&before.origin, i));
-                debug_assert!(self.sets.nodes()[i].slip == node.slip);
-            }
+    /// Linearises the circles at a point on the face. `mean` is what an entry of diag(A) is like.
+    pub fn set_curvature(&mut self, point: &Point, mean: f64) {
+        if self.sets.turn() {
+            self.curvature = Some(Curvature::new(&self.sets, point, mean));
         }
-        self.curvature = Some(curvature);
     }
 
     /// μ where the tangential multipliers of node i (of m) follow the normal one.
@@ -126,140 +104,21 @@ impl<const D: usize> Face<D> {
             .is_none_or(|balance| balance.balance(lambda))
     }
 
-    /// Gλ for a direction; empty without free bodies.
-    pub fn moves(&self, direction: &[f64]) -> Vec<f64> {
-        self.balance
-            .as_ref()
-            .map_or(Vec::new(), |balance| balance.moves(direction))
-    }
-
-    /// Whether there are bodies to be kept in balance.
-    pub fn has_balance(&self) -> bool {
-        self.balance.is_some()
-    }
-
-    /// What has to vanish on a direction that stays within the face, as rows of numbers: a row for what is held, with an
-    /// entry for each of the directions.
-    pub fn conditions(&self, directions: &[Vec<f64>]) -> Vec<Vec<f64>> {
-        let nodes = self.sets.nodes();
-        let mut rows = Vec::new();
-        let mut add = |own: &dyn Fn([f64; D]) -> f64, i: usize| {
-            let row: Vec<f64> = directions.iter().map(|d| own(at(d, i))).collect();
-            if row.iter().any(|&v| v != 0.0) {
-                rows.push(row);
-            }
-        };
-        for (i, _) in nodes.iter().enumerate().filter(|(_, node)| !node.contact) {
-            add(&|d| d[0], i);
-        }
-        for (i, node) in nodes.iter().enumerate() {
-            let s = node.slip.unwrap_or([0.0; D]);
-            let mu = self.follows(i).unwrap_or(0.0);
-            for held in node.held_tangents() {
-                // λτ = μλν s along a direction that is held.
-                let slope = mu * (1..D).map(|a| held[a] * s[a]).sum::<f64>();
-                let own = |d: [f64; D]| match node.turns {
-                    true => {
-                        let along = (1..D).map(|a| held[a] * d[a]).sum::<f64>() - slope * d[0];
-                        let size = d.iter().fold(0.0, |size: f64, v| size.max(v.abs()));
-                        // What is left of a direction along the tangent is rounding.
-                        if along.abs() > ROUNDING * size {
-                            along
-                        } else {
-                            0.0
-                        }
-                    }
-                    false => {
-                        let a = held.iter().position(|&v| v != 0.0).unwrap_or(1);
-                        d[a] - slope * d[0]
-                    }
-                };
-                add(&own, i);
-            }
-        }
-        rows
-    }
-
-    /// Whether circles curve under it.
-    pub fn is_curved(&self) -> bool {
-        self.curvature.is_some()
-    }
-
     /// From A p to (A + diag κ) p.
     pub fn curve(&self, p: &[f64], image: &mut [f64]) {
-        if let Some(Curvature { kappa, .. }) = &self.curvature {
-            self.add_curved(kappa, |i| at(p, i), image);
-        }
-    }
-
-    /// From (A + diag κ) p to A p.
-    pub fn straighten(&self, p: &[f64], image: &mut [f64]) {
-        if let Some(Curvature { kappa, .. }) = &self.curvature {
-            self.add_curved(kappa, |i| at::<D>(p, i).map(|v| -v), image);
-        }
-    }
-
-    /// From r to the gradient of the model.
-    pub fn curve_gradient(&self, point: &mut Point) {
-        self.change_gradient(point, 1.0);
-    }
-
-    /// From the gradient of the model back to r.
-    pub fn straighten_gradient(&self, point: &mut Point) {
-        self.change_gradient(point, -1.0);
-    }
-
-    /// The change of q, as the model has it, between two points.
-    pub fn q_change(&self, from: &Point, to: &Point) -> f64 {
-        let [from, to] = self.as_modelled([from, to]);
-        from.q_change(&to)
-    }
-
-    /// The point of lowest q, as the model has it, between two points.
-    pub fn lowest_towards(&self, from: &Point, to: &Point) -> Point {
-        let [from, to] = self.as_modelled([from, to]);
-        let mut lowest = from.lowest_towards(&to);
-        self.straighten_gradient(&mut lowest);
-        lowest
-    }
-
-    fn as_modelled<'p>(&self, points: [&'p Point; 2]) -> [Cow<'p, Point>; 2] {
-        points.map(|point| {
-            let mut point = Cow::Borrowed(point);
-            if self.is_curved() {
-                self.curve_gradient(point.to_mut());
-            }
-            point
-        })
-    }
-
-    fn change_gradient(&self, Point { lambda, r, .. }: &mut Point, sign: f64) {
-        let Some(Curvature { kappa, origin, .. }) = &self.curvature else {
+        let Some(Curvature { kappa, .. }) = &self.curvature else {
             return;
         };
-        let moved = |i: usize| -> [f64; D] {
-            let (here, there): ([f64; D], [f64; D]) = (at(lambda, i), at(origin, i));
-            from_fn(|a| sign * (here[a] - there[a]))
-        };
-        self.add_curved(kappa, moved, r);
-    }
-
-    /// Adds κ times what of x lies along the tangents.
-    fn add_curved(&self, kappa: &[f64], x: impl Fn(usize) -> [f64; D], image: &mut [f64]) {
         for (i, (&kappa, node)) in kappa.iter().zip(self.sets.nodes()).enumerate() {
-            if kappa == 0.0 {
-                continue;
-            }
-            let along = node.free_part(x(i));
-            let before: [f64; D] = at(image, i);
-            put(
-                image,
-                i,
-                from_fn::<_, D, _>(|a| match a {
+            if kappa != 0.0 {
+                let (along, before): ([f64; D], [f64; D]) =
+                    (node.free_part(at(p, i)), at(image, i));
+                let curved = from_fn::<_, D, _>(|a| match a {
                     0 => before[0],
                     _ => before[a] + kappa * along[a],
-                }),
-            );
+                });
+                put(image, i, curved);
+            }
         }
     }
 
@@ -300,7 +159,6 @@ impl Curvature {
         });
         Self {
             kappa: kappa.collect(),
-            origin: point.lambda.clone(),
             mean,
         }
     }
@@ -341,14 +199,13 @@ mod tests {
         let g = [0.5, 9.0];
         let start = point(vec![0.4, 0.2, 0.3, 0.4, 0.1, -0.2]);
         let sets = Sets::<3>::binding(&start.lambda, &start.r, &g);
-        assert!(sets.turns(0) && !sets.turns(1));
         let mut face = Face {
             sets,
             follows: Vec::new(),
             curvature: None,
             balance: None,
         };
-        face.set_curvature(None, &start, 1.0);
+        face.set_curvature(&start, 1.0);
         let kappa = face.curvature.as_ref().map(|c| c.kappa[0]);
         assert!(kappa.is_some_and(|kappa| kappa > 0.1), "{kappa:?}");
 
@@ -366,34 +223,13 @@ mod tests {
                 }
                 point(lambda)
             };
-            (start.q_change(&moved(true)) - face.q_change(&start, &moved(false))).abs()
+            let mut curved = vec![0.0; 6];
+            face.curve(&along, &mut curved);
+            let straight = start.q_change(&moved(false));
+            let bent: f64 = along.iter().zip(&curved).map(|(a, c)| a * c).sum();
+            (start.q_change(&moved(true)) - straight - 0.5 * t * t * bent).abs()
         };
         let (coarse, fine) = (off(1e-2), off(1e-3));
         assert!(coarse < 1e-5 && fine < 2e-3 * coarse, "{coarse:e} {fine:e}");
-    }
-
-    #[test]
-    fn curving_and_back_is_nothing() {
-        let start = point(vec![0.4, 0.2, 0.3, 0.4, 0.1, -0.2]);
-        let mut face = Face {
-            sets: Sets::<3>::binding(&start.lambda, &start.r, &[0.5, 9.0]),
-            follows: Vec::new(),
-            curvature: None,
-            balance: None,
-        };
-        face.set_curvature(None, &start, 1.0);
-        let p = vec![0.1, 0.2, -0.8, 0.6, 0.3, 0.4];
-        let mut image = vec![1.0; 6];
-        face.curve(&p, &mut image);
-        assert!((image[2] - 1.0).abs() > 0.01 && image[4] == 1.0);
-        face.straighten(&p, &mut image);
-        assert!(image.iter().all(|v| (v - 1.0).abs() < 1e-15));
-
-        let mut there = point(vec![0.5, 0.1, 0.3 - 0.08, 0.4 + 0.06, 0.2, 0.2]);
-        let r = there.r.clone();
-        face.curve_gradient(&mut there);
-        assert!(there.r[2] < r[2] && there.r[3] > r[3] && there.r[0] == r[0]);
-        face.straighten_gradient(&mut there);
-        assert!(there.r.iter().zip(&r).all(|(a, b)| (a - b).abs() < 1e-14));
     }
 }

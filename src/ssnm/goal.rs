@@ -9,9 +9,7 @@ use std::array::from_fn;
 /// gap were that of one node alone. Neighbours share most of it: pressures were found right to 0.2 to 1.6 times
 /// this figure.
 const FORCES: f64 = 2000.0;
-/// The same at the end of an inner problem that may be the last: a product more there spares a step.
-const INNER_FORCES: f64 = 1000.0;
-/// The part of both that is asked for under Coulomb's law: GCR makes the residual least, not the energy, and leaves more
+/// The part of it that is asked for under Coulomb's law: GCR makes the residual least, not the energy, and leaves more
 /// of what a force on a single node does.
 const COULOMB: f64 = 0.25;
 /// Pressures below this part of the tractions are none.
@@ -84,16 +82,6 @@ impl Goal {
     ) -> bool {
         forces_met(self.tolerance, problem, lambda, r)
     }
-
-    /// The part of err that would do for the forces; 1 where they are accurate enough.
-    pub fn part_for_forces<const D: usize>(
-        &self,
-        problem: &ContactProblem<D>,
-        lambda: &[f64],
-        r: &[f64],
-    ) -> f64 {
-        (FORCES * part(problem) * self.tolerance / force_error(problem, lambda, r)).min(1.0)
-    }
 }
 
 /// Whether the forces at a point with gradient r are as accurate as ε asks for.
@@ -104,16 +92,6 @@ pub(super) fn forces_met<const D: usize>(
     r: &[f64],
 ) -> bool {
     force_error(problem, lambda, r) <= FORCES * part(problem) * tolerance
-}
-
-/// Whether an inner problem with the residual r on its free multipliers leaves forces accurate enough for ε.
-pub(super) fn inner_forces_met<const D: usize>(
-    tolerance: f64,
-    problem: &ContactProblem<D>,
-    lambda: &[f64],
-    r: &[f64],
-) -> bool {
-    force_error(problem, lambda, r) <= INNER_FORCES * part(problem) * tolerance
 }
 
 /// What the gradient r could still move a pressure or a traction by, relative to the largest pressure (without

@@ -1,158 +1,136 @@
-//! The inner problem (11): Steps 3.2 and 3.3, by conjugate gradients or, under Coulomb's law, conjugate residuals.
+//! The inner problem (11): Step 3.3, by conjugate gradients or, under Coulomb's law, conjugate residuals.
 
 use super::face::Face;
-use super::gcr::Gcr;
-use super::goal;
-use super::newton::Newton;
+use super::newton::{FLAT, Newton};
 use super::point::Point;
-use super::sets::Sets;
-use super::subspace::Subspace;
 use crate::dual::{DualError, DualOperator};
+use crate::sparse::{add_times, dot, norm};
 
-/// An iteration with inexact products ends where its residual has grown by this factor.
-const GROWN: f64 = 10.0;
-
-/// The iteration that solves the inner problem on a face, kept from one outer step to the next.
-pub(super) struct Inner<const D: usize> {
-    pub face: Face<D>,
-    span: Span,
-}
-
-/// What it knows.
-enum Span {
-    /// Directions that the face allows: recycled ones, then those of this iteration.
-    Cg(Subspace),
-    /// Under Coulomb's law.
-    Gcr(Gcr),
-}
-
-impl<const D: usize> Inner<D> {
-    /// The sets that it is for.
-    pub fn sets(&self) -> &Sets<D> {
-        &self.face.sets
-    }
-
-    /// Whether it can be continued where the next step has the same sets: circles are linearised anew at each.
-    pub fn can_go_on(&self) -> bool {
-        !self.face.is_curved()
-    }
-}
+/// An image whose part outside the span of earlier ones is smaller than this adds nothing but rounding.
+const INDEPENDENT: f64 = 1e-8;
+/// A direction along which the residual falls by less than this part has nothing to add but its image.
+const FRUITLESS: f64 = 1e-3;
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
-    /// Starts an iteration on a face, from the best that the known directions allow.
-    pub fn inner_on(
-        &mut self,
-        mut face: Face<D>,
-        point: &mut Point,
-    ) -> Result<Inner<D>, DualError> {
-        self.linearise(&mut face, None, point)?;
-        Ok(self.inner_with(face, &self.products.known, point))
-    }
-
-    /// The same on a smaller face than the last one, from the best of what that one knew.
-    pub fn inner_after(
-        &mut self,
-        last: Inner<D>,
-        mut face: Face<D>,
-        point: &mut Point,
-    ) -> Result<Inner<D>, DualError> {
-        // Earlier directions rarely fit the tangents of circles, and those of the last face nearly all do.
-        if !face.sets.turn() {
-            return self.inner_on(face, point);
-        }
-        self.linearise(&mut face, Some(&last.face), point)?;
-        let known = match last.span {
-            Span::Cg(span) => span.straightened(&last.face),
-            Span::Gcr(_) => self.products.known.clone(),
-        };
-        Ok(self.inner_with(face, &known, point))
-    }
-
-    /// Linearises the circles of a face at a point on it, but for those that `earlier` has linearised.
-    fn linearise(
-        &mut self,
-        face: &mut Face<D>,
-        earlier: Option<&Face<D>>,
-        point: &Point,
-    ) -> Result<(), DualError> {
-        if face.sets.turn() {
-            let mean = self.products.mean(point.lambda.len())?;
-            face.set_curvature(earlier, point, mean);
-        }
-        Ok(())
-    }
-
-    fn inner_with(&self, face: Face<D>, known: &Subspace, point: &mut Point) -> Inner<D> {
-        let span = if self.law.is_coulomb() {
-            Span::Gcr(Gcr::on(&face, known, self.products.sigma))
-        } else {
-            let span = known.fitting(&face);
-            face.curve_gradient(point);
-            span.minimise(&mut point.lambda, &mut point.r);
-            face.straighten_gradient(point);
-            Span::Cg(span)
-        };
-        Inner { face, span }
-    }
-
-    /// Lowers the residual on the free multipliers to `target`, or until `enough` says so; returns the number of
-    /// iterations.
+    /// Lowers the residual on the free multipliers of a face to `target`; returns the number of iterations.
     pub fn solve_inner(
         &mut self,
         point: &mut Point,
-        inner: &mut Inner<D>,
+        mut face: Face<D>,
         target: f64,
-        enough: impl Fn(&Self, &Point, f64) -> bool,
     ) -> Result<usize, DualError> {
-        let Inner { face, span } = inner;
-        // On the way r is the gradient of the model.
-        let enough = |newton: &Self, point: &Point, residual: f64| {
-            let mut point = point.clone();
-            face.straighten_gradient(&mut point);
-            enough(newton, &point, residual)
-        };
-        face.curve_gradient(point);
-        let iterations = match span {
-            Span::Cg(span) => self.cg(point, face, span, target, &enough),
-            Span::Gcr(gcr) => self.gcr(point, face, gcr, target, &enough),
-        }?;
-        face.straighten_gradient(point);
+        face.set_curvature(point, self.mean);
+        if self.law.is_coulomb() {
+            self.gcr(point, &face, target)
+        } else {
+            self.cg(point, &face, target)
+        }
+    }
+
+    /// No iteration ends later: what exact arithmetic would need, and something for rounding.
+    fn most_iterations(face: &Face<D>) -> usize {
+        2 * face.sets.n_free() + 50
+    }
+
+    /// CGM(A, b, 𝒜, λ, tol): minimises q over the free multipliers until ‖r‖ there is at most `target`. Where circles curve,
+    /// A is A + diag κ, and the residual is preconditioned.
+    fn cg(&mut self, point: &mut Point, face: &Face<D>, target: f64) -> Result<usize, DualError> {
+        let mut p = vec![0.0; point.lambda.len()];
+        let (mut iterations, mut before) = (0, f64::INFINITY);
+        // On the way r is the gradient of the model: at the λ where circles are linearised the two are the same.
+        let mut r = point.r.clone();
+        while iterations < Self::most_iterations(face) && self.products.stop.now().is_none() {
+            let mut rest: Vec<f64> = r.iter().map(|r| -r).collect();
+            face.direction(&mut rest);
+            if norm(&rest) <= target {
+                break;
+            }
+            let mut z = rest.clone();
+            face.precondition(&mut z);
+            let rz = dot(&rest, &z);
+            for (p, z) in p.iter_mut().zip(&z) {
+                *p = z + rz / before * *p;
+            }
+            let image = self.products.apply(&p)?;
+            let mut curved = image.clone();
+            face.curve(&p, &mut curved);
+            let curvature = dot(&p, &curved);
+            if !(curvature > FLAT * self.sigma * dot(&p, &p)) {
+                break;
+            }
+            iterations += 1;
+            let step = rz / curvature;
+            add_times(step, &p, &mut point.lambda);
+            add_times(step, &image, &mut point.r);
+            add_times(step, &curved, &mut r);
+            before = rz;
+        }
         Ok(iterations)
     }
 
-    /// Whether an inner iteration ends at a point: where its `residual` (a vector of that length is `rest`) has met
-    /// the target or, after the `first` one, where `enough` says so or nothing more is to be had.
-    pub fn ends(
-        &mut self,
-        point: &Point,
-        rest: impl FnOnce() -> Vec<f64>,
-        residual: f64,
-        first: Option<f64>,
-        target: f64,
-        enough: &impl Fn(&Self, &Point, f64) -> bool,
-    ) -> bool {
-        // Where the residual grows, directions that fit only nearly have come to work against each other.
-        if first.is_some_and(|first| !(residual <= GROWN * first)) && !self.products.are_exact() {
-            self.products.sharpen();
-            return true;
+    /// The same under Coulomb's law, by generalised conjugate residuals (Eisenstat, Elman and Schultz 1983).
+    ///
+    /// On a node in contact that slips in the direction s the multipliers move together, λτ = sμλν. With F y = (y on the
+    /// free multipliers, and y_ν sμ there) a Newton step solves Zᵀ(A F y + r) = 0, Z the free multipliers: as many
+    /// equations as unknowns, but not symmetric. GCR makes ‖Zᵀr‖ least over the directions F y tried so far.
+    fn gcr(&mut self, point: &mut Point, face: &Face<D>, target: f64) -> Result<usize, DualError> {
+        // F y, A F y, that with the curvature of circles, and what of the latter the free multipliers see: the last ones
+        // orthonormal.
+        let mut span: Vec<[Vec<f64>; 4]> = Vec::new();
+        let mut r = point.r.clone();
+        let mut stuck = None;
+        let mut iterations = 0;
+        while iterations < Self::most_iterations(face) && self.products.stop.now().is_none() {
+            let mut rest = r.clone();
+            face.residual(&mut rest);
+            let residual = norm(&rest);
+            if residual <= target {
+                break;
+            }
+            // Where the residual does not fall along itself, its image is a direction that has not been tried.
+            let mut p: Vec<f64> = match stuck.take() {
+                Some(image) => image,
+                None => rest.iter().map(|r| -r).collect(),
+            };
+            face.direction(&mut p);
+            face.precondition(&mut p);
+            if !(norm(&p) > 0.0) {
+                break;
+            }
+            let image = self.products.apply(&p)?;
+            iterations += 1;
+            let mut curved = image.clone();
+            face.curve(&p, &mut curved);
+            let mut seen = curved.clone();
+            face.residual(&mut seen);
+            let before = norm(&seen);
+            let mut new = [p, image, curved, seen];
+            for _ in 0..2 {
+                for old in &span {
+                    let c = dot(&old[3], &new[3]);
+                    for (new, old) in new.iter_mut().zip(old) {
+                        add_times(-c, old, new);
+                    }
+                }
+            }
+            let length = norm(&new[3]);
+            // Written so that NaN is refused.
+            let is_flat = !(length > FLAT * self.sigma * norm(&new[0]));
+            if is_flat || !(length > INDEPENDENT * before && before > 0.0) {
+                break;
+            }
+            for v in new.iter_mut().flatten() {
+                *v /= length;
+            }
+            let step = -dot(&new[3], &r);
+            add_times(step, &new[0], &mut point.lambda);
+            add_times(step, &new[1], &mut point.r);
+            add_times(step, &new[2], &mut r);
+            if step.abs() < FRUITLESS * residual {
+                stuck = Some(new[3].iter().map(|v| v * residual).collect());
+            }
+            span.push(new);
         }
-        // Below its drift it says nothing.
-        (residual <= target && self.is_enough(point, rest(), residual))
-            || (first.is_some()
-                && (residual <= self.products.drift() || enough(self, point, residual)))
-    }
-
-    /// Whether an inner problem that has met its target may end: if it may be the last one, the forces have to be
-    /// accurate as well, where another step costs more than another product.
-    fn is_enough(&self, point: &Point, rest: Vec<f64>, residual: f64) -> bool {
-        if residual > self.goal_err || self.products.are_exact() {
-            return true;
-        }
-        let rest = Point {
-            r: rest,
-            ..point.clone()
-        };
-        let (lambda, r) = self.unscaled(&rest);
-        goal::inner_forces_met(self.tolerance, self.problem, &lambda, &r)
+        Ok(iterations)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::point::project;
 use super::scaling::Scaled;
-use crate::constraint::{Projected, lawful};
+use crate::constraint::{Disc, Projected, at, lawful, tangential};
 use crate::dual::DualOperator;
 use crate::dual::balance::Balance;
 use crate::problem::{ContactProblem, coulomb_bound, coulomb_bounds};
@@ -61,6 +61,23 @@ impl Law {
         lawful(self.given[i], self.mu(i), z)
     }
 
+    /// The multipliers of a node that solve its contact problem with the identity for A: λν = max(0, zν), then λτ within its
+    /// bound next to zτ; with the derivative.
+    pub fn solve<const D: usize>(&self, i: usize, z: [f64; D]) -> Projected<D> {
+        let mu = self.mu(i);
+        let normal = z[0].max(0.0);
+        let g = self.bound(i, normal);
+        let (end, mut derivative) = Disc { g }.nearest(z);
+        let length = tangential(z);
+        if mu > 0.0 && normal > 0.0 && length > g {
+            // λτ = μλν s: the bound moves with λν.
+            for a in 1..D {
+                derivative[a][0] = mu * z[a] / length;
+            }
+        }
+        (end, derivative)
+    }
+
     /// Takes λ where it obeys the law and balances the bodies; where it does so, it stays.
     pub fn project<const D: usize>(&self, lambda: &mut Vec<f64>, balance: Option<&Balance>) {
         match balance {
@@ -78,6 +95,26 @@ impl Law {
                     .nearest(lambda, |i, z: [f64; D]| self.nearest(i, z))
                     .lambda;
             }
+        }
+    }
+
+    /// Balances the bodies to rounding by the multipliers of nodes that bear forces, where those can: a force on a node with
+    /// a gap, however small, is work that no step can take back.
+    pub fn balance<const D: usize>(&self, lambda: &mut Vec<f64>, balance: &Balance) {
+        if balance.holds(lambda) {
+            return;
+        }
+        let bears: Vec<bool> = (0..lambda.len() / D)
+            .map(|i| at::<D>(lambda, i).iter().any(|&v| v != 0.0))
+            .collect();
+        let near = balance.nearest(lambda, |i, z: [f64; D]| match bears[i] {
+            true => self.nearest(i, z),
+            false => ([0.0; D], [[0.0; D]; D]),
+        });
+        if near.balanced {
+            *lambda = near.lambda;
+        } else {
+            self.project::<D>(lambda, Some(balance));
         }
     }
 }

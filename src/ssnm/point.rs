@@ -1,6 +1,5 @@
 //! A point of the way, and the projected gradient step from it.
 
-use super::sets::Sets;
 use crate::constraint::{Disc, at, put};
 use crate::dual::balance::Balance;
 use crate::sparse::{norm, norm_max};
@@ -41,6 +40,9 @@ impl Point {
 
     /// The point at the part t of the way to another one.
     pub fn towards(&self, end: &Self, t: f64) -> Self {
+        if t == 1.0 {
+            return end.clone();
+        }
         let between = |y: &[f64], z: &[f64]| -> Vec<f64> {
             y.iter().zip(z).map(|(y, z)| y + t * (z - y)).collect()
         };
@@ -51,53 +53,19 @@ impl Point {
         }
     }
 
-    /// The point of lowest q between this one and `end`.
-    pub fn lowest_towards(&self, end: &Self) -> Self {
+    /// The part of the way to `end` at which q is lowest.
+    pub fn lowest_part(&self, end: &Self) -> f64 {
         let (mut slope, mut curvature) = (0.0, 0.0);
         for i in 0..self.r.len() {
             let step = end.lambda[i] - self.lambda[i];
             slope += step * self.r[i];
             curvature += step * (end.r[i] - self.r[i]);
         }
-        let t = if curvature > 0.0 {
-            (-slope / curvature).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        if t == 1.0 {
-            return end.clone();
+        match curvature > 0.0 {
+            true => (-slope / curvature).clamp(0.0, 1.0),
+            false if slope < 0.0 => 1.0,
+            false => 0.0,
         }
-        self.towards(end, t)
-    }
-
-    /// The parts of the way to `end` at which the λν and the λτ of each node come to their bounds; infinite where they do
-    /// not, and for a λτ on a circle that `sets` has linearised.
-    pub fn reaches<const D: usize>(&self, end: &Self, g: &[f64], sets: &Sets<D>) -> Vec<[f64; 2]> {
-        let reach = |(i, &g): (usize, &f64)| -> [f64; 2] {
-            let mut reach = Disc { g }.reach::<D>(at(&self.lambda, i), at(&end.lambda, i));
-            if sets.turns(i) {
-                reach[1] = f64::INFINITY;
-            }
-            reach
-        };
-        g.iter().enumerate().map(reach).collect()
-    }
-
-    /// From this point of Λ towards `end` as far as Λ goes; what stops there lies exactly on its bound.
-    /// Circles that `sets` has linearised stop nothing.
-    pub fn until_bound<const D: usize>(&self, end: &Self, g: &[f64], sets: &Sets<D>) -> Self {
-        let reaches = self.reaches(end, g, sets);
-        let t = (reaches.iter().flatten()).fold(1.0, |t: f64, &reach| t.min(reach));
-        let mut cut = self.towards(end, t);
-        for (i, (&g, reach)) in g.iter().zip(&reaches).enumerate() {
-            let there: [f64; D] = at(&cut.lambda, i);
-            let mut snapped = Disc { g }.snap(there, reach.map(|reach| reach <= t));
-            if sets.turns(i) {
-                snapped[1..].copy_from_slice(&there[1..]);
-            }
-            put(&mut cut.lambda, i, snapped);
-        }
-        cut
     }
 }
 

@@ -1,7 +1,7 @@
 //! Scaling of the multipliers where the stiffness under the contact varies widely.
 
 use crate::constraint::row_of;
-use crate::control::{Accuracy, Followed, Stop};
+use crate::control::{Accuracy, Costs, Followed, Stop};
 use crate::dual::{DualError, DualOperator};
 use crate::problem::ContactProblem;
 use crate::sparse::norm_max;
@@ -94,6 +94,10 @@ impl<O: DualOperator + ?Sized> DualOperator for Scaled<'_, O> {
         self.dual.size()
     }
 
+    fn costs(&self) -> Option<Costs> {
+        self.dual.costs()
+    }
+
     fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
         self.dual.set_data(load, offsets)
     }
@@ -129,12 +133,13 @@ impl<O: DualOperator + ?Sized> DualOperator for Scaled<'_, O> {
         &mut self,
         lambda: &[f64],
         r: &mut [f64],
+        along: f64,
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Option<Followed>, DualError> {
         let mut lambda = lambda.to_vec();
         self.times(&mut lambda);
-        let made = self.dual.gradient(&lambda, r, accuracy, stop)?;
+        let made = self.dual.gradient(&lambda, r, along, accuracy, stop)?;
         if made.is_some() {
             self.times(r);
         }

@@ -1,8 +1,7 @@
 //! The active and inactive sets of Step 2.
 
 use super::law::Law;
-use crate::constraint::{Disc, NodeSets, Projected, at, put};
-use std::array::from_fn;
+use crate::constraint::{Disc, NodeSets, at, put};
 
 /// The sets 𝒜ν, ℐν, 𝒜τ and ℐτ (in the plane ℐτ⁺ and ℐτ⁻), as those that each contact node is in.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,19 +103,6 @@ impl<const D: usize> Sets<D> {
         })
     }
 
-    /// Holds the free multipliers that lie on a bound; says whether there were any.
-    pub(super) fn hold_at_bounds(&mut self, lambda: &[f64], g: &[f64]) -> bool {
-        let before = self.n_free();
-        for (i, (node, &g)) in self.0.iter_mut().zip(g).enumerate() {
-            let there = Disc { g }.at_bounds(at(lambda, i));
-            node.contact &= there.contact;
-            if node.slip.is_none() {
-                (node.slip, node.turns) = (there.slip, there.turns);
-            }
-        }
-        self.n_free() < before
-    }
-
     /// Puts the held multipliers on their bounds.
     pub(super) fn set_bounds(&self, lambda: &mut [f64], law: &Law) {
         for (i, node) in self.0.iter().enumerate() {
@@ -134,13 +120,6 @@ impl<const D: usize> Sets<D> {
         }
     }
 
-    /// Turns directions of slip to where λτ has come to lie on its circle.
-    pub(super) fn turn_to(&mut self, lambda: &[f64]) {
-        for (i, node) in self.0.iter_mut().enumerate() {
-            node.turn_to(at(lambda, i));
-        }
-    }
-
     /// Node by node.
     pub(super) fn nodes(&self) -> &[NodeSets<D>] {
         &self.0
@@ -149,23 +128,6 @@ impl<const D: usize> Sets<D> {
     /// Whether λτ of any contact node moves along its circle.
     pub(super) fn turn(&self) -> bool {
         self.0.iter().any(|node| node.turns)
-    }
-
-    /// Whether λτ of contact node i moves along its circle.
-    pub(super) fn turns(&self, i: usize) -> bool {
-        self.0[i].turns
-    }
-
-    /// The nearest multipliers of node i within the bound g, a λτ on the tangent of its circle left where it is.
-    pub(super) fn nearest_straight(&self, i: usize, g: f64, z: [f64; D]) -> Projected<D> {
-        let (mut end, mut derivative) = Disc { g }.nearest(z);
-        if self.turns(i) {
-            for a in 1..D {
-                end[a] = z[a];
-                derivative[a] = from_fn(|b| f64::from(u8::from(a == b)));
-            }
-        }
-        (end, derivative)
     }
 
     /// Number of free multipliers.

@@ -1,19 +1,21 @@
 //! What a solve is asked for.
 
-use super::subspace::Subspace;
+use super::surrogate::Surrogate;
 use crate::problem::ContactProblem;
 use std::cell::RefCell;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// How exactly the inner problems (11) are solved.
+/// How a contact problem is solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
-    /// Algorithm ISSNM: to a tolerance that follows the error.
+    /// Newton's method on a surrogate of A that is made of all known products, one product in each outer step.
     #[default]
+    Multisecant,
+    /// Algorithm ISSNM of the paper: inner problems (11) solved to a tolerance that follows the error.
     Inexact,
-    /// Algorithm SSNM: to rounding, as far as CG gets.
+    /// Algorithm SSNM of the paper: inner problems solved to rounding, as far as CG gets.
     Exact,
 }
 
@@ -30,7 +32,7 @@ pub struct Settings<'a> {
     pub r_tol: f64,
     /// c_fact of Step 3.1, in (0, 1).
     pub c_fact: f64,
-    /// Inexact (ISSNM) or exact (SSNM) inner solves.
+    /// Multisecant, or an algorithm of the paper as it is printed.
     pub method: Method,
     /// Outer steps at most.
     pub max_iterations: usize,
@@ -38,14 +40,9 @@ pub struct Settings<'a> {
     pub time_limit: Option<Duration>,
     /// λ⁰, length D m (2m in the plane), e.g. the multipliers of an earlier solve; zero if None.
     pub initial: Option<&'a [f64]>,
-    /// σ_max as an earlier solve with the same A has found it ([`super::Info::sigma_max`]); estimated if None.
-    pub sigma_max: Option<f64>,
     /// Rᵀu before, for the motions of [`ContactProblem::free_bodies`]: what neither load nor contact moves stays
     /// there; zero if None.
     pub place: Option<&'a [f64]>,
-    /// err⁰ as an earlier solve of the same step has found it ([`super::Info::first_error`]): where bodies can move as
-    /// a whole it costs a product.
-    pub first_error: Option<f64>,
     /// What earlier solves with the same K, N and T have found out; this one adds to it.
     pub memory: Option<&'a RefCell<Memory>>,
     /// Set from outside to stop at the next product with A.
@@ -59,13 +56,11 @@ impl Default for Settings<'_> {
             beta: 1.0,
             r_tol: 0.1,
             c_fact: 0.9,
-            method: Method::Inexact,
-            max_iterations: 100,
+            method: Method::default(),
+            max_iterations: 500,
             time_limit: None,
             initial: None,
-            sigma_max: None,
             place: None,
-            first_error: None,
             memory: None,
             interrupt: None,
         }
@@ -123,13 +118,6 @@ impl Settings<'_> {
         SettingsError::unless(positive, "beta", "be positive")?;
         SettingsError::unless_part(self.r_tol, "r_tol")?;
         SettingsError::unless_part(self.c_fact, "c_fact")?;
-        for (field, value) in [
-            ("sigma_max", self.sigma_max),
-            ("first_error", self.first_error),
-        ] {
-            let good = value.is_none_or(|v| v >= 0.0 && v.is_finite());
-            SettingsError::unless(good, field, "be finite and not negative")?;
-        }
         Ok(())
     }
 
@@ -147,7 +135,7 @@ impl Settings<'_> {
         }
         let fits = self
             .memory
-            .is_none_or(|memory| memory.borrow().known.fits_length(len));
+            .is_none_or(|memory| memory.borrow().surrogate.fits_length(len));
         SettingsError::unless(fits, "memory", "be that of a problem of the same size")
     }
 }
@@ -155,10 +143,10 @@ impl Settings<'_> {
 /// What holds for every load, gap and slip bound, as long as K, N and T stay what they are.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
-    /// Directions whose products with A are known, which spare later solves theirs where these are exact (by a factor).
-    pub(super) known: Subspace,
-    /// What an entry of diag(A) is like, if that is known.
-    pub(super) mean: Option<f64>,
+    /// Products with A that earlier solves have made.
+    pub(super) surrogate: Surrogate,
+    /// σ_max and the mean of diag(A), where an algorithm as printed has estimated them.
+    pub(super) spectrum: Option<(f64, f64)>,
 }
 
 #[cfg(test)]
@@ -195,23 +183,6 @@ mod tests {
                 },
                 "c_fact",
             );
-            if !(0.0..2.0).contains(&value) {
-                let value = Some(value);
-                wrong(
-                    Settings {
-                        sigma_max: value,
-                        ..good
-                    },
-                    "sigma_max",
-                );
-                wrong(
-                    Settings {
-                        first_error: value,
-                        ..good
-                    },
-                    "first_error",
-                );
-            }
             if value != 1.0 {
                 wrong(
                     Settings {

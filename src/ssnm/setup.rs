@@ -1,16 +1,18 @@
-//! What comes before the first outer step: the balance of free bodies, b, σ_max, err⁰ and λ⁰.
+//! What comes before the first outer step: the balance of free bodies, b, err⁰ and λ⁰, and for the algorithms as printed
+//! σ_max.
 
 use super::law::Law;
 use super::newton::{Newton, Way};
 use super::point::Point;
 use super::products::Products;
 use super::scaling::Scaled;
-use super::{EXACT, Method, Settings};
+use super::{Method, Settings};
 use crate::constraint::NodeSets;
 use crate::control::Stop;
 use crate::dual::balance::Balance;
-use crate::dual::{DualError, DualOperator};
+use crate::dual::{DualError, DualOperator, spectrum};
 use crate::problem::ContactProblem;
+use crate::sparse::{add_times, difference};
 use std::rc::Rc;
 use std::time::Instant;
 
@@ -19,10 +21,8 @@ pub(super) struct Start {
     law: Law,
     /// Of the free bodies; None where there are none.
     balance: Option<Rc<Balance>>,
-    /// The λ that err⁰ is taken at: 0, or the least forces that balance the bodies. With `first_error`, λ⁰.
+    /// The λ that err⁰ is taken at: 0, or the least forces that balance the bodies.
     lambda: Vec<f64>,
-    /// err⁰, where it is known and λ is λ⁰.
-    first_error: Option<f64>,
     /// What of the load no λ ∈ Λ can balance; empty if there is nothing.
     pub imbalance: Vec<f64>,
     /// The motion that this drives.
@@ -34,13 +34,11 @@ impl Start {
     pub fn new<O: DualOperator + ?Sized, const D: usize>(
         problem: &ContactProblem<D>,
         dual: &Scaled<O>,
-        settings: &Settings,
     ) -> Self {
         let mut start = Self {
             law: Law::new(problem, dual),
             balance: None,
             lambda: vec![0.0; D * problem.m()],
-            first_error: None,
             imbalance: Vec::new(),
             driven: Vec::new(),
         };
@@ -49,21 +47,13 @@ impl Start {
             return start;
         }
         let law = &start.law;
-        let nearest = |i: usize, z: [f64; D]| law.nearest(i, z);
         let b = problem.contact_matrix();
         let mut balance = Balance::new(free, &b, problem.load(), |i| dual.factor(i));
-        let least = balance.least(nearest);
+        let least = balance.least(|i, z: [f64; D]| law.nearest(i, z));
         start.lambda = least.lambda;
         if !least.balanced {
             start.imbalance = least.imbalance;
             start.driven = least.motion;
-        }
-        // Where err⁰ is known, the way may start from λ⁰ at once.
-        start.first_error = settings.first_error;
-        if let (Some(_), Some(initial)) = (settings.first_error, settings.initial) {
-            let mut initial = initial.to_vec();
-            dual.divide(&mut initial);
-            start.lambda = balance.nearest(&initial, nearest).lambda;
         }
         start.balance = Some(Rc::new(balance));
         start
@@ -90,8 +80,6 @@ impl Start {
 pub(super) struct SetUp<'a, O: ?Sized, const D: usize> {
     pub newton: Newton<'a, O, D>,
     pub way: Way<D>,
-    /// err⁰, as computed or known.
-    pub first_error: f64,
     /// Products that σ_max took.
     pub n_a_sigma: usize,
     /// Seconds for b and σ_max.
@@ -101,7 +89,7 @@ pub(super) struct SetUp<'a, O: ?Sized, const D: usize> {
 }
 
 impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
-    /// Hands load and gap to the operator, makes r and σ_max, and moves to λ⁰.
+    /// Hands load and gap to the operator, makes r, and moves to λ⁰.
     pub fn new(
         problem: &'a ContactProblem<D>,
         mut dual: Scaled<'a, O>,
@@ -109,123 +97,135 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         settings: &Settings<'a>,
         begin: Instant,
     ) -> Self {
-        let exact = settings.method == Method::Exact;
         let stop = Stop {
             // A limit beyond what the clock can show is none.
             deadline: (settings.time_limit).and_then(|limit| begin.checked_add(limit)),
             interrupt: settings.interrupt,
         };
-        let Start {
-            law,
-            balance,
-            mut lambda,
-            first_error: known,
-            ..
-        } = start;
-        let everything = (balance.as_ref())
-            .map(|balance| balance.on_face(&vec![NodeSets::<D>::FREE; problem.m()], &[]));
-        let project = |p: &mut [f64]| {
-            if let Some(face) = &everything {
-                face.project(p);
-            }
-        };
         let mut offsets = problem.offsets();
         let set = dual.set_data(problem.load(), &offsets);
         dual.times(&mut offsets);
-        let mut products = Products::new(dual, exact, stop);
-        let made = set
-            .and_then(|()| products.set_up(offsets.clone(), &lambda, settings.sigma_max, project));
-        if let Some(memory) = settings.memory {
-            let mut memory = memory.borrow_mut();
-            products.mean = products.mean.or(memory.mean);
-            if products.are_exact() {
-                products.known = std::mem::take(&mut memory.known);
-            }
-        }
-        let seconds = begin.elapsed().as_secs_f64();
-        let mut outcome = Ok(());
-        let (r, n_a_sigma) = made.unwrap_or_else(|error| {
-            outcome = Err(error);
-            lambda.fill(0.0);
-            (vec![0.0; lambda.len()], 0)
-        });
-        // Without contact, or with a B that K makes infinitely stiff, any ρ will do.
-        let alpha = match products.sigma {
-            sigma if sigma > 0.0 => 1.0 / sigma,
-            _ => 1.0,
-        };
-        let mut point = Point {
-            lambda,
-            r,
-            motion: vec![0.0; problem.free_bodies().n_motions()],
-        };
+        // A lower bound of the entries of diag(A): the first product tells more.
+        let mean = mean(problem.compliance().iter().enumerate().map(|(i, c)| {
+            let factor = dual.factor(i);
+            c * factor * factor
+        }));
         let mut newton = Newton {
             problem,
-            law,
-            balance,
-            offsets,
-            rho: settings.beta * alpha,
-            alpha,
-            products,
+            law: start.law,
+            balance: start.balance,
+            beta: settings.beta,
+            sigma: mean,
+            mean,
+            products: Products::new(dual, settings.method, stop, mean),
+            surrogate: Default::default(),
             method: settings.method,
             checked: None,
             check_accuracy: settings.tolerance,
             tolerance: settings.tolerance,
-            goal_err: 0.0,
-            refreshed: f64::INFINITY,
             place: settings.place,
+            offsets,
         };
-        let error = newton.error(&mut point);
-        let first_error = known.unwrap_or(error);
-        let err0 = newton.measure(&point, first_error, settings.tolerance);
-        let initial = settings.initial.filter(|_| known.is_none());
-        if let (Ok(()), Some(initial)) = (&outcome, initial) {
-            outcome = newton.move_to_start(&mut point, initial);
+        if let (Method::Multisecant, Some(memory)) = (settings.method, settings.memory) {
+            newton.surrogate = std::mem::take(&mut memory.borrow_mut().surrogate);
         }
+        newton.surrogate.guess_base(mean);
+        let first = Point {
+            r: vec![0.0; start.lambda.len()],
+            lambda: start.lambda,
+            motion: vec![0.0; problem.free_bodies().n_motions()],
+        };
+        let mut way = Way {
+            point: first.clone(),
+            first,
+            err: 0.0,
+            err0: 0.0,
+            sets: None,
+            history: Vec::new(),
+            first_met: None,
+        };
+        let mut n_a_sigma = 0;
+        let outcome = set
+            .and_then(|()| newton.find_sigma(settings))
+            .and_then(|products| {
+                n_a_sigma = products;
+                newton.start(&mut way, settings.initial)
+            });
+        way.err0 = newton.measure(&way.first);
         Self {
             newton,
-            way: Way {
-                point,
-                err: first_error,
-                err0,
-                // So that Step 3.1 starts from r_tol.
-                tol: settings.r_tol / settings.c_fact,
-                kept: None,
-                predicted: None,
-                sets: None,
-                history: Vec::new(),
-                first_met: None,
-            },
-            first_error,
+            way,
             n_a_sigma,
-            seconds,
+            seconds: begin.elapsed().as_secs_f64(),
             outcome,
         }
     }
 }
 
+/// The mean of what is positive; 1 if nothing is.
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for value in values.filter(|&value| value > 0.0) {
+        (sum, count) = (sum + value, count + 1);
+    }
+    if count == 0 { 1.0 } else { sum / count as f64 }
+}
+
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
-    /// err⁰, and what products have to resolve. It is taken at λ = 0 even for a warm start: a good start must not make
-    /// the same tolerance harder.
-    fn measure(&mut self, point: &Point, first_error: f64, tolerance: f64) -> f64 {
-        let err0 = first_error.max(self.rounding(point));
-        let finest = match self.method {
-            Method::Inexact => 1.0,
-            Method::Exact => EXACT,
+    /// Finds σ_max: on the surrogate what its products say, otherwise by Lanczos, unless an earlier solve has done so.
+    /// Returns the products that it took.
+    fn find_sigma(&mut self, settings: &Settings) -> Result<usize, DualError> {
+        if self.method == Method::Multisecant {
+            self.sigma = self.surrogate.largest();
+            return Ok(0);
+        }
+        let known = settings.memory.and_then(|memory| memory.borrow().spectrum);
+        if let Some((sigma, mean)) = known {
+            (self.sigma, self.mean) = (sigma, mean);
+            return Ok(0);
+        }
+        let everything = (self.balance.as_ref())
+            .map(|balance| balance.on_face(&vec![NodeSets::<D>::FREE; self.problem.m()], &[]));
+        let project = |p: &mut [f64]| {
+            if let Some(face) = &everything {
+                face.project(p);
+            }
         };
-        self.products.aim_at(tolerance.min(finest) * err0);
-        self.products.allow(err0);
-        err0
+        let len = self.offsets.len();
+        let found = spectrum(&mut self.products.dual, len, project, &self.products.stop)?;
+        (self.sigma, self.mean) = (found.largest, found.mean);
+        if let Some(memory) = settings.memory {
+            memory.borrow_mut().spectrum = Some((found.largest, found.mean));
+        }
+        Ok(found.products)
     }
 
-    /// λ⁰ projected on Λ, and r there.
-    fn move_to_start(&mut self, point: &mut Point, initial: &[f64]) -> Result<(), DualError> {
-        let mut there = point.clone();
-        let mut target = initial.to_vec();
-        self.products.dual.divide(&mut target);
-        self.project(&mut target);
-        self.move_to(&mut there, target)?;
-        *point = there;
-        Ok(())
+    /// Makes r where err⁰ is taken and moves to λ⁰. Where products of earlier solves tell what lies between the two, and it
+    /// would cost one to start from the former, it is the other way round: err⁰ is a yardstick only.
+    fn start(&mut self, way: &mut Way<D>, initial: Option<&[f64]>) -> Result<(), DualError> {
+        let target = initial.map(|initial| {
+            let mut target = initial.to_vec();
+            self.products.dual.divide(&mut target);
+            self.project(&mut target);
+            target
+        });
+        let costs = self.products.dual.costs().is_some() || self.balance.is_some();
+        let Some(target) = target else {
+            way.first.r = self.products.first(&self.offsets, &way.first.lambda)?;
+            way.point.clone_from(&way.first);
+            return Ok(());
+        };
+        if costs && self.surrogate.len() > 0 {
+            way.point.lambda = target;
+            way.point.r = self.products.first(&self.offsets, &way.point.lambda)?;
+            let back = difference(&way.first.lambda, &way.point.lambda);
+            way.first.r.clone_from(&way.point.r);
+            add_times(1.0, &self.surrogate.times(&back), &mut way.first.r);
+            return Ok(());
+        }
+        way.first.r = self.products.first(&self.offsets, &way.first.lambda)?;
+        way.point.clone_from(&way.first);
+        self.move_to(&mut way.point, target)?;
+        self.refresh(&mut way.point, 0.0)
     }
 }

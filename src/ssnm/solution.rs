@@ -90,18 +90,20 @@ impl<C: Into<Cause>> From<C> for SolveError {
 pub struct Step {
     /// Number of the step, from 1.
     pub iter: usize,
-    /// CG iterations in it.
+    /// Newton steps of the problem on the surrogate; in the algorithms as printed, CG iterations.
     pub inner: usize,
     /// Products with A since the start.
     #[serde(rename = "n_A")]
     pub n_a: usize,
     /// err / err⁰ after it.
     pub err: f64,
+    /// The same as the surrogate has predicted it; none in the algorithms as printed.
+    pub predicted: Option<f64>,
     /// Sizes of the sets it worked with.
     pub sets: SetSizes,
     /// Multipliers that changed their set since the step before.
     pub changes: usize,
-    /// Whether the safeguard replaced the Newton step.
+    /// Whether the safeguard replaced the Newton step of an algorithm as printed.
     pub safeguarded: bool,
 }
 
@@ -116,11 +118,11 @@ pub struct Info {
     /// `iter` and `n_a` where err ≤ ε err⁰ held first: the paper's stopping test, before the optimality
     /// conditions were checked.
     pub first_met: Option<(usize, usize)>,
-    /// Products spent on the estimate of σ_max.
+    /// Products spent on the estimate of σ_max, which only the algorithms as printed make beforehand.
     pub n_a_sigma: usize,
     /// ρ = β / σ_max.
     pub rho: f64,
-    /// The estimate of σ_max.
+    /// σ_max as Lanczos, or the products of the method, have shown it.
     pub sigma_max: f64,
     /// err⁰, not relative to anything.
     pub first_error: f64,

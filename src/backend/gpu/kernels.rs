@@ -85,6 +85,7 @@ pub(super) enum Kernel {
     Dot,
     Direction,
     Rows,
+    Add,
     Dense,
     Multiply(Scalar, Shape),
     Smooth(Shape),
@@ -102,6 +103,7 @@ impl Kernel {
             Self::Dot => "dot",
             Self::Direction => "direction",
             Self::Rows => "rows",
+            Self::Add => "add",
             Self::Dense => "dense",
             Self::Multiply(..) => "multiply",
             Self::Smooth(_) => "smooth",
@@ -118,6 +120,7 @@ impl Kernel {
             Self::Check => include_str!("../../../shaders/check.wgsl"),
             Self::Dot => include_str!("../../../shaders/dot.wgsl"),
             Self::Direction => include_str!("../../../shaders/direction.wgsl"),
+            Self::Add => include_str!("../../../shaders/add.wgsl"),
             Self::Rows => include_str!("../../../shaders/rows.wgsl"),
             Self::Dense => include_str!("../../../shaders/dense.wgsl"),
             Self::Multiply(..) => include_str!("../../../shaders/multiply.wgsl"),
@@ -161,7 +164,7 @@ impl Kernel {
     fn reduces(self) -> bool {
         !matches!(
             self,
-            Self::Rows | Self::Dense | Self::Smooth(_) | Self::Diagonal(_)
+            Self::Rows | Self::Add | Self::Dense | Self::Smooth(_) | Self::Diagonal(_)
         )
     }
 
@@ -401,7 +404,7 @@ mod tests {
     fn all() -> Vec<Kernel> {
         use Kernel::*;
         let shapes = Shape::ALL.map(|block| Shape::of(block).expect("one of them"));
-        let mut all = vec![Start, Begin, Step, Check, Dot, Direction, Rows, Dense];
+        let mut all = vec![Start, Begin, Step, Check, Dot, Direction, Rows, Add, Dense];
         for shape in shapes {
             all.extend([
                 Multiply(Scalar::Real, shape),
@@ -476,7 +479,7 @@ mod tests {
                 Kernel::Check => &["partials", "next"],
                 Kernel::Dot => &["partials"],
                 Kernel::Direction => &["next", "partials", "p"],
-                Kernel::Rows => &["y"],
+                Kernel::Rows | Kernel::Add => &["y"],
                 Kernel::Dense => &["x"],
                 Kernel::Multiply(..) => &["y", "partials"],
                 Kernel::Smooth(_) | Kernel::Diagonal(_) => &["d", "x_next"],

@@ -24,15 +24,16 @@ fn header(slip: SlipSizes) -> String {
         SlipSizes::Plane { .. } => " slip+  slip−",
         SlipSizes::Space { .. } => "  slip",
     };
-    format!("step  inner  products       err   contact   stick {slip}  changes")
+    format!("step  inner  products  predicted       err   contact   stick {slip}  changes")
 }
 
 fn row(step: &Step, m: usize) -> String {
     format!(
-        "{:4}  {:5}  {:8}  {:8.2e}  {:8}  {:6} {}  {:7}{}",
+        "{:4}  {:5}  {:8}  {:>9}  {:8.2e}  {:8}  {:6} {}  {:7}{}",
         step.iter,
         step.inner,
         step.n_a,
+        (step.predicted).map_or(String::new(), |predicted| format!("{predicted:.1e}")),
         step.err,
         m - step.sets.separated,
         step.sets.stick,

@@ -1,0 +1,273 @@
+//! The outer loop on a surrogate of A: one product with A in each step (`docs/method.md`).
+
+use super::check::Ended;
+use super::goal::Goal;
+use super::newton::{Newton, Way};
+use super::point::Point;
+use super::sets::Sets;
+use super::subproblem::Subproblem;
+use super::{Settings, Status, Step};
+use crate::dual::{DualError, DualOperator};
+use crate::sparse::{add_times, difference, norm_max};
+use std::ops::ControlFlow;
+
+/// A subproblem is solved to this part of the present error: products tell no more. (0.003 to 0.1 take the same products
+/// in all templates to within two.)
+const SOLVED: f64 = 0.03;
+/// One that is not even solved to this part is made easier: [`Subproblem::stiffness`].
+const UNSOLVED: f64 = 0.3;
+/// By how much τ is raised each time.
+const EASIER: f64 = 4.0;
+/// An error below this part of the least so far is progress.
+const PROGRESS: f64 = 0.9;
+/// Steps without progress before steps are made shorter, and before the end: bodies that find their place under Coulomb's
+/// law take up to 12 of them in the cases measured.
+const FRUITLESS: usize = 15;
+const GIVEN_UP: usize = 45;
+/// A step within what is known has to lower the error to this part; otherwise products are not known well enough.
+const KNOWN: f64 = 0.5;
+/// Under Coulomb's law an error may grow by this much in a step before a point nearer by is taken: sets that change make it
+/// go up and down.
+const GROWTH: f64 = 2.0;
+/// Points that are looked at then, each half as far as the one before.
+const HALVINGS: usize = 6;
+/// r made afresh has to lower the error to this part, or there is nothing left to do.
+const REFRESHED: f64 = 0.5;
+
+/// What a subproblem proposes.
+struct Proposal {
+    /// Its solution, with the r that the surrogate says.
+    point: Point,
+    /// The error there, as the surrogate has it.
+    err: f64,
+    /// Newton steps made for it.
+    steps: usize,
+}
+
+/// The best point, and whether steps still lead anywhere.
+struct Progress {
+    best: Point,
+    least: f64,
+    /// Steps since the error was last clearly lower.
+    fruitless: usize,
+    /// The error when r was last made afresh for want of progress.
+    refreshed: f64,
+}
+
+impl Progress {
+    fn new(point: &Point, err: f64) -> Self {
+        Self {
+            best: point.clone(),
+            least: err,
+            fruitless: 0,
+            refreshed: f64::INFINITY,
+        }
+    }
+
+    /// Takes note of a step; one that has lowered q by more than rounding is the better one, whatever its error.
+    fn note(&mut self, point: &Point, err: f64, lowers_q: bool) {
+        self.fruitless += 1;
+        if err <= PROGRESS * self.least {
+            self.fruitless = 0;
+        }
+        if lowers_q || err < self.least {
+            self.best.clone_from(point);
+        }
+        self.least = self.least.min(err);
+    }
+}
+
+impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
+    /// Outer steps until the final check is content with a point that meets the goal, or a reason to stop.
+    pub fn run_multisecant(
+        &mut self,
+        way: &mut Way<D>,
+        settings: &Settings,
+        observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
+    ) -> Result<Status, DualError> {
+        way.err = self.error(&mut way.point);
+        let mut goal = Goal::new(self.tolerance);
+        let mut progress = Progress::new(&way.point, way.err);
+        loop {
+            let ended = match self.step_1(way, &mut goal)? {
+                Ended::NotYet => self.below_rounding(way, &goal)?,
+                ended => ended,
+            };
+            match ended {
+                Ended::With(status) => return Ok(status),
+                Ended::Again => {
+                    progress.best.clone_from(&way.point);
+                    progress.least = way.err;
+                    continue;
+                }
+                Ended::NotYet => {}
+            }
+            let stop = self.products.stop.now();
+            if stop.is_some() || way.history.len() >= settings.max_iterations {
+                way.point = progress.best;
+                return Ok(stop.map_or(Status::IterationLimit, Status::from));
+            }
+            let proposal = self.propose(way, progress.fruitless);
+            let before = way.point.clone();
+            let repeats = match self.go_towards(way, &proposal) {
+                Ok(repeats) => repeats,
+                Err(error) => {
+                    way.point = progress.best;
+                    return Err(error);
+                }
+            };
+            let lowers_q = !self.law.is_coulomb()
+                && before.q_change(&way.point) < -before.q_rounding(&way.point);
+            let err = self.error(&mut way.point);
+            // Errors of products are what keeps steps from getting on.
+            if repeats && err > KNOWN * way.err {
+                self.products.sharpen();
+            }
+            way.err = err;
+            let made = self.record(way, &proposal);
+            progress.note(&way.point, way.err, lowers_q);
+            if observer(&made).is_break() {
+                way.point = progress.best;
+                return Ok(Status::Interrupted);
+            }
+            let stuck = match self.law.is_coulomb() {
+                true => progress.fruitless >= GIVEN_UP,
+                false => progress.fruitless > 0 && !lowers_q,
+            };
+            if stuck && self.is_at_the_end(way, &mut progress)? {
+                return Ok(Status::Stagnated);
+            }
+        }
+    }
+
+    /// Solves the problem on the surrogate: from λᵏ, in shorter steps where the last ones were `fruitless`.
+    fn propose(&self, way: &Way<D>, fruitless: usize) -> Proposal {
+        let (surrogate, from) = (&self.surrogate, &way.point);
+        let base = surrogate.base();
+        let mut tau = match fruitless / FRUITLESS {
+            0 => 0.0,
+            times => base * EASIER.powi(times as i32 - 1),
+        };
+        let mut steps = 0;
+        let solved = loop {
+            let subproblem = Subproblem {
+                surrogate,
+                law: &self.law,
+                balance: self.balance.as_deref(),
+                from,
+                stiffness: base + tau,
+                stop: &self.products.stop,
+            };
+            let motion = self.balance.as_ref().map_or(Vec::new(), |balance| {
+                let mut there = from.clone();
+                self.settle(&mut there, 1.0 / subproblem.stiffness);
+                balance.eta(&difference(&there.motion, &from.motion))
+            });
+            let (trial, more) = subproblem.solve::<D>(motion, SOLVED * way.err);
+            steps += more;
+            let ends = tau > self.sigma || self.products.stop.now().is_some();
+            if trial.merit <= UNSOLVED * way.err || ends {
+                break trial;
+            }
+            tau = (EASIER * tau).max(base);
+        };
+        let mut point = from.clone();
+        point.lambda.clone_from(&solved.lambda);
+        if let Some(balance) = &self.balance {
+            self.law.balance::<D>(&mut point.lambda, balance);
+            let eta = solved.motion(surrogate);
+            add_times(1.0, &balance.coefficients(eta), &mut point.motion);
+            add_times(-1.0, &balance.spread(eta), &mut point.r);
+        }
+        let step = difference(&point.lambda, &from.lambda);
+        add_times(1.0, &surrogate.times(&step), &mut point.r);
+        Proposal {
+            err: self.error(&mut point.clone()),
+            point,
+            steps,
+        }
+    }
+
+    /// Goes as far towards a proposal as one product with A tells; says whether the surrogate ought to have known.
+    fn go_towards(&mut self, way: &mut Way<D>, proposal: &Proposal) -> Result<bool, DualError> {
+        let before = way.point.clone();
+        let mut end = proposal.point.clone();
+        let step = difference(&end.lambda, &before.lambda);
+        if step.iter().all(|&v| v == 0.0) {
+            return Ok(false);
+        }
+        let mut rest = step.clone();
+        let mut image = self.surrogate.split(&mut rest);
+        let mut new = vec![0.0; step.len()];
+        if norm_max(&rest) > f64::EPSILON * norm_max(&step) {
+            new = self.products.apply(&rest)?;
+            add_times(1.0, &new, &mut image);
+            let expected = self.surrogate.times(&step);
+            add_times(1.0, &difference(&image, &expected), &mut end.r);
+        }
+        let part = match self.law.is_coulomb() {
+            true => self.least_error_towards(&before, &end, way.err),
+            false => before.lowest_part(&end),
+        };
+        way.point = before.towards(&end, part);
+        self.refresh(&mut way.point, part)?;
+        Ok(self.learn(&rest, &new))
+    }
+
+    /// The part of the way to `end` at which the error is least of those tried; all of it unless it grows much. That costs
+    /// no product: what obeys Coulomb's law and balance is convex, and r linear on the chord.
+    fn least_error_towards(&self, before: &Point, end: &Point, err: f64) -> f64 {
+        let mut least = self.error(&mut end.clone());
+        let (mut part, mut t) = (1.0, 1.0);
+        if least <= GROWTH * err {
+            return part;
+        }
+        for _ in 0..HALVINGS {
+            t *= 0.5;
+            let there = self.error(&mut before.towards(end, t));
+            // Written so that a NaN is left.
+            if !(least <= there) {
+                (least, part) = (there, t);
+            }
+        }
+        part
+    }
+
+    /// Writes a step down. What it has taught of σ_max changes ρ, and err⁰ with it.
+    fn record(&self, way: &mut Way<D>, proposal: &Proposal) -> Step {
+        way.err0 = self.measure(&way.first);
+        let Point { lambda, r, .. } = &way.point;
+        let sets = Sets::at_solution(lambda, r, self.alpha(), &self.law.bounds(lambda));
+        let made = Step {
+            iter: way.history.len() + 1,
+            inner: proposal.steps,
+            n_a: self.products.n_a,
+            err: way.err / way.err0,
+            predicted: Some(proposal.err / way.err0),
+            sets: sets.sizes(|i| self.problem.has_friction(i)),
+            changes: (way.sets.as_ref()).map_or(0, |old| old.differences(&sets)),
+            safeguarded: false,
+        };
+        way.history.push(made);
+        way.sets = Some(sets);
+        made
+    }
+
+    /// Where steps lead nowhere: whether that is the end, or an r made afresh or more accurate products lead on.
+    fn is_at_the_end(
+        &mut self,
+        way: &mut Way<D>,
+        progress: &mut Progress,
+    ) -> Result<bool, DualError> {
+        way.point.clone_from(&progress.best);
+        let sharper = self.products.sharpen();
+        self.make_exact(&mut way.point)?;
+        way.err = self.error(&mut way.point);
+        let leads_on = sharper || way.err <= REFRESHED * progress.refreshed;
+        *progress = Progress {
+            refreshed: way.err,
+            ..Progress::new(&way.point, way.err)
+        };
+        Ok(!leads_on)
+    }
+}

@@ -1,0 +1,202 @@
+//! The contact problem with a surrogate of A in place of A: Algorithm SSNM in as many unknowns as there are pairs.
+//!
+//! With Ã = cI + U S Uᵀ, U = [√c Q, W] and S = diag(−1, 1) (`surrogate`), the conditions of the contact problem at λ are
+//! those of a problem with the matrix b I on each node alone, b = c + τ, once s = S Uᵀ(λ − λᵏ) and the change a of the
+//! motion of the bodies are known:
+//!
+//! λ = P(z), z = λᵏ − (rᵏ + U s − Gᵀa)/b,
+//!
+//! P the solution of a node ([`Law::solve`]): the sets of Step 2 are those of z, with ρ = 1/b. What remains is
+//! S s = Uᵀ(λ − λᵏ) and Gλ = e, which Newton's method solves: it is Step 3 on these sets, solved exactly
+//! by the formula of Woodbury. The derivative of P on a disc is 1/(b + κ) along the tangent, κ what the circle curves q by.
+//! (Becker and Fadili, A quasi-Newton proximal splitting method, NIPS 2012, have the same for one pair.)
+//!
+//! Where Newton's method finds no way down, τ is raised: the larger it is, the shorter the step, until the problem is that
+//! of a projected gradient step.
+
+use super::law::Law;
+use super::point::Point;
+use super::surrogate::Surrogate;
+use crate::constraint::{at, put, row_of};
+use crate::control::Stop;
+use crate::dense::{least_squares, transposed_product};
+use crate::dual::balance::Balance;
+use crate::sparse::{add_times, difference, dot, norm};
+use faer::Mat;
+
+/// Newton steps at most; the cases of `tests/counts.rs` take 1 to 6, bodies that have to find their place up to 30.
+const STEPS: usize = 60;
+/// The merit has to fall by this part of what Newton's model promises (Armijo), against the largest of so many steps before
+/// (Grippo, Lampariello and Lucidi 1986): sets that change make it go up and down.
+const ARMIJO: f64 = 1e-3;
+const BEFORE: usize = 4;
+/// A step is halved so many times at most: where 1/64 of it leads nowhere, another direction has to be found.
+const HALVINGS: i32 = 6;
+/// What a motion that nothing resists at the moment is held by, relative to motions that all multipliers resist (G has
+/// columns of length one).
+const LOOSE: f64 = 1e-8;
+
+/// What is to be solved.
+pub(super) struct Subproblem<'a> {
+    pub surrogate: &'a Surrogate,
+    pub law: &'a Law,
+    pub balance: Option<&'a Balance>,
+    /// λᵏ, rᵏ and αᵏ.
+    pub from: &'a Point,
+    /// b.
+    pub stiffness: f64,
+    pub stop: &'a Stop<'a>,
+}
+
+/// A point on the way.
+#[derive(Clone)]
+pub(super) struct Trial {
+    /// s, then a.
+    unknowns: Vec<f64>,
+    /// z and P(z).
+    z: Vec<f64>,
+    pub lambda: Vec<f64>,
+    /// S s − Uᵀ(λ − λᵏ), then Gλ − e.
+    rest: Vec<f64>,
+    /// ‖U S rest‖ and b‖Gλ − e‖ together: by how much the gradient that λ is the answer to misses that of the problem. The
+    /// error (10) of λ is no larger, as P_Λ brings points closer together.
+    pub merit: f64,
+}
+
+impl Trial {
+    /// a.
+    pub fn motion(&self, surrogate: &Surrogate) -> &[f64] {
+        &self.unknowns[2 * surrogate.len()..]
+    }
+}
+
+impl Subproblem<'_> {
+    /// The point with these s and a.
+    fn at<const D: usize>(&self, unknowns: Vec<f64>) -> Trial {
+        let n = self.from.lambda.len();
+        let count = 2 * self.surrogate.len();
+        let mut gradient = self.from.r.clone();
+        for ((column, factor, _), s) in self.surrogate.columns().zip(&unknowns) {
+            add_times(factor * s, column, &mut gradient);
+        }
+        if let Some(balance) = self.balance {
+            add_times(-1.0, &balance.spread(&unknowns[count..]), &mut gradient);
+        }
+        let mut z = self.from.lambda.clone();
+        add_times(-1.0 / self.stiffness, &gradient, &mut z);
+        let mut lambda = vec![0.0; n];
+        for i in 0..n / D {
+            put(&mut lambda, i, self.law.solve::<D>(i, at(&z, i)).0);
+        }
+        let step = difference(&lambda, &self.from.lambda);
+        let mut rest = Vec::with_capacity(unknowns.len());
+        let mut missed = vec![0.0; n];
+        for ((column, factor, sign), s) in self.surrogate.columns().zip(&unknowns) {
+            let miss = sign * s - factor * dot(column, &step);
+            add_times(sign * factor * miss, column, &mut missed);
+            rest.push(miss);
+        }
+        let mut merit = norm(&missed);
+        if let Some(balance) = self.balance {
+            let excess = balance.excess(&lambda);
+            merit = merit.hypot(self.stiffness * norm(&excess));
+            rest.extend(excess);
+        }
+        Trial {
+            unknowns,
+            z,
+            lambda,
+            rest,
+            merit,
+        }
+    }
+
+    /// Newton's direction: with E = [U, −Gᵀ], (diag(S, 0) + Eᵀ P' E / b) (ds, da) = −rest, on the nodes where P' is not
+    /// zero.
+    fn direction<const D: usize>(&self, trial: &Trial) -> Vec<f64> {
+        let m = trial.z.len() / D;
+        let (count, size) = (2 * self.surrogate.len(), trial.unknowns.len());
+        let moving: Vec<_> = (0..m)
+            .map(|i| (i, self.law.solve::<D>(i, at(&trial.z, i)).1))
+            .filter(|(_, derivative)| derivative.iter().flatten().any(|&v| v != 0.0))
+            .collect();
+        let mut e = Mat::<f64>::zeros(D * moving.len(), size);
+        for (j, (column, factor, _)) in self.surrogate.columns().enumerate() {
+            for (place, &(i, _)) in moving.iter().enumerate() {
+                let own: [f64; D] = at(column, i);
+                for a in 0..D {
+                    e[(D * place + a, j)] = factor * own[a];
+                }
+            }
+        }
+        if let Some(balance) = self.balance {
+            for (place, &(i, _)) in moving.iter().enumerate() {
+                for a in 0..D {
+                    for (j, v) in balance.row(row_of::<D>(m, i, a)) {
+                        e[(D * place + a, count + j)] = -v;
+                    }
+                }
+            }
+        }
+        let mut moved = Mat::<f64>::zeros(D * moving.len(), size);
+        for j in 0..size {
+            for (place, (_, derivative)) in moving.iter().enumerate() {
+                for a in 0..D {
+                    let row = derivative[a].iter().enumerate();
+                    let sum: f64 = row.map(|(c, d)| d * e[(D * place + c, j)]).sum();
+                    moved[(D * place + a, j)] = sum / self.stiffness;
+                }
+            }
+        }
+        let mut matrix = transposed_product(&e, &moved);
+        for (j, (_, _, sign)) in self.surrogate.columns().enumerate() {
+            matrix[(j, j)] += sign;
+        }
+        for j in count..size {
+            matrix[(j, j)] += LOOSE / self.stiffness;
+        }
+        let right: Vec<f64> = trial.rest.iter().map(|v| -v).collect();
+        least_squares(matrix, &right)
+    }
+
+    /// Lowers the merit to `target`, from s = 0 and a motion to start from, as far as that goes; also returns the number of
+    /// Newton steps.
+    pub fn solve<const D: usize>(&self, motion: Vec<f64>, target: f64) -> (Trial, usize) {
+        let mut unknowns = vec![0.0; 2 * self.surrogate.len()];
+        unknowns.extend(motion);
+        let mut here = self.at::<D>(unknowns);
+        let mut best = here.clone();
+        let mut merits = vec![here.merit];
+        for step in 0..STEPS {
+            if !(best.merit > target) || self.stop.now().is_some() {
+                return (best, step);
+            }
+            let direction = self.direction::<D>(&here);
+            if direction.iter().any(|v| !v.is_finite()) {
+                return (best, step);
+            }
+            let recent = &merits[merits.len().saturating_sub(BEFORE)..];
+            let bound = recent.iter().fold(0.0_f64, |a, &b| a.max(b));
+            let mut next: Option<Trial> = None;
+            for halvings in 0..=HALVINGS {
+                let t = 0.5_f64.powi(halvings);
+                let mut unknowns = here.unknowns.clone();
+                add_times(t, &direction, &mut unknowns);
+                let trial = self.at::<D>(unknowns);
+                let falls = trial.merit <= (1.0 - ARMIJO * t) * bound;
+                if next.as_ref().is_none_or(|next| trial.merit < next.merit) {
+                    next = Some(trial);
+                }
+                if falls {
+                    break;
+                }
+            }
+            here = next.expect("the whole step was tried");
+            merits.push(here.merit);
+            if here.merit < best.merit {
+                best = here.clone();
+            }
+        }
+        (best, STEPS)
+    }
+}
