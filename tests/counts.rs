@@ -56,9 +56,11 @@ fn table1_converges_below_the_paper() {
                 assert!(cell.kkt.max() <= 10.0 * table1::TOLERANCE, "{what}");
                 let (_, n_a) = cell.paper.expect("all sizes and β of the paper");
                 match (method, geometry) {
-                    // Even with the final check, of which the paper knows nothing.
-                    (Method::Multisecant, _) => assert!(cell.n_a_checked <= 20, "{what}"),
-                    (_, Geometry::OneBody) => assert!(cell.n_a <= n_a && cell.iter <= 12, "{what}"),
+                    // Found: 9 or 10, with the final check, of which the paper knows nothing.
+                    (Method::Multisecant, _) => assert!(cell.n_a_checked <= 12, "{what}"),
+                    (_, Geometry::OneBody) if cell.beta < 2.0 => {
+                        assert!(cell.n_a <= n_a && cell.iter <= 10, "{what}");
+                    }
                     _ => {}
                 }
             }
@@ -86,9 +88,11 @@ fn case_a_needs_no_more_products_than_permon() {
             let solution = solve(&problem, &settings);
             assert_eq!(solution.status, Status::Converged);
             println!("k = {k}, {tolerance:e}: {} of {peer}", solution.info.n_a);
+            // Less than half of it, and hardly more on finer meshes.
+            let most = if tolerance > 1e-5 { 12 } else { 21 };
             assert!(
-                solution.info.n_a <= peer,
-                "k = {k}, {tolerance:e}: {} products, {peer} allowed",
+                solution.info.n_a <= peer.min(most),
+                "k = {k}, {tolerance:e}: {} products, {peer} of the peer",
                 solution.info.n_a
             );
         }
@@ -180,6 +184,7 @@ fn the_safeguard_acts_on_the_cycling_case() {
     let acted = [1, 3, 5].iter().any(|&k| {
         let settings = Settings {
             beta: 100.0,
+            method: Method::Inexact,
             ..Default::default()
         };
         let solution = solve(&problem(Geometry::TwoBodies, k, &cycling), &settings);

@@ -26,6 +26,11 @@ const FRUITLESS: usize = 15;
 const GIVEN_UP: usize = 45;
 /// A step within what is known has to lower the error to this part; otherwise products are not known well enough.
 const KNOWN: f64 = 0.5;
+/// So do this many steps in a row that make no progress.
+const DENIED: usize = 2;
+/// Likewise under given bounds where q no longer tells, which is so at the root of what rounding leaves of it; the error
+/// goes on falling, up and down.
+const AT_ROUNDING: usize = 5;
 /// Under Coulomb's law an error may grow by this much in a step before a point nearer by is taken: sets that change make it
 /// go up and down.
 const GROWTH: f64 = 2.0;
@@ -88,6 +93,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         way.err = self.error(&mut way.point);
         let mut goal = Goal::new(self.tolerance);
         let mut progress = Progress::new(&way.point, way.err);
+        let mut denied = 0;
         loop {
             let ended = match self.step_1(way, &mut goal)? {
                 Ended::NotYet => self.below_rounding(way, &goal)?,
@@ -119,9 +125,19 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             let lowers_q = !self.law.is_coulomb()
                 && before.q_change(&way.point) < -before.q_rounding(&way.point);
             let err = self.error(&mut way.point);
-            // Errors of products are what keeps steps from getting on.
-            if repeats && err > KNOWN * way.err {
-                self.products.sharpen();
+            // Errors of products may be what keeps steps from getting on.
+            denied = if err > PROGRESS * way.err {
+                denied + 1
+            } else {
+                0
+            };
+            if (repeats && err > KNOWN * way.err) || denied == DENIED {
+                let sharper = self.products.sharpen();
+                // All pairs are made A-orthogonal with those before them: errors of any are in all.
+                if denied == DENIED && sharper {
+                    self.surrogate.forget();
+                }
+                denied = 0;
             }
             way.err = err;
             let made = self.record(way, &proposal);
@@ -132,7 +148,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             }
             let stuck = match self.law.is_coulomb() {
                 true => progress.fruitless >= GIVEN_UP,
-                false => progress.fruitless > 0 && !lowers_q,
+                false => progress.fruitless >= AT_ROUNDING && !lowers_q,
             };
             if stuck && self.is_at_the_end(way, &mut progress)? {
                 return Ok(Status::Stagnated);
