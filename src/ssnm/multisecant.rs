@@ -221,7 +221,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             let expected = self.surrogate.times(&step);
             add_times(1.0, &difference(&image, &expected), &mut end.r);
         }
-        let part = match self.law.is_coulomb() {
+        // On circles, where r does not vanish, rounding of λ hides what q says of short steps.
+        let is_blind = before.q_change(&end).abs() <= before.q_rounding(&end);
+        let part = match self.law.is_coulomb() || is_blind {
             true => self.least_error_towards(&before, &end, way.err),
             false => before.lowest_part(&end),
         };
