@@ -13,7 +13,7 @@ mod rounds;
 
 use crate::dual::DualOperator;
 use crate::problem::{ContactProblem, Kkt};
-use crate::sparse::{norm, norm_max};
+use crate::sparse::{difference, norm, norm_max};
 use crate::ssnm::{
     self, Cause, Info, Memory, Sets, SettingsError, Solution, SolveError, Status, Step,
 };
@@ -471,11 +471,6 @@ where
             rounds: self.made,
         }
     }
-}
-
-/// a − b.
-fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
-    a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
 /// The bodies that an imbalance pushes, and which way they go.

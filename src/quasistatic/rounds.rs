@@ -9,13 +9,13 @@
 //! found so far are projected there. If there are no such forces, no contact can hold the bodies, and the
 //! projection tells which way they are pushed.
 
-use super::{Event, Process, difference};
+use super::{Event, Process};
 use crate::constraint::{Disc, lawful};
 use crate::dense::least_squares;
 use crate::dual::DualOperator;
 use crate::dual::balance::{Balance, Nearest};
 use crate::problem::ContactProblem;
-use crate::sparse::norm;
+use crate::sparse::{difference, norm};
 use crate::ssnm::{Solution, SolveError, Status};
 use std::ops::ControlFlow;
 

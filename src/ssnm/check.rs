@@ -3,7 +3,7 @@
 use super::goal::Goal;
 use super::newton::{Newton, Way};
 use super::point::Point;
-use super::{MET, Status};
+use super::{MET, Settings, Status};
 use crate::control::Stop;
 use crate::dual::{DualError, DualOperator};
 use crate::problem::Kkt;
@@ -43,7 +43,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             way.first_met.get_or_insert(now);
         }
         if !self.meets(goal, &way.point, way.err) {
-            return Ok(Ended::NotYet);
+            return self.below_rounding(way, goal);
         }
         if let Some(status) = self.verify(&mut way.point, goal)? {
             return Ok(Ended::With(status));
@@ -58,7 +58,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     }
 
     /// What an error says that is too small to tell.
-    pub fn below_rounding(&mut self, way: &mut Way<D>, goal: &Goal) -> Result<Ended, DualError> {
+    fn below_rounding(&mut self, way: &mut Way<D>, goal: &Goal) -> Result<Ended, DualError> {
         if way.err > self.rounding(&way.point) {
             return Ok(Ended::NotYet);
         }
@@ -70,6 +70,13 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         } else {
             Ended::Again
         })
+    }
+
+    /// The reason not to make another step.
+    pub fn limit(&self, way: &Way<D>, settings: &Settings) -> Option<Status> {
+        let steps =
+            (way.history.len() >= settings.max_iterations).then_some(Status::IterationLimit);
+        self.products.stop.now().map(Status::from).or(steps)
     }
 
     /// Whether a point meets the goal, in the units of the problem.

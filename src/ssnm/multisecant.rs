@@ -41,8 +41,11 @@ const REFRESHED: f64 = 0.5;
 
 /// What a subproblem proposes.
 struct Proposal {
-    /// Its solution, with the r that the surrogate says.
+    /// Its solution y, with the r that the surrogate says.
     point: Point,
+    /// d = y − λᵏ and Ãd.
+    step: Vec<f64>,
+    image: Vec<f64>,
     /// The error there, as the surrogate has it.
     err: f64,
     /// Newton steps made for it.
@@ -95,11 +98,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let mut progress = Progress::new(&way.point, way.err);
         let mut denied = 0;
         loop {
-            let ended = match self.step_1(way, &mut goal)? {
-                Ended::NotYet => self.below_rounding(way, &goal)?,
-                ended => ended,
-            };
-            match ended {
+            match self.step_1(way, &mut goal)? {
                 Ended::With(status) => return Ok(status),
                 Ended::Again => {
                     progress.best.clone_from(&way.point);
@@ -108,10 +107,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 }
                 Ended::NotYet => {}
             }
-            let stop = self.products.stop.now();
-            if stop.is_some() || way.history.len() >= settings.max_iterations {
+            if let Some(status) = self.limit(way, settings) {
                 way.point = progress.best;
-                return Ok(stop.map_or(Status::IterationLimit, Status::from));
+                return Ok(status);
             }
             let proposal = self.propose(way, progress.fruitless);
             let before = way.point.clone();
@@ -196,10 +194,13 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             add_times(-1.0, &balance.spread(eta), &mut point.r);
         }
         let step = difference(&point.lambda, &from.lambda);
-        add_times(1.0, &surrogate.times(&step), &mut point.r);
+        let image = surrogate.times(&step);
+        add_times(1.0, &image, &mut point.r);
         Proposal {
             err: self.error(&mut point.clone()),
             point,
+            step,
+            image,
             steps,
         }
     }
@@ -208,18 +209,21 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     fn go_towards(&mut self, way: &mut Way<D>, proposal: &Proposal) -> Result<bool, DualError> {
         let before = way.point.clone();
         let mut end = proposal.point.clone();
-        let step = difference(&end.lambda, &before.lambda);
+        let Proposal {
+            step,
+            image: expected,
+            ..
+        } = proposal;
         if step.iter().all(|&v| v == 0.0) {
             return Ok(false);
         }
         let mut rest = step.clone();
         let mut image = self.surrogate.split(&mut rest);
         let mut new = vec![0.0; step.len()];
-        if norm_max(&rest) > f64::EPSILON * norm_max(&step) {
+        if norm_max(&rest) > f64::EPSILON * norm_max(step) {
             new = self.products.apply(&rest)?;
             add_times(1.0, &new, &mut image);
-            let expected = self.surrogate.times(&step);
-            add_times(1.0, &difference(&image, &expected), &mut end.r);
+            add_times(1.0, &difference(&image, expected), &mut end.r);
         }
         // On circles, where r does not vanish, rounding of λ hides what q says of short steps.
         let is_blind = before.q_change(&end).abs() <= before.q_rounding(&end);

@@ -2,7 +2,7 @@
 
 use crate::constraint::{Disc, at, put};
 use crate::dual::balance::Balance;
-use crate::sparse::{norm, norm_max};
+use crate::sparse::{difference, norm, norm_max};
 
 /// Passes that a rigid motion is settled in at most, and forces beside which those in balance are small.
 const SETTLED: usize = 3;
@@ -114,5 +114,5 @@ pub(super) fn settle<const D: usize>(
 
 /// ‖a − b‖.
 pub(super) fn distance(a: &[f64], b: &[f64]) -> f64 {
-    norm(&a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>())
+    norm(&difference(a, b))
 }

@@ -9,7 +9,7 @@ use super::Method;
 use super::scaling::Scaled;
 use crate::control::{Accuracy, Followed, Stop};
 use crate::dual::{DualError, DualOperator};
-use crate::sparse::{difference, norm};
+use crate::sparse::{add_times, difference, norm};
 
 /// The error of a product relative to √(pᵀAp), in the norm of A. Case B to 1e-4 (`tests/counts.rs`) takes 9 products of
 /// two V-cycles each with 0.05, 0.1 and 0.2, and does not converge with 0.3, one V-cycle each.
@@ -113,7 +113,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         r.iter_mut().for_each(|b| *b = -*b);
         if lambda.iter().any(|&l| l != 0.0) {
             let image = self.apply(lambda)?;
-            r.iter_mut().zip(&image).for_each(|(r, a)| *r += a);
+            add_times(1.0, &image, &mut r);
         }
         Ok(r)
     }

@@ -30,11 +30,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let mut safeguard = Safeguard::new(self, way);
         loop {
             // Step 1.
-            let ended = match self.step_1(way, &mut goal)? {
-                Ended::NotYet => self.below_rounding(way, &goal)?,
-                ended => ended,
-            };
-            match ended {
+            match self.step_1(way, &mut goal)? {
                 Ended::With(status) => return Ok(status),
                 Ended::Again => {
                     safeguard.go_on_from(&way.point, way.err);
@@ -42,10 +38,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 }
                 Ended::NotYet => {}
             }
-            let stop = self.products.stop.now();
-            if stop.is_some() || way.history.len() >= settings.max_iterations {
+            if let Some(status) = self.limit(way, settings) {
                 way.point.clone_from(safeguard.best());
-                return Ok(stop.map_or(Status::IterationLimit, Status::from));
+                return Ok(status);
             }
             // Step 3.1.
             tol = (settings.r_tol * way.err / way.err0).min(settings.c_fact * tol);
