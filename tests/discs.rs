@@ -203,6 +203,8 @@ fn friction() -> impl Strategy<Value = Friction> {
     ]
 }
 
+const METHODS: &[Method] = &[Method::Multisecant, Method::Inexact, Method::Exact];
+
 fn node() -> impl Strategy<Value = Node> {
     (any::<bool>(), friction()).prop_map(|(separated, friction)| Node {
         separated,
@@ -211,7 +213,7 @@ fn node() -> impl Strategy<Value = Node> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 1000, ..ProptestConfig::default() })]
 
     #[test]
     fn any_sets_any_beta(
@@ -219,7 +221,7 @@ proptest! {
         extra in 0usize..40,
         general in any::<bool>(),
         exponent in -2.0f64..3.0,
-        exact in any::<bool>(),
+        method in prop::sample::select(METHODS),
         seed in 1u64..1 << 40,
     ) {
         let n = 3 * nodes.len() + extra;
@@ -227,7 +229,7 @@ proptest! {
         let settings = Settings {
             tolerance: 1e-9,
             beta: 10f64.powf(exponent),
-            method: if exact { Method::Exact } else { Method::Inexact },
+            method,
             max_iterations: 2000,
             ..Default::default()
         };

@@ -31,11 +31,6 @@ const DENIED: usize = 2;
 /// Likewise under given bounds where q no longer tells, which is so at the root of what rounding leaves of it; the error
 /// goes on falling, up and down.
 const AT_ROUNDING: usize = 5;
-/// Under Coulomb's law an error may grow by this much in a step before a point nearer by is taken: sets that change make it
-/// go up and down.
-const GROWTH: f64 = 2.0;
-/// Points that are looked at then, each half as far as the one before.
-const HALVINGS: usize = 6;
 /// r made afresh has to lower the error to this part, or there is nothing left to do.
 const REFRESHED: f64 = 0.5;
 
@@ -225,34 +220,10 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             add_times(1.0, &new, &mut image);
             add_times(1.0, &difference(&image, expected), &mut end.r);
         }
-        // On circles, where r does not vanish, rounding of λ hides what q says of short steps.
-        let is_blind = before.q_change(&end).abs() <= before.q_rounding(&end);
-        let part = match self.law.is_coulomb() || is_blind {
-            true => self.least_error_towards(&before, &end, way.err),
-            false => before.lowest_part(&end),
-        };
+        let part = self.part_towards(&before, &end, way.err);
         way.point = before.towards(&end, part);
         self.refresh(&mut way.point, part)?;
         Ok(self.learn(&rest, &new))
-    }
-
-    /// The part of the way to `end` at which the error is least of those tried; all of it unless it grows much. That costs
-    /// no product: what obeys Coulomb's law and balance is convex, and r linear on the chord.
-    fn least_error_towards(&self, before: &Point, end: &Point, err: f64) -> f64 {
-        let mut least = self.error(&mut end.clone());
-        let (mut part, mut t) = (1.0, 1.0);
-        if least <= GROWTH * err {
-            return part;
-        }
-        for _ in 0..HALVINGS {
-            t *= 0.5;
-            let there = self.error(&mut before.towards(end, t));
-            // Written so that a NaN is left.
-            if !(least <= there) {
-                (least, part) = (there, t);
-            }
-        }
-        part
     }
 
     /// Writes a step down. What it has taught of σ_max changes ρ, and err⁰ with it.

@@ -21,6 +21,11 @@ pub(super) const FLAT: f64 = 1e-12;
 /// With less than 2 pairs that are all error come in (70 products in place of 13 for a punch with nine contact nodes), with
 /// 4 case B takes two products more.
 const ERRORS: f64 = 2.0;
+/// Under Coulomb's law an error may grow by this much in a step before a point nearer by is taken: sets that change make it
+/// go up and down.
+const GROWTH: f64 = 2.0;
+/// Points that are looked at then, each half as far as the one before.
+const HALVINGS: usize = 6;
 /// Times that r is made at most, where it shows a much smaller error than expected.
 const PASSES: usize = 4;
 
@@ -177,6 +182,35 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             .add(direction, image, ERRORS * self.products.part(), flat);
         self.sigma = self.surrogate.largest();
         repeats
+    }
+
+    /// The part of the way to `end` that is worth going: to the least q, or to the least error under Coulomb's law and where
+    /// rounding hides what q says of short steps. `err` is the error at the start.
+    pub fn part_towards(&self, start: &Point, end: &Point, err: f64) -> f64 {
+        let is_blind = start.q_change(end).abs() <= start.q_rounding(end);
+        match self.law.is_coulomb() || is_blind {
+            true => self.least_error_towards(start, end, err),
+            false => start.lowest_part(end),
+        }
+    }
+
+    /// The part of the way to `end` at which the error is least of those tried; all of it unless it grows much. That costs
+    /// no product: what obeys Coulomb's law and balance is convex, and r linear on the chord.
+    fn least_error_towards(&self, before: &Point, end: &Point, err: f64) -> f64 {
+        let mut least = self.error(&mut end.clone());
+        let (mut part, mut t) = (1.0, 1.0);
+        if least <= GROWTH * err {
+            return part;
+        }
+        for _ in 0..HALVINGS {
+            t *= 0.5;
+            let there = self.error(&mut before.towards(end, t));
+            // Written so that a NaN is left.
+            if !(least <= there) {
+                (least, part) = (there, t);
+            }
+        }
+        part
     }
 
     /// Gᵀα.

@@ -150,7 +150,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let inner = self.solve_inner(&mut end, face, target)?;
         self.move_into(&mut end)?;
         self.refresh(&mut end, 0.0)?;
-        *point = point.towards(&end, point.lowest_part(&end));
+        let err = self.error(&mut point.clone());
+        *point = point.towards(&end, self.part_towards(point, &end, err));
         Ok((sets, inner))
     }
 
@@ -161,7 +162,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             *point = start.clone();
             let end = self.settle(point, self.alpha());
             self.move_to(point, end)?;
-            if start.q_change(point) <= 0.0 {
+            if start.q_change(point) <= start.q_rounding(point) {
                 break;
             }
             // σ_max was underestimated.
