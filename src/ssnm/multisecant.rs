@@ -24,10 +24,6 @@ const PROGRESS: f64 = 0.9;
 /// law take up to 12 of them in the cases measured.
 const FRUITLESS: usize = 15;
 const GIVEN_UP: usize = 45;
-/// A step within what is known has to lower the error to this part; otherwise products are not known well enough.
-const KNOWN: f64 = 0.5;
-/// So do this many steps in a row that make no progress.
-const DENIED: usize = 2;
 /// Likewise under given bounds where q no longer tells, which is so at the root of what rounding leaves of it; the error
 /// goes on falling, up and down.
 const AT_ROUNDING: usize = 5;
@@ -91,7 +87,6 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         way.err = self.error(&mut way.point);
         let mut goal = Goal::new(self.tolerance);
         let mut progress = Progress::new(&way.point, way.err);
-        let mut denied = 0;
         loop {
             match self.step_1(way, &mut goal)? {
                 Ended::With(status) => return Ok(status),
@@ -108,31 +103,13 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             }
             let proposal = self.propose(way, progress.fruitless);
             let before = way.point.clone();
-            let repeats = match self.go_towards(way, &proposal) {
-                Ok(repeats) => repeats,
-                Err(error) => {
-                    way.point = progress.best;
-                    return Err(error);
-                }
-            };
+            if let Err(error) = self.go_towards(way, &proposal) {
+                way.point = progress.best;
+                return Err(error);
+            }
             let lowers_q = !self.law.is_coulomb()
                 && before.q_change(&way.point) < -before.q_rounding(&way.point);
-            let err = self.error(&mut way.point);
-            // Errors of products may be what keeps steps from getting on.
-            denied = if err > PROGRESS * way.err {
-                denied + 1
-            } else {
-                0
-            };
-            if (repeats && err > KNOWN * way.err) || denied == DENIED {
-                let sharper = self.products.sharpen();
-                // All pairs are made A-orthogonal with those before them: errors of any are in all.
-                if denied == DENIED && sharper {
-                    self.surrogate.forget();
-                }
-                denied = 0;
-            }
-            way.err = err;
+            way.err = self.error(&mut way.point);
             let made = self.record(way, &proposal);
             progress.note(&way.point, way.err, lowers_q);
             if observer(&made).is_break() {
@@ -200,8 +177,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         }
     }
 
-    /// Goes as far towards a proposal as one product with A tells; says whether the surrogate ought to have known.
-    fn go_towards(&mut self, way: &mut Way<D>, proposal: &Proposal) -> Result<bool, DualError> {
+    /// Goes as far towards a proposal as one product with A tells.
+    fn go_towards(&mut self, way: &mut Way<D>, proposal: &Proposal) -> Result<(), DualError> {
         let before = way.point.clone();
         let mut end = proposal.point.clone();
         let Proposal {
@@ -210,7 +187,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             ..
         } = proposal;
         if step.iter().all(|&v| v == 0.0) {
-            return Ok(false);
+            return Ok(());
         }
         let mut rest = step.clone();
         let mut image = self.surrogate.split(&mut rest);
@@ -223,7 +200,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let part = self.part_towards(&before, &end, way.err);
         way.point = before.towards(&end, part);
         self.refresh(&mut way.point, part)?;
-        Ok(self.learn(&rest, &new))
+        self.learn(&rest, &new);
+        Ok(())
     }
 
     /// Writes a step down. What it has taught of σ_max changes ρ, and err⁰ with it.

@@ -17,10 +17,6 @@ use std::rc::Rc;
 /// A direction along which A curves q by less than this part of its largest eigenvalue is one of rounding: where rows of B
 /// depend on each other.
 pub(super) const FLAT: f64 = 1e-12;
-/// A pair counts as new if so many times its error is: that error, and those of the pairs that it is made A-orthogonal to.
-/// With less than 2 pairs that are all error come in (70 products in place of 13 for a punch with nine contact nodes), with
-/// 4 case B takes two products more.
-const ERRORS: f64 = 2.0;
 /// Under Coulomb's law an error may grow by this much in a step before a point nearer by is taken: sets that change make it
 /// go up and down.
 const GROWTH: f64 = 2.0;
@@ -174,14 +170,12 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         Ok(())
     }
 
-    /// Takes a pair (v, Av) into the surrogate, and what it tells of σ_max; says whether it tells of what was known.
-    pub fn learn(&mut self, direction: &[f64], image: &[f64]) -> bool {
+    /// Takes a pair (v, Av) into the surrogate, and what it tells of σ_max.
+    pub fn learn(&mut self, direction: &[f64], image: &[f64]) {
         let flat = FLAT * self.sigma;
-        let repeats = self
-            .surrogate
-            .add(direction, image, ERRORS * self.products.part(), flat);
+        self.surrogate
+            .add(direction, image, self.products.part(), flat);
         self.sigma = self.surrogate.largest();
-        repeats
     }
 
     /// The part of the way to `end` that is worth going: to the least q, or to the least error under Coulomb's law and where

@@ -11,8 +11,8 @@ const MOST: usize = 120;
 /// its image would be known to no more than half of the digits.
 const INDEPENDENT: f64 = 1e-8;
 
-/// ‖Av‖² ≤ σ_max vᵀAv for all v. A pair that breaks this by so much, with what is known of σ_max, is all error.
-const LONGER: f64 = 2.0;
+/// A pair is hidden by errors where their square, times this, is more than what is new of it.
+const HIDDEN: f64 = 4.0;
 
 /// Ã = c (I − V(VᵀV)⁻¹Vᵀ) + W(VᵀW)⁻¹Wᵀ with W = AV: symmetric and positive definite, and Ãv = Av for all known v.
 ///
@@ -27,10 +27,10 @@ pub(super) struct Surrogate {
     directions: Vec<Vec<f64>>,
     images: Vec<Vec<f64>>,
     basis: Vec<Vec<f64>>,
+    /// What each image may be off by, in the norm of A⁻¹, in which the image itself is one long.
+    errors: Vec<f64>,
     /// The largest eigenvalue of WWᵀ.
     largest: f64,
-    /// Some images are not exact.
-    is_rough: bool,
 }
 
 impl Surrogate {
@@ -42,15 +42,6 @@ impl Surrogate {
     /// Whether its directions have so many entries.
     pub fn fits_length(&self, len: usize) -> bool {
         self.directions.iter().all(|d| d.len() == len)
-    }
-
-    /// Forgets all pairs; c stays.
-    pub fn forget(&mut self) {
-        *self = Self {
-            base: self.base,
-            largest: self.largest,
-            ..Self::default()
-        };
     }
 
     /// c for the first step, before any product has told.
@@ -91,7 +82,7 @@ impl Surrogate {
     /// images are not exact.
     pub fn split(&self, p: &mut [f64]) -> Vec<f64> {
         let mut image = vec![0.0; p.len()];
-        if self.is_rough {
+        if self.errors.iter().any(|&e| e > 0.0) {
             return image;
         }
         for (v, w) in self.directions.iter().zip(&self.images) {
@@ -102,52 +93,47 @@ impl Surrogate {
         image
     }
 
-    /// Adds a direction with its image, in which an error of this part (of the norm of A) is expected. Where no more than
-    /// that is new, the known direction that it repeats most makes room: what is told last is told of where steps go now. A
-    /// direction along which A curves q by less than `flat` does not enter: where rows of B depend on each other, it is one
-    /// of rounding. Says whether others had to make room.
-    pub fn add(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) -> bool {
-        let mut repeats = false;
+    /// Adds a direction with its image, in which an error of this part (in the norm of A⁻¹) is expected. Where what is new
+    /// of it is hidden by errors, those of known pairs above all, the worst of these makes room. A direction along which A
+    /// curves q by less than `flat` does not enter: where rows of B depend on each other, it is one of rounding.
+    pub fn add(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) {
         // Written so that NaN is refused.
         if !(dot(direction, image) > flat * dot(direction, direction))
             || image.iter().any(|v| !v.is_finite())
         {
-            return repeats;
+            return;
         }
-        while !self.extend(direction, image, error, flat) && error > 0.0 {
-            let shares = self.images.iter().map(|w| dot(w, direction).abs());
-            match shares.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)) {
-                Some((most, _)) => self.remove(most),
-                None => break,
-            }
-            repeats = true;
+        while let Some(worst) = self.extend(direction, image, error, flat) {
+            self.remove(worst);
         }
-        self.is_rough |= error > 0.0;
         self.find_largest();
-        repeats
     }
 
-    /// Adds a pair unless too little of it is new; says whether it did.
-    fn extend(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) -> bool {
+    /// Adds a pair unless too little of it is new; returns the known one whose error is in the way.
+    fn extend(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) -> Option<usize> {
         let (mut direction, mut image) = (direction.to_vec(), image.to_vec());
         let before = dot(&direction, &image);
-        let steepest = (dot(&image, &image) / before).max(self.largest);
+        let mut shares = vec![0.0; self.len()];
         for _ in 0..2 {
-            for (v, w) in self.directions.iter().zip(&self.images) {
+            for (k, (v, w)) in self.directions.iter().zip(&self.images).enumerate() {
                 let c = dot(w, &direction);
                 add_times(-c, v, &mut direction);
                 add_times(-c, w, &mut image);
+                shares[k] += c;
             }
         }
-        let (curvature, new) = (dot(&direction, &image), error.max(INDEPENDENT));
+        let inherited = |k: usize| (shares[k] * self.errors[k]).powi(2);
+        let others: f64 = (0..self.len()).map(inherited).sum();
+        let (own, new) = (error * error * before, dot(&direction, &image));
         // Written so that NaN is refused.
-        let good = curvature > new * new * before
-            && curvature > flat * dot(&direction, &direction)
-            && (error == 0.0 || dot(&image, &image) <= LONGER * steepest * curvature);
-        if !good {
-            return false;
+        let is_new =
+            new > INDEPENDENT * INDEPENDENT * before && new > flat * dot(&direction, &direction);
+        if !(is_new && new >= HIDDEN * (own + others)) {
+            let worst = (0..self.len()).max_by(|&i, &j| inherited(i).total_cmp(&inherited(j)));
+            // What is known better than by this pair stays.
+            return worst.filter(|_| others > 0.0 && own <= others);
         }
-        let scale = 1.0 / curvature.sqrt();
+        let scale = 1.0 / new.sqrt();
         direction.iter_mut().for_each(|v| *v *= scale);
         image.iter_mut().for_each(|v| *v *= scale);
         if self.len() == MOST {
@@ -155,14 +141,16 @@ impl Surrogate {
         }
         self.directions.push(direction);
         self.images.push(image);
+        self.errors.push((own + others).sqrt() * scale);
         let length = self.extend_basis(self.len() - 1);
         self.base = 1.0 / (length * length);
-        true
+        None
     }
 
     fn remove(&mut self, number: usize) {
         self.directions.remove(number);
         self.images.remove(number);
+        self.errors.remove(number);
         self.basis.truncate(number);
         for k in number..self.len() {
             self.extend_basis(k);
@@ -254,6 +242,37 @@ mod tests {
     }
 
     #[test]
+    fn what_is_known_badly_makes_room_and_nothing_else_does() {
+        let len = 40;
+        let numbers = scatter(len * 6);
+        let directions: Vec<&[f64]> = numbers.chunks(len).collect();
+        // Images 5 % too long: all of it is error.
+        let off = |v: &[f64], part: f64| -> Vec<f64> {
+            times_a(v).iter().map(|w| (1.0 + part) * w).collect()
+        };
+        let missed = |surrogate: &Surrogate, v: &[f64]| {
+            let image = times_a(v);
+            norm(&crate::sparse::difference(&surrogate.times(v), &image)) / norm(&image)
+        };
+        let mut surrogate = Surrogate::default();
+        surrogate.guess_base(2.0);
+        for v in &directions {
+            surrogate.add(v, &off(v, 0.05), 0.1, 0.0);
+        }
+        assert_eq!(surrogate.len(), 6);
+        // Of this direction nothing is new, but it is known better now, and displaces what it is mostly made of.
+        let sum: Vec<f64> = (0..len)
+            .map(|i| 3.0 * directions[0][i] + directions[1][i])
+            .collect();
+        surrogate.add(&sum, &times_a(&sum), 0.01, 0.0);
+        let (count, now) = (surrogate.len(), missed(&surrogate, &sum));
+        assert!(count < 7 && now < 0.01 && missed(&surrogate, directions[5]) < 0.06);
+        // What is told worse changes nothing.
+        surrogate.add(&sum, &off(&sum, 0.3), 0.5, 0.0);
+        assert_eq!((surrogate.len(), missed(&surrogate, &sum)), (count, now));
+    }
+
+    #[test]
     fn pairs_that_tell_nothing_do_not_enter_and_old_ones_make_room() {
         let (mut surrogate, directions) = filled(40, 5);
         let base = surrogate.base();
@@ -266,17 +285,6 @@ mod tests {
         // Too flat.
         surrogate.add(&[1.0; 40], &times_a(&[1.0; 40]), 0.0, 10.0);
         assert_eq!((surrogate.len(), surrogate.base()), (5, base));
-        // Nothing of it is new, but it tells of the same direction anew.
-        let other: Vec<f64> = times_a(&sum).iter().map(|v| 1.1 * v).collect();
-        surrogate.add(&sum, &other, 0.1, 0.0);
-        assert_eq!(surrogate.len(), 5);
-        let off = crate::sparse::difference(&surrogate.times(&sum), &other);
-        assert!(
-            norm(&off) < 0.1 * norm(&other),
-            "{:e}",
-            norm(&off) / norm(&other)
-        );
-
         let (surrogate, _) = filled(200, MOST + 10);
         assert_eq!(surrogate.len(), MOST);
         for (v, w) in surrogate.directions.iter().zip(&surrogate.images) {
