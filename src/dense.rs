@@ -7,6 +7,7 @@ use faer::diag::Diag;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::evd::{self, ComputeEigenvectors};
+use faer::linalg::lu::partial_pivoting;
 use faer::linalg::matmul::matmul;
 use faer::linalg::qr::{col_pivoting, no_pivoting};
 use faer::linalg::svd::{self, ComputeSvdVectors};
@@ -46,9 +47,32 @@ pub(crate) fn tridiagonal_largest(diagonal: &[f64], off: &[f64]) -> f64 {
         Some(1) => off[j],
         _ => 0.0,
     });
-    symmetric_eigen(&lower)
-        .and_then(|(values, _)| values.last().copied())
-        .unwrap_or(f64::NAN)
+    symmetric_largest(&lower)
+}
+
+/// The largest eigenvalue of a symmetric matrix, of which the lower triangle is read; NaN if an entry is not finite, or
+/// there is none.
+pub(crate) fn symmetric_largest(matrix: &Mat<f64>) -> f64 {
+    let n = matrix.nrows();
+    if !is_finite(matrix) {
+        return f64::NAN;
+    }
+    let mut values = Diag::zeros(n);
+    let without = ComputeEigenvectors::No;
+    let scratch = evd::self_adjoint_evd_scratch::<f64>(n, without, PAR, Default::default());
+    let made = evd::self_adjoint_evd(
+        matrix.as_ref(),
+        values.as_mut(),
+        None,
+        PAR,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+        Default::default(),
+    );
+    let values = values.column_vector();
+    match made {
+        Ok(()) if n > 0 => values[n - 1],
+        _ => f64::NAN,
+    }
 }
 
 /// Singular values, the largest first, and all right singular vectors (columns): those of a matrix with few rows,
@@ -106,6 +130,34 @@ pub(crate) fn least_squares(mut matrix: Mat<f64>, b: &[f64]) -> Vec<f64> {
         matrix.as_ref(),
         coefficients.as_ref(),
         matrix.get(..n, ..),
+        permutation,
+        Conj::No,
+        x.as_mut(),
+        PAR,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+    );
+    (0..n).map(|i| x[(i, 0)]).collect()
+}
+
+/// The x with M x = b, by Gauss; not finite where M is singular.
+pub(crate) fn solve(mut matrix: Mat<f64>, b: &[f64]) -> Vec<f64> {
+    let n = matrix.nrows();
+    let (mut forward, mut back) = (vec![0_usize; n], vec![0; n]);
+    let scratch =
+        partial_pivoting::factor::lu_in_place_scratch::<usize, f64>(n, n, PAR, Default::default());
+    let (_, permutation) = partial_pivoting::factor::lu_in_place(
+        matrix.as_mut(),
+        &mut forward,
+        &mut back,
+        PAR,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+        Default::default(),
+    );
+    let mut x = Mat::from_fn(n, 1, |i, _| b[i]);
+    let scratch = partial_pivoting::solve::solve_in_place_scratch::<usize, f64>(n, 1, PAR);
+    partial_pivoting::solve::solve_in_place_with_conj(
+        matrix.as_ref(),
+        matrix.as_ref(),
         permutation,
         Conj::No,
         x.as_mut(),
@@ -220,6 +272,11 @@ mod tests {
             let b: Vec<f64> = (&m * &x).col(0).iter().copied().collect();
             let found = least_squares(m.clone(), &b);
             close(&Mat::from_fn(n, 1, |i, _| found[i]), &x);
+
+            let square = arbitrary(n, n);
+            let b: Vec<f64> = (&square * &x).col(0).iter().copied().collect();
+            let found = Mat::from_fn(n, 1, |i, _| solve(square.clone(), &b)[i]);
+            close(&(&square * found), &(&square * &x));
 
             let mut shifted = gram.clone();
             for i in 0..n {

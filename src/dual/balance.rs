@@ -9,7 +9,7 @@
 use crate::constraint::{NodeSets, Projected, at, put, row_of};
 use crate::dense::{pseudo_inverse, symmetric_eigen};
 use crate::problem::FreeBodies;
-use crate::sparse::{Csr, norm_max};
+use crate::sparse::{Csr, add_times, dot, norm_max};
 use faer::Mat;
 use std::array::from_fn;
 use std::rc::Rc;
@@ -51,6 +51,8 @@ pub(crate) struct Balance {
     acting: Vec<f64>,
     /// The body of each motion.
     body: Vec<usize>,
+    /// What a unit of each multiplier does to the motions of each body together, a row for each multiplier.
+    shares: Csr,
     /// e where no multiplier resists, as it is.
     without_contact: Vec<f64>,
     /// [`CURVATURE`], or less where that is what it takes to balance the bodies.
@@ -92,6 +94,9 @@ impl Balance {
             lengths[j] += v * v;
         }
         lengths.iter_mut().for_each(|l: &mut f64| *l = l.sqrt());
+        let bodies = body.iter().max().map_or(0, |&last| last + 1);
+        let sizes = (transposed.triplets()).map(|(i, j, v)| (i, body[j], v.abs()));
+        let shares = Csr::from_triplets(transposed.n_rows(), bodies, sizes);
         let over = |v: f64, j: usize| {
             if lengths[j] > 0.0 {
                 v / lengths[j]
@@ -111,6 +116,7 @@ impl Balance {
                 .collect(),
             acting,
             body,
+            shares,
             lengths,
             curvature: CURVATURE,
         }
@@ -152,19 +158,12 @@ impl Balance {
     /// The forces that act on each motion, where the contact forces are λ: those of its body, as a motion that
     /// none of them has a part in is balanced all the same.
     fn rounding(&self, lambda: &[f64]) -> Vec<f64> {
-        let bodies = self.body.iter().max().map_or(0, |&last| last + 1);
-        let mut sums = vec![0.0_f64; bodies];
-        for (j, &acting) in self.acting.iter().enumerate() {
-            let sum = &mut sums[self.body[j]];
-            *sum = sum.max(acting);
+        let mut sums = vec![0.0_f64; self.shares.n_cols()];
+        for (&body, &acting) in self.body.iter().zip(&self.acting) {
+            sums[body] = sums[body].max(acting);
         }
-        for (i, &l) in lambda.iter().enumerate() {
-            let (cols, values) = self.motions.row(i);
-            for (&j, v) in cols.iter().zip(values) {
-                let j = j as usize;
-                sums[self.body[j]] += (v[0][0] * self.lengths[j] * l).abs();
-            }
-        }
+        let sizes: Vec<f64> = lambda.iter().map(|l| l.abs()).collect();
+        self.shares.mul_transpose_add(1.0, &sizes, &mut sums);
         (self.body.iter().zip(&self.lengths))
             .map(|(&body, &l)| if l > 0.0 { sums[body] / l } else { 0.0 })
             .collect()
@@ -184,16 +183,19 @@ impl Balance {
         project: impl Fn(usize, [f64; D]) -> Projected<D>,
     ) -> Nearest {
         let (k, m) = (self.count(), x.len() / D);
-        let all = |z: &[f64]| -> Vec<f64> {
-            let mut lambda = vec![0.0; z.len()];
+        // P_Λ and its derivative.
+        let all = |z: &[f64]| {
+            let (mut lambda, mut derivatives) = (vec![0.0; z.len()], Vec::with_capacity(m));
             for i in 0..m {
-                put(&mut lambda, i, project(i, at(z, i)).0);
+                let (end, derivative) = project(i, at(z, i));
+                put(&mut lambda, i, end);
+                derivatives.push(derivative);
             }
-            lambda
+            (lambda, derivatives)
         };
         let mut eta = vec![0.0; k];
         let mut z = x.to_vec();
-        let mut lambda = all(&z);
+        let (mut lambda, mut derivatives) = all(&z);
         let acting = norm_max(&self.rounding(&vec![0.0; x.len()]));
         let curvature = self.curvature * (acting / norm_max(x).max(acting)).max(FAR_AWAY);
         let mut before = f64::INFINITY;
@@ -208,28 +210,28 @@ impl Balance {
                 if (0..k).all(|j| slope[j].abs() <= ROUNDING * rounding[j]) {
                     break;
                 }
-                let direction = self.newton_direction(&z, &slope, curvature, &project);
+                let direction = self.newton_direction(&derivatives, &slope, curvature);
                 let along = self.spread(&direction);
-                let at =
-                    |t: f64| -> Vec<f64> { z.iter().zip(&along).map(|(z, a)| z + t * a).collect() };
                 let rise = |t: f64| {
-                    let lambda = all(&at(t));
-                    let mut sum: f64 = along.iter().zip(&lambda).map(|(a, l)| a * l).sum();
+                    let mut sum = 0.0;
+                    for i in 0..m {
+                        let (from, step): ([f64; D], [f64; D]) = (at(&z, i), at(&along, i));
+                        let (end, _) = project(i, from_fn(|a| from[a] + t * step[a]));
+                        sum += (0..D).map(|a| step[a] * end[a]).sum::<f64>();
+                    }
                     for j in 0..k {
                         let far = eta[j] + t * direction[j] - anchor[j];
                         sum += direction[j] * (curvature * far - self.e[j]);
                     }
                     sum
                 };
-                let t = where_it_turns(rise);
+                let t = where_it_turns(dot(&slope, &direction), rise);
                 if !(t > 0.0) {
                     break;
                 }
-                z = at(t);
-                lambda = all(&z);
-                eta.iter_mut()
-                    .zip(&direction)
-                    .for_each(|(e, d)| *e += t * d);
+                add_times(t, &along, &mut z);
+                (lambda, derivatives) = all(&z);
+                add_times(t, &direction, &mut eta);
             }
             let left = self.excess(&lambda);
             let rounding = self.rounding(&lambda);
@@ -279,15 +281,13 @@ impl Balance {
     /// −H⁻¹ slope, with H = G P' Gᵀ and the added curvature.
     fn newton_direction<const D: usize>(
         &self,
-        z: &[f64],
+        derivatives: &[[[f64; D]; D]],
         slope: &[f64],
         curvature: f64,
-        project: &impl Fn(usize, [f64; D]) -> Projected<D>,
     ) -> Vec<f64> {
-        let (k, m) = (self.count(), z.len() / D);
+        let (k, m) = (self.count(), derivatives.len());
         let mut hessian = Mat::<f64>::zeros(k, k);
-        for i in 0..m {
-            let (_, derivative) = project(i, at(z, i));
+        for (i, derivative) in derivatives.iter().enumerate() {
             for (a, row) in derivative.iter().enumerate() {
                 for (b, &d) in row.iter().enumerate() {
                     if d == 0.0 {
@@ -505,9 +505,8 @@ fn times(matrix: &Mat<f64>, x: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Where a function that rises from a negative value at 0 comes near zero.
-fn where_it_turns(rise: impl Fn(f64) -> f64) -> f64 {
-    let first = rise(0.0);
+/// Where a function that rises from a negative value at 0, its `first`, comes near zero.
+fn where_it_turns(first: f64, rise: impl Fn(f64) -> f64) -> f64 {
     if !(first < 0.0) {
         return 0.0;
     }

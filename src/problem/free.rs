@@ -17,7 +17,6 @@ use crate::dense::right_singular;
 use crate::rigid::{self, Frame, length};
 use crate::sparse::{BlockCsr, Csr, dot, norm_max};
 use faer::Mat;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// An entry of G below this part of what it could be is rounding.
@@ -269,23 +268,34 @@ impl<const D: usize> FreeBodies<D> {
         let sizes: Vec<f64> = (self.bodies.iter())
             .flat_map(|body| body.modes.iter().map(largest))
             .collect();
-        // Each entry beside what it could be.
-        let mut entries: BTreeMap<(usize, usize), [f64; 2]> = BTreeMap::new();
-        for (row, column, value) in b.triplets() {
-            let Some((number, i)) = place[column / D] else {
-                continue;
-            };
-            let body = &self.bodies[number as usize];
-            for (k, mode) in body.modes.iter().enumerate() {
-                let motion = first[number as usize] + k;
-                let [sum, most] = entries.entry((row, motion)).or_default();
-                *sum += value * mode[i as usize][column % D];
-                *most += value.abs() * sizes[motion];
+        let mut entries = Vec::new();
+        // The entries of a row, beside what they could be, and the motions that have any.
+        let mut sums = vec![[0.0_f64; 2]; self.n_motions()];
+        let mut motions = Vec::new();
+        for row in 0..b.n_rows() {
+            let (columns, values) = b.row(row);
+            for (&column, value) in columns.iter().zip(values) {
+                let (column, value) = (column as usize, value[0][0]);
+                let Some((number, i)) = place[column / D] else {
+                    continue;
+                };
+                let body = &self.bodies[number as usize];
+                for (k, mode) in body.modes.iter().enumerate() {
+                    let motion = first[number as usize] + k;
+                    sums[motion][0] += value * mode[i as usize][column % D];
+                    sums[motion][1] += value.abs() * sizes[motion];
+                    motions.push(motion);
+                }
+            }
+            motions.sort_unstable();
+            motions.dedup();
+            for motion in motions.drain(..) {
+                let [sum, most] = std::mem::take(&mut sums[motion]);
+                if sum.abs() > DUST * most {
+                    entries.push((row, motion, sum));
+                }
             }
         }
-        let entries = (entries.into_iter())
-            .filter(|(_, [sum, most])| sum.abs() > DUST * most)
-            .map(|((row, motion), [sum, _])| (row, motion, sum));
         Csr::from_triplets(b.n_rows(), self.n_motions(), entries)
     }
 

@@ -19,7 +19,7 @@ use super::point::Point;
 use super::surrogate::Surrogate;
 use crate::constraint::{at, put, row_of};
 use crate::control::Stop;
-use crate::dense::{least_squares, transposed_product};
+use crate::dense::{solve, transposed_product};
 use crate::dual::balance::Balance;
 use crate::sparse::{add_times, difference, dot, norm};
 use faer::Mat;
@@ -156,7 +156,7 @@ impl Subproblem<'_> {
             matrix[(j, j)] += LOOSE / self.stiffness;
         }
         let right: Vec<f64> = trial.rest.iter().map(|v| -v).collect();
-        least_squares(matrix, &right)
+        solve(matrix, &right)
     }
 
     /// Lowers the merit to `target`, from s = 0 and a motion to start from, as far as that goes; also returns the number of

@@ -1,6 +1,6 @@
 //! A surrogate of A made of all products that are known: the multisecant update of a multiple of the identity.
 
-use crate::dense::symmetric_eigen;
+use crate::dense::symmetric_largest;
 use crate::sparse::{add_times, dot, norm};
 use faer::Mat;
 
@@ -29,6 +29,8 @@ pub(super) struct Surrogate {
     basis: Vec<Vec<f64>>,
     /// What each image may be off by, in the norm of A⁻¹, in which the image itself is one long.
     errors: Vec<f64>,
+    /// WᵀW up to the diagonal, row by row.
+    gram: Vec<Vec<f64>>,
     /// The largest eigenvalue of WWᵀ.
     largest: f64,
 }
@@ -141,6 +143,9 @@ impl Surrogate {
         }
         self.directions.push(direction);
         self.images.push(image);
+        let last = &self.images[self.len() - 1];
+        let row = self.images.iter().map(|w| dot(w, last)).collect();
+        self.gram.push(row);
         self.errors.push((own + others).sqrt() * scale);
         let length = self.extend_basis(self.len() - 1);
         self.base = 1.0 / (length * length);
@@ -151,6 +156,10 @@ impl Surrogate {
         self.directions.remove(number);
         self.images.remove(number);
         self.errors.remove(number);
+        self.gram.remove(number);
+        for row in &mut self.gram[number..] {
+            row.remove(number);
+        }
         self.basis.truncate(number);
         for k in number..self.len() {
             self.extend_basis(k);
@@ -175,15 +184,10 @@ impl Surrogate {
     /// WWᵀ has the eigenvalues of WᵀW.
     fn find_largest(&mut self) {
         let gram = Mat::from_fn(self.len(), self.len(), |i, j| {
-            if j <= i {
-                dot(&self.images[i], &self.images[j])
-            } else {
-                0.0
-            }
+            self.gram[i].get(j).copied().unwrap_or(0.0)
         });
-        if let Some((values, _)) = symmetric_eigen(&gram) {
-            self.largest = values.last().copied().unwrap_or(0.0);
-        }
+        // 0 for the NaN of no pairs at all.
+        self.largest = symmetric_largest(&gram).max(0.0);
     }
 }
 
