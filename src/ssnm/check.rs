@@ -64,12 +64,18 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         }
         self.make_exact(&mut way.point)?;
         way.err = self.error(&mut way.point);
-        let nothing_left = way.err <= self.rounding(&way.point);
-        Ok(if nothing_left && !self.meets(goal, &way.point, way.err) {
-            Ended::With(Status::Stagnated)
-        } else {
-            Ended::Again
-        })
+        if way.err > self.rounding(&way.point) || self.meets(goal, &way.point, way.err) {
+            return Ok(Ended::Again);
+        }
+        // Forces that rounding has left where nothing touches are gone after a projected gradient step; no gap tells
+        // whether it was made.
+        let mut end = way.point.clone();
+        end.lambda = self.settle(&mut end, self.rho());
+        if !self.meets(goal, &end, way.err) {
+            return Ok(Ended::With(Status::Stagnated));
+        }
+        way.point = end;
+        Ok(Ended::Again)
     }
 
     /// The reason not to make another step.
