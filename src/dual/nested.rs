@@ -133,7 +133,17 @@ impl<B: Backend> NestedDual<B> {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Followed, DualError> {
-        let unit = power_of_two_below(norm(&self.load).max(norm(lambda)));
+        let size = norm(&self.load).max(norm(lambda));
+        if size == 0.0 {
+            // What PCG leaves of a u that ought to vanish would shrink for ever.
+            self.u.fill(0.0);
+            if let Some(there) = &mut self.on_backend {
+                self.pcg.backend.clear(&mut there.u);
+            }
+            y.fill(0.0);
+            return Ok(Followed::default());
+        }
+        let unit = power_of_two_below(size);
         if !(1.0 / FAR..FAR).contains(&(unit / self.unit)) {
             self.scale_to(unit)?;
         }
