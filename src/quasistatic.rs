@@ -96,8 +96,6 @@ pub struct Settings<'a> {
     pub friction_tolerance: Option<f64>,
     /// Rounds at most.
     pub max_rounds: usize,
-    /// Whether the fixed point of the rounds is accelerated.
-    pub accelerate: bool,
 }
 
 impl Settings<'_> {
@@ -126,7 +124,6 @@ impl Default for Settings<'_> {
             coupled: true,
             friction_tolerance: None,
             max_rounds: 100,
-            accelerate: true,
         }
     }
 }

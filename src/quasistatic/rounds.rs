@@ -2,7 +2,7 @@
 //!
 //! The bounds are a fixed point of g ↦ μλν(g), where λν(g) solves the problem with the given bounds g (Tresca), which
 //! is a minimisation and has a safeguard: successive approximation as in Nečas, Jarušek and Haslinger (1980),
-//! warm-started, with Anderson's acceleration (Walker and Ni 2011).
+//! warm-started. Where coupled steps give up, rounds mostly end with a certificate that nothing holds a body.
 //!
 //! **Bodies that only contact holds** have to be balanced by the forces of each round. The bounds of a round are
 //! those of forces on or inside Coulomb's cones that balance the bodies, so that the round can; the forces
@@ -11,7 +11,6 @@
 
 use super::{Event, Process};
 use crate::constraint::{Disc, lawful};
-use crate::dense::least_squares;
 use crate::dual::DualOperator;
 use crate::dual::balance::{Balance, Nearest};
 use crate::problem::ContactProblem;
@@ -36,7 +35,6 @@ pub(super) struct Rounds<'a, const D: usize> {
     /// The bounds of the last one that was made, or of the first.
     pub bounds: Vec<f64>,
     next: Vec<f64>,
-    anderson: Anderson,
     /// The tolerance of the next one, and of the last.
     tolerance: f64,
     tight: f64,
@@ -59,7 +57,6 @@ impl<'a, const D: usize> Rounds<'a, D> {
             lambda: lambda.to_vec(),
             next: bounds.clone(),
             bounds,
-            anderson: Anderson::default(),
             tolerance: tight.max(FIRST_TOLERANCE.min(CLOSER * reached)),
             tight,
             made: 0,
@@ -116,12 +113,7 @@ impl<'a, const D: usize> Rounds<'a, D> {
             if change <= wanted {
                 self.tolerance = self.tight;
             }
-            self.next = if step.settings.accelerate {
-                let next = self.anderson.next(&self.bounds, &changes);
-                self.cones.admissible(&next, lambda)
-            } else {
-                next
-            };
+            self.next = next;
             if status.is_some() || self.made >= last {
                 let more = status.is_none() && self.made < step.settings.max_rounds;
                 let solution = Solution {
@@ -200,70 +192,5 @@ impl<'a, const D: usize> Cones<'a, D> {
                 .bounds(&self.nearest(balance, lambda).lambda)
                 .into_owned(),
         }
-    }
-
-    /// Bounds close to `bounds`, under which forces like λ can balance the bodies.
-    fn admissible(&self, bounds: &[f64], lambda: &[f64]) -> Vec<f64> {
-        if self.balance.is_none() {
-            return bounds.iter().map(|g| g.max(0.0)).collect();
-        }
-        let mut wanted = lambda.to_vec();
-        for (i, &bound) in bounds.iter().enumerate() {
-            let mu = self.mu(i);
-            if mu > 0.0 {
-                wanted[i] = (bound / mu).max(0.0);
-            }
-        }
-        self.bounds(&wanted)
-    }
-}
-
-/// Earlier pairs that Anderson's acceleration looks at.
-const DEPTH: usize = 5;
-/// A residual that grows by more than this starts it anew.
-const WORSE: f64 = 2.0;
-
-/// Anderson's acceleration of a fixed point iteration x ↦ x + r(x).
-#[derive(Default)]
-struct Anderson {
-    /// Differences of successive x and r.
-    steps: Vec<(Vec<f64>, Vec<f64>)>,
-    last: Option<(Vec<f64>, Vec<f64>)>,
-    /// The least ‖r‖ so far.
-    best: Option<f64>,
-}
-
-impl Anderson {
-    /// The next point from the present one and its residual.
-    fn next(&mut self, x: &[f64], r: &[f64]) -> Vec<f64> {
-        let size = norm(r);
-        let worse = self.best.is_some_and(|best| size > WORSE * best);
-        match self.last.take() {
-            Some((old_x, old_r)) if !worse => {
-                self.steps
-                    .push((difference(x, &old_x), difference(r, &old_r)));
-                if self.steps.len() > DEPTH {
-                    self.steps.remove(0);
-                }
-            }
-            _ => self.steps.clear(),
-        }
-        self.best = Some(self.best.map_or(size, |best| best.min(size)));
-        self.last = Some((x.to_vec(), r.to_vec()));
-        let mut next: Vec<f64> = x.iter().zip(r).map(|(x, r)| x + r).collect();
-        let columns = self.steps.len();
-        if columns > 0 && columns < x.len() {
-            // The combination of the differences that comes closest to r.
-            let matrix = faer::Mat::from_fn(x.len(), columns, |i, j| self.steps[j].1[i]);
-            let gamma = least_squares(matrix, r);
-            if gamma.iter().all(|g| g.is_finite() && g.abs() < 1e3) {
-                for (g, (dx, dr)) in gamma.iter().zip(&self.steps) {
-                    for i in 0..next.len() {
-                        next[i] -= g * (dx[i] + dr[i]);
-                    }
-                }
-            }
-        }
-        next
     }
 }
