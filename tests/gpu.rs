@@ -137,6 +137,8 @@ struct Results {
     scattered: Vec<f64>,
     /// x, copied and handed to a run that continues.
     kept: Vec<f64>,
+    /// y − 0.3 x.
+    added: Vec<f64>,
 }
 
 fn results<B: Backend<Stored = f32>, const D: usize>(mut b: B, data: &Data<D>) -> Results {
@@ -160,6 +162,10 @@ fn results<B: Backend<Stored = f32>, const D: usize>(mut b: B, data: &Data<D>) -
         let mut y = vector(b, &scaled)?;
         b.subtract_product(&k, &x, &mut y);
         let subtracted = get(b, &y)?.iter().map(|v| v / scale).collect();
+
+        let mut added = vector(b, &data.y)?;
+        b.add(-0.3, &x, &mut added);
+        let added = get(b, &added)?;
 
         let mut short = b.vector(data.short.len())?;
         b.upload(&data.short, &mut short);
@@ -218,6 +224,7 @@ fn results<B: Backend<Stored = f32>, const D: usize>(mut b: B, data: &Data<D>) -
             gathered,
             scattered,
             kept,
+            added,
         })
     };
     run(&mut b).unwrap_or_else(|error| panic!("{error}"))
@@ -270,6 +277,12 @@ fn compare<const D: usize>(data: &Data<D>, gpu: Gpu, what: &str) {
         &format!("scatter, {what}"),
     );
     assert_close(&found.kept, &data.x, unit, &format!("copy, {what}"));
+    let added: Vec<f64> = (data.y.iter().zip(&data.x))
+        .map(|(y, x)| y - f64::from(0.3_f32) * x)
+        .collect();
+    for (sum, by) in [(&found.added, "GPU"), (&expected.added, "CPU")] {
+        assert_close(sum, &added, 2.0 * unit, &format!("y − 0.3 x, {by}, {what}"));
+    }
     assert_close(
         &found.product,
         &expected.product,

@@ -117,4 +117,14 @@ impl Law {
             self.project::<D>(lambda, Some(balance));
         }
     }
+
+    /// The same law on all of m nodes.
+    #[cfg(test)]
+    pub fn with(m: usize, given: f64, mu: f64) -> Self {
+        let mu = if mu > 0.0 { vec![mu; m] } else { Vec::new() };
+        Self {
+            given: vec![given; m],
+            mu,
+        }
+    }
 }

@@ -200,3 +200,83 @@ impl Subproblem<'_> {
         (best, STEPS)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dual::scatter;
+
+    /// A contact problem on a surrogate of a few pairs of diag(1, 2, 3, …) + uuᵀ, by the projected gradient steps of many
+    /// thousand iterations: the error of the answer, what it was at the start, and the distance of the two answers.
+    fn compare<const D: usize>(law: &Law, m: usize, pairs: usize, seed: usize) -> [f64; 3] {
+        let n = D * m;
+        let numbers = scatter(n * (pairs + 3) + seed);
+        let mut rows = numbers[seed..].chunks(n);
+        let mut next = || {
+            rows.next()
+                .unwrap_or_else(|| panic!("too few numbers"))
+                .to_vec()
+        };
+        let u = next();
+        let mut surrogate = Surrogate::default();
+        surrogate.guess_base(2.0);
+        for _ in 0..pairs {
+            let v = next();
+            let along = dot(&u, &v);
+            let image: Vec<f64> = (0..n)
+                .map(|i| (1.0 + (i % 3) as f64) * v[i] + along * u[i])
+                .collect();
+            surrogate.add(&v, &image, 0.0, 0.0);
+        }
+        let from = Point {
+            lambda: vec![0.0; n],
+            r: next().iter().map(|v| 4.0 * v).collect(),
+            motion: Vec::new(),
+        };
+        let stop = Stop::default();
+        let (trial, _) = Subproblem {
+            surrogate: &surrogate,
+            law,
+            balance: None,
+            from: &from,
+            stiffness: surrogate.base(),
+            stop: &stop,
+        }
+        .solve::<D>(Vec::new(), 1e-12);
+        let rho = 1.0 / surrogate.largest();
+        let step = |lambda: &[f64]| -> Vec<f64> {
+            let mut z = lambda.to_vec();
+            add_times(-rho, &surrogate.times(lambda), &mut z);
+            add_times(-rho, &from.r, &mut z);
+            law.project::<D>(&mut z, None);
+            z
+        };
+        let err = |lambda: &[f64]| norm(&difference(&step(lambda), lambda)) / rho;
+        let mut slow = from.lambda.clone();
+        for _ in 0..20_000 {
+            slow = step(&slow);
+        }
+        let apart = norm(&difference(&slow, &trial.lambda));
+        [err(&trial.lambda), err(&from.lambda), apart]
+    }
+
+    #[test]
+    fn many_slow_steps_come_to_the_same() {
+        for m in [1, 2, 7, 30] {
+            for pairs in [0, 1, 5, 12] {
+                for (given, mu) in [(0.0, 0.0), (0.4, 0.0), (1e3, 0.0), (0.0, 0.3)] {
+                    let seed = 3 * m + pairs;
+                    let law = Law::with(m, given, mu);
+                    for [err, first, apart] in [
+                        compare::<2>(&law, m, pairs.min(m), seed),
+                        compare::<3>(&law, m, pairs.min(m), seed),
+                    ] {
+                        let what = format!("{m} nodes, {pairs} pairs, g = {given}, mu = {mu}");
+                        assert!(err <= 1e-9 * first, "{what}: {err:e} of {first:e}");
+                        assert!(apart < 1e-7, "{what}: {apart:e}");
+                    }
+                }
+            }
+        }
+    }
+}
