@@ -290,7 +290,7 @@ mod tests {
         // Too flat.
         surrogate.add(&[1.0; 40], &times_a(&[1.0; 40]), 0.0, 10.0);
         assert_eq!((surrogate.len(), surrogate.base()), (5, base));
-        let (surrogate, _) = filled(200, MOST + 10);
+        let (surrogate, _) = filled(2 * MOST, MOST + 10);
         assert_eq!(surrogate.len(), MOST);
         for (v, w) in surrogate.directions.iter().zip(&surrogate.images) {
             let differences = surrogate.times(v).into_iter().zip(w);
