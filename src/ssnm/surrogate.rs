@@ -12,7 +12,8 @@ const MOST: usize = 240;
 /// its image would be known to no more than half of the digits.
 const INDEPENDENT: f64 = 1e-8;
 
-/// A pair is hidden by errors where their square, times this, is more than what is new of it.
+/// A pair is hidden by errors where their square, times this, is more than what is new of it. By PCG with 2 the template
+/// shear takes 370 products in place of 97, with 9 all of them together 4 % more V-cycles.
 const HIDDEN: f64 = 4.0;
 
 /// Ã = c (I − V(VᵀV)⁻¹Vᵀ) + W(VᵀW)⁻¹Wᵀ with W = AV: symmetric and positive definite, and Ãv = Av for all known v.
