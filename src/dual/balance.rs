@@ -9,7 +9,7 @@
 use crate::constraint::{NodeSets, Projected, at, put, row_of};
 use crate::dense::{pseudo_inverse, symmetric_eigen};
 use crate::problem::FreeBodies;
-use crate::sparse::{Csr, add_times, dot, norm_max};
+use crate::sparse::{Csr, add_times, norm_max};
 use faer::Mat;
 use std::array::from_fn;
 use std::rc::Rc;
@@ -225,7 +225,7 @@ impl Balance {
                     }
                     sum
                 };
-                let t = where_it_turns(dot(&slope, &direction), rise);
+                let t = where_it_turns(rise);
                 if !(t > 0.0) {
                     break;
                 }
@@ -505,8 +505,9 @@ fn times(matrix: &Mat<f64>, x: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Where a function that rises from a negative value at 0, its `first`, comes near zero.
-fn where_it_turns(first: f64, rise: impl Fn(f64) -> f64) -> f64 {
+/// Where a function that rises from a negative value at 0 comes near zero.
+fn where_it_turns(rise: impl Fn(f64) -> f64) -> f64 {
+    let first = rise(0.0);
     if !(first < 0.0) {
         return 0.0;
     }
