@@ -135,8 +135,13 @@ fn tolerance(stiffness: Stiffness) -> f64 {
     }
 }
 
-/// What pressures may be off by where cuts run askew: measured 4e-7.
-const ASKEW: f64 = 1e-6;
+/// What pressures may be off by where cuts run askew: measured 4e-7 on the factor, 5e-6 by PCG, which is asked for less.
+fn askew(stiffness: Stiffness) -> f64 {
+    match stiffness {
+        Stiffness::Cholesky => 1e-6,
+        _ => 1e-5,
+    }
+}
 
 fn patches<const D: usize>(seed: u64)
 where
@@ -159,7 +164,7 @@ where
                 // nearby places share their forces as A is conditioned.
                 let is_askew = D == 3 && cuts[0][1] != 0.0;
                 let limit = if is_askew {
-                    ASKEW
+                    askew(stiffness)
                 } else {
                     100.0 * tolerance(stiffness)
                 };
