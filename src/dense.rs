@@ -9,6 +9,7 @@ use faer::linalg::cholesky::llt;
 use faer::linalg::evd::{self, ComputeEigenvectors};
 use faer::linalg::lu::partial_pivoting;
 use faer::linalg::matmul::matmul;
+#[cfg(any(feature = "plots", test))]
 use faer::linalg::qr::{col_pivoting, no_pivoting};
 use faer::linalg::svd::{self, ComputeSvdVectors};
 use faer::{Accum, Conj, Mat, Par};
@@ -101,6 +102,7 @@ pub(crate) fn right_singular(matrix: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)> 
 }
 
 /// The x with the least ‖M x − b‖, for a matrix with no fewer rows than columns.
+#[cfg(any(feature = "plots", test))]
 pub(crate) fn least_squares(mut matrix: Mat<f64>, b: &[f64]) -> Vec<f64> {
     let (m, n) = (matrix.nrows(), matrix.ncols());
     let block = no_pivoting::factor::recommended_block_size::<f64>(m, n);
