@@ -19,24 +19,40 @@ const PAR: Par = Par::Seq;
 /// Eigenvalues, the least first, and eigenvectors (columns) of a symmetric matrix, of which the lower triangle is
 /// read; None if an entry is not finite.
 pub(crate) fn symmetric_eigen(matrix: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)> {
+    let mut vectors = Mat::zeros(matrix.nrows(), matrix.nrows());
+    let values = eigenvalues(matrix, Some(&mut vectors))?;
+    Some((values, vectors))
+}
+
+/// The largest of them alone; NaN if an entry is not finite, or there is none.
+pub(crate) fn symmetric_largest(matrix: &Mat<f64>) -> f64 {
+    let values = eigenvalues(matrix, None);
+    values
+        .and_then(|values| values.last().copied())
+        .unwrap_or(f64::NAN)
+}
+
+fn eigenvalues(matrix: &Mat<f64>, vectors: Option<&mut Mat<f64>>) -> Option<Vec<f64>> {
     let n = matrix.nrows();
     if !is_finite(matrix) {
         return None;
     }
     let mut values = Diag::zeros(n);
-    let mut vectors = Mat::zeros(n, n);
-    let with = ComputeEigenvectors::Yes;
+    let with = match vectors {
+        Some(_) => ComputeEigenvectors::Yes,
+        None => ComputeEigenvectors::No,
+    };
     let scratch = evd::self_adjoint_evd_scratch::<f64>(n, with, PAR, Default::default());
     evd::self_adjoint_evd(
         matrix.as_ref(),
         values.as_mut(),
-        Some(vectors.as_mut()),
+        vectors.map(Mat::as_mut),
         PAR,
         MemStack::new(&mut MemBuffer::new(scratch)),
         Default::default(),
     )
     .ok()?;
-    Some((values.column_vector().iter().copied().collect(), vectors))
+    Some(values.column_vector().iter().copied().collect())
 }
 
 /// The largest eigenvalue of a small symmetric tridiagonal matrix, as Lanczos leaves behind: `off` are the entries beside
@@ -49,31 +65,6 @@ pub(crate) fn tridiagonal_largest(diagonal: &[f64], off: &[f64]) -> f64 {
         _ => 0.0,
     });
     symmetric_largest(&lower)
-}
-
-/// The largest eigenvalue of a symmetric matrix, of which the lower triangle is read; NaN if an entry is not finite, or
-/// there is none.
-pub(crate) fn symmetric_largest(matrix: &Mat<f64>) -> f64 {
-    let n = matrix.nrows();
-    if !is_finite(matrix) {
-        return f64::NAN;
-    }
-    let mut values = Diag::zeros(n);
-    let without = ComputeEigenvectors::No;
-    let scratch = evd::self_adjoint_evd_scratch::<f64>(n, without, PAR, Default::default());
-    let made = evd::self_adjoint_evd(
-        matrix.as_ref(),
-        values.as_mut(),
-        None,
-        PAR,
-        MemStack::new(&mut MemBuffer::new(scratch)),
-        Default::default(),
-    );
-    let values = values.column_vector();
-    match made {
-        Ok(()) if n > 0 => values[n - 1],
-        _ => f64::NAN,
-    }
 }
 
 /// Singular values, the largest first, and all right singular vectors (columns): those of a matrix with few rows,

@@ -9,8 +9,8 @@ use std::array::from_fn;
 /// gap were that of one node alone. Neighbours share most of it: pressures were found right to 0.2 to 1.6 times
 /// this figure.
 const FORCES: f64 = 2000.0;
-/// The part of it that is asked for under Coulomb's law: GCR makes the residual least, not the energy, and leaves more
-/// of what a force on a single node does.
+/// The part of it that is asked for under Coulomb's law, where no energy is made least, so that more is left of what a
+/// force on a single node does.
 const COULOMB: f64 = 0.25;
 /// Pressures below this part of the tractions are none.
 const NO_PRESSURE: f64 = 1e-9;
