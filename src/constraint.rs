@@ -205,11 +205,6 @@ impl Disc {
         }
     }
 
-    /// Whether λν, and λτ, lie strictly within their bounds.
-    pub fn contains<const D: usize>(self, lambda: [f64; D]) -> [bool; 2] {
-        [lambda[0] > 0.0, !self.at_bound(lambda)]
-    }
-
     /// Whether λτ lies on its bound: in space, where its length is a root, but for rounding.
     pub fn at_bound<const D: usize>(self, lambda: [f64; D]) -> bool {
         let within = if D == 2 { 1.0 } else { 1.0 - ROUNDING };

@@ -345,6 +345,11 @@ impl Oracle {
         let gap: Vec<f64> = load.gap.iter().zip(&closing).map(|(d, c)| d - c).collect();
         let bound = self.bounds(lambda);
         let reference = self.largest_pressure(lambda, &dust);
+        // Where nothing presses at all, the loads are the yardstick.
+        let of_node = |i: usize| match reference > 0.0 {
+            true => LOCAL * reference * self.of.areas[i],
+            false => MET * force,
+        };
         let most = largest(lambda);
         let mut work = Sum::default();
         let mut work_rounding = 0.0;
@@ -357,20 +362,10 @@ impl Oracle {
             // What closes no more than rounding is no pressure.
             let pressed = ln[i] - dust[i];
             let local = pressed.min((gap[i] - rounding) / c);
-            note(
-                "pressed and apart",
-                i,
-                local.max(0.0),
-                LOCAL * reference * self.of.areas[i] + dust[i],
-            );
+            note("pressed and apart", i, local.max(0.0), of_node(i) + dust[i]);
             if gap[i] < 0.0 {
                 let local = (-gap[i] - rounding).max(0.0) / c;
-                note(
-                    "not pressed enough",
-                    i,
-                    local,
-                    LOCAL * reference * self.of.areas[i] + dust[i],
-                );
+                note("not pressed enough", i, local, of_node(i) + dust[i]);
             }
         }
         note(
@@ -409,7 +404,7 @@ impl Oracle {
                 "friction of a node",
                 i,
                 local,
-                LOCAL * reference * self.of.areas[i] + dust[m + i] + ROUNDING * bound[i],
+                of_node(i) + dust[m + i] + ROUNDING * bound[i],
             );
         }
         (all, blind)

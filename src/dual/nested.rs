@@ -5,8 +5,8 @@ use crate::backend::{Backend, Run};
 use crate::control::Accuracy;
 use crate::problem::ContactProblem;
 use crate::sparse::stored::power_of_two_below;
-use crate::sparse::{Csr, norm};
-use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner};
+use crate::sparse::{Csr, difference, norm};
+use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner, UNREACHABLE};
 
 /// Times that a displacement is made more accurate for the sake of its ties.
 const MOST_PASSES: usize = 4;
@@ -133,8 +133,10 @@ impl<B: Backend> NestedDual<B> {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Followed, DualError> {
-        let size = norm(&self.load).max(norm(lambda));
-        if size == 0.0 {
+        let mut contact = vec![0.0; self.load.len()];
+        self.b.mul_transpose_add(1.0, lambda, &mut contact);
+        let terms = norm(&self.load).max(norm(&contact));
+        if terms == 0.0 {
             // What PCG leaves of a u that ought to vanish would shrink for ever.
             self.u.fill(0.0);
             if let Some(there) = &mut self.on_backend {
@@ -143,7 +145,7 @@ impl<B: Backend> NestedDual<B> {
             y.fill(0.0);
             return Ok(Followed::default());
         }
-        let unit = power_of_two_below(size);
+        let unit = power_of_two_below(terms);
         if !(1.0 / FAR..FAR).contains(&(unit / self.unit)) {
             self.scale_to(unit)?;
         }
@@ -151,13 +153,12 @@ impl<B: Backend> NestedDual<B> {
             for (u, x) in self.u.iter_mut().zip(&self.x) {
                 *u -= along * x;
             }
-            let mut load = self.load.clone();
-            self.b.mul_transpose_add(-1.0, lambda, &mut load);
+            let load = difference(&self.load, &contact);
             let accuracy = match accuracy {
-                Accuracy::Residual(residual) => Accuracy::Residual(residual / norm(&load)),
+                Accuracy::Residual(residual) => Accuracy::Residual(residual / terms),
                 accuracy => accuracy,
             };
-            let followed = self.pcg.refine(&load, &mut self.u, accuracy, stop)?;
+            let followed = (self.pcg).refine(&load, terms, &mut self.u, accuracy, stop)?;
             self.b.mul(&self.u, y);
             return Ok(followed);
         };
@@ -173,7 +174,12 @@ impl<B: Backend> NestedDual<B> {
                 residual: residual / unit,
                 ..Run::default()
             },
-            accuracy => self.pcg.run_to(accuracy, unit),
+            accuracy => Run {
+                // What is left of forces that cancel is rounding: without a floor the residual of a u that follows would
+                // have to shrink from step to step.
+                residual: UNREACHABLE * terms / unit,
+                ..self.pcg.run_to(accuracy, unit)
+            },
         };
         let run = Run {
             continues: true,
@@ -240,7 +246,8 @@ impl<B: Backend> DualOperator for NestedDual<B> {
             self.b.mul_transpose_add(1.0, p, &mut load);
             self.x.fill(0.0);
             self.x.resize(load.len(), 0.0);
-            self.pcg.refine(&load, &mut self.x, accuracy, stop)?;
+            let length = norm(&load);
+            (self.pcg).refine(&load, length, &mut self.x, accuracy, stop)?;
             self.b.mul(&self.x, y);
             return Ok(());
         };

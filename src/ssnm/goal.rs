@@ -14,8 +14,6 @@ const FORCES: f64 = 2000.0;
 const COULOMB: f64 = 0.25;
 /// Pressures below this part of the tractions are none.
 const NO_PRESSURE: f64 = 1e-9;
-/// Forces that close less than this multiple of what rounding leaves of a gap are no contact.
-const TOUCHING: f64 = 10.0;
 
 /// The goal of a solve; all in the units of the problem but for `err`.
 pub(super) struct Goal {
@@ -84,23 +82,24 @@ impl Goal {
     }
 }
 
-/// Whether the forces at a point with gradient r are as accurate as ε asks for.
+/// Whether what the gradient r at a point could still move a pressure or a traction by is as small a part of the largest
+/// pressure (without pressure, of the largest traction) as ε asks for.
+///
+/// A gap rᵢ in what ought to be closed is closed by a force of rᵢ/cᵢ if it is that of a single node: cᵢ is
+/// Σⱼ Bᵢⱼ²/Kⱼⱼ ≤ Aᵢᵢ, where nodes share what they meet (many of them on one large element) with their shares. No gap is
+/// known better than to the rounding of what it is the difference of, and forces that rounding hides to the accuracy asked
+/// for are none.
 pub(super) fn forces_met<const D: usize>(
     tolerance: f64,
     problem: &ContactProblem<D>,
     lambda: &[f64],
     r: &[f64],
 ) -> bool {
-    force_error(problem, lambda, r) <= FORCES * part(problem) * tolerance
-}
-
-/// What the gradient r could still move a pressure or a traction by, relative to the largest pressure (without
-/// pressure, to the largest traction).
-///
-/// A gap rᵢ in what ought to be closed is closed by a force of rᵢ/cᵢ if it is that of a single node: cᵢ is
-/// Σⱼ Bᵢⱼ²/Kⱼⱼ ≤ Aᵢᵢ, where nodes share what they meet (many of them on one large element) with their shares. No gap is
-/// known better than to the rounding of what it is the difference of, and a force that closes less is none.
-fn force_error<const D: usize>(problem: &ContactProblem<D>, lambda: &[f64], r: &[f64]) -> f64 {
+    let asked = tolerance
+        * match problem.has_coulomb() {
+            true => COULOMB * FORCES,
+            false => FORCES,
+        };
     let (areas, compliance) = (problem.areas(), problem.own_compliance());
     let (bounds, offsets) = (problem.bounds(lambda), problem.offsets());
     let terms = offsets
@@ -111,19 +110,18 @@ fn force_error<const D: usize>(problem: &ContactProblem<D>, lambda: &[f64], r: &
     let (mut pressure, mut traction) = (0.0_f64, 0.0_f64);
     let mut off = 0.0_f64;
     for (i, (&g, &area)) in bounds.iter().zip(areas).enumerate() {
-        let [node, slope, c, closes] =
-            [lambda, r, compliance, problem.compliance()].map(|x| at::<D>(x, i));
+        let [node, slope, c] = [lambda, r, compliance].map(|x| at::<D>(x, i));
         let disc = Disc { g };
-        let asked: [f64; D] = from_fn(|a| {
+        let wanted: [f64; D] = from_fn(|a| {
             if c[a] > 0.0 {
                 node[a] - slope[a] / c[a]
             } else {
                 node[a]
             }
         });
-        let (met, within) = (disc.project(asked), disc.contains(node));
+        let met = disc.project(wanted);
         for a in 0..D {
-            if closes[a] * node[a].abs() > TOUCHING * rounding {
+            if asked * c[a] * node[a].abs() > rounding {
                 let largest = if a == 0 { &mut pressure } else { &mut traction };
                 *largest = largest.max(node[a].abs() / area);
             }
@@ -132,14 +130,11 @@ fn force_error<const D: usize>(problem: &ContactProblem<D>, lambda: &[f64], r: &
             }
             let moved = (met[a] - node[a]).abs() / area;
             // NaN must not pass.
-            if moved.is_nan() || asked[a].is_nan() {
-                return f64::NAN;
+            if moved.is_nan() || wanted[a].is_nan() {
+                return false;
             }
             if slope[a].abs() > rounding {
                 off = off.max(moved);
-            }
-            if within[a.min(1)] {
-                off = off.max(rounding / c[a] / area);
             }
         }
     }
@@ -149,13 +144,5 @@ fn force_error<const D: usize>(problem: &ContactProblem<D>, lambda: &[f64], r: &
     } else {
         traction
     };
-    if largest == 0.0 || off == 0.0 {
-        0.0
-    } else {
-        off / largest
-    }
-}
-
-fn part<const D: usize>(problem: &ContactProblem<D>) -> f64 {
-    if problem.has_coulomb() { COULOMB } else { 1.0 }
+    largest == 0.0 || off <= asked * largest
 }

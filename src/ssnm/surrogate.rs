@@ -12,10 +12,6 @@ const MOST: usize = 240;
 /// its image would be known to no more than half of the digits.
 const INDEPENDENT: f64 = 1e-8;
 
-/// A pair is hidden by errors where their square, times this, is more than what is new of it. By PCG with 2 the template
-/// shear takes 370 products in place of 97, with 9 all of them together 4 % more V-cycles.
-const HIDDEN: f64 = 4.0;
-
 /// Ã = c (I − V(VᵀV)⁻¹Vᵀ) + W(VᵀW)⁻¹Wᵀ with W = AV: symmetric and positive definite, and Ãv = Av for all known v.
 ///
 /// The columns of V are A-orthonormal, so that VᵀW = I; with an orthonormal basis Q of their span Ã is
@@ -132,7 +128,7 @@ impl Surrogate {
         // Written so that NaN is refused.
         let is_new =
             new > INDEPENDENT * INDEPENDENT * before && new > flat * dot(&direction, &direction);
-        if !(is_new && new >= HIDDEN * (own + others)) {
+        if !(is_new && new >= own + others) {
             let worst = (0..self.len()).max_by(|&i, &j| inherited(i).total_cmp(&inherited(j)));
             // What is known better than by this pair stays.
             return worst.filter(|_| others > 0.0 && own <= others);

@@ -71,7 +71,7 @@ const FALLS: (f64, f64) = (0.02, 0.98);
 /// The relative error in energy that rounding leaves of a correction in f32, before the first has told.
 const ROUNDING: f64 = 0.1;
 /// A relative residual that rounding keeps out of reach.
-const UNREACHABLE: f64 = 1e-15;
+pub(crate) const UNREACHABLE: f64 = 1e-15;
 
 /// ‖r‖² never grows by this factor unless K is singular and the right-hand side has a part that no x can
 /// meet.
@@ -292,7 +292,7 @@ impl<B: Backend> Pcg<B> {
     ) -> Result<(), PcgError> {
         if !self.is_f64() {
             x.fill(0.0);
-            self.refine(b, x, Accuracy::Residual(tolerance), stop)?;
+            self.refine(b, norm(b), x, Accuracy::Residual(tolerance), stop)?;
             return Ok(());
         }
         self.counts.solves += 1;
@@ -366,17 +366,17 @@ impl<B: Backend> Pcg<B> {
         self.fall / (1.0 - self.fall)
     }
 
-    /// Lowers the error of x in K x = b by CG in low precision inside f64. Where it stalls, x is what it has
-    /// reached.
+    /// Lowers the error of x in K x = b by CG in low precision inside f64; `terms` is the norm of what b is the difference
+    /// of, which residuals are relative to. Where it stalls, x is what it has reached.
     pub(crate) fn refine(
         &mut self,
         b: &[f64],
+        terms: f64,
         x: &mut [f64],
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Followed, PcgError> {
         self.counts.solves += 1;
-        let length_b = norm(b);
         let start = self.counts.iterations;
         let mut correction = vec![0.0; b.len()];
         let mut residual = b.to_vec();
@@ -384,9 +384,9 @@ impl<B: Backend> Pcg<B> {
             self.k.subtract_product(x, &mut residual);
         }
         let goal = match accuracy {
-            Accuracy::Residual(tolerance) => tolerance * length_b,
+            Accuracy::Residual(tolerance) => tolerance * terms,
             // As far as f64 goes.
-            Accuracy::Energy { .. } => UNREACHABLE * length_b,
+            Accuracy::Energy { .. } => UNREACHABLE * terms,
         };
         let mut asked = CORRECTION;
         // Of eᵀKe: what all corrections have taken away, what the last one has, what it has left on purpose.
@@ -447,7 +447,7 @@ impl<B: Backend> Pcg<B> {
             asked = (0.5 * achieved).clamp(CORRECTION, LEAST_CORRECTION);
         }
         // What f64 cannot give is not asked for again: whether it is enough shows in the final check.
-        if length <= goal.max(AT_ROUNDING * length_b) {
+        if length <= goal.max(AT_ROUNDING * terms) {
             return Ok(self.refined(energy, 0.0));
         }
         let asked = match accuracy {
@@ -455,7 +455,7 @@ impl<B: Backend> Pcg<B> {
             Accuracy::Energy { relative, .. } => relative,
         };
         Err(PcgError::Stalled {
-            reached: length / length_b,
+            reached: length / terms,
             asked,
             iterations: self.counts.iterations - start,
         })

@@ -139,7 +139,7 @@ fn tolerance(stiffness: Stiffness) -> f64 {
 fn askew(stiffness: Stiffness) -> f64 {
     match stiffness {
         Stiffness::Cholesky => 1e-6,
-        _ => 1e-5,
+        _ => 1e-6,
     }
 }
 
