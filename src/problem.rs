@@ -94,8 +94,6 @@ pub struct ContactProblem<const D: usize = 2> {
     parts: Arc<Vec<u32>>,
     /// Σⱼ Bᵢⱼ²/Kⱼⱼ, length D m; in space the mean of the tangents of a node for both.
     compliance: Arc<Vec<f64>>,
-    /// The same with the share that each row has of the unknowns of several.
-    own_compliance: Arc<Vec<f64>>,
 }
 
 impl<const D: usize> ContactProblem<D> {
@@ -125,7 +123,7 @@ impl<const D: usize> ContactProblem<D> {
             Some(points) => FreeBodies::among(&data.stiffness, points, count, &parts),
             None => FreeBodies::default(),
         };
-        let (compliance, own_compliance) = compliances(&data);
+        let compliance = compliances(&data);
         Self {
             n,
             n_free: n,
@@ -136,7 +134,6 @@ impl<const D: usize> ContactProblem<D> {
             free: Arc::new(free),
             parts: Arc::new(parts),
             compliance: Arc::new(compliance),
-            own_compliance: Arc::new(own_compliance),
             stiffness: Arc::new(data.stiffness),
             load: data.load,
             normal: data.normal,
@@ -365,12 +362,6 @@ impl<const D: usize> ContactProblem<D> {
         &self.compliance
     }
 
-    /// Σⱼ Bᵢⱼ²/Kⱼⱼ with what each row has of the unknowns that several share: by about so much a force of its own closes a
-    /// gap that is the difference of neighbours, length D m.
-    pub(crate) fn own_compliance(&self) -> &[f64] {
-        &self.own_compliance
-    }
-
     /// N.
     pub fn normal(&self) -> &Csr {
         &self.normal
@@ -454,36 +445,25 @@ fn is_coupled<const D: usize>(k: &BlockCsr<D>, unknown: usize) -> bool {
         .any(|(&j, block)| (0..D).any(|b| D * j as usize + b != unknown && block[a][b] != 0.0))
 }
 
-/// Σⱼ Bᵢⱼ²/Kⱼⱼ for each row i of B, and Σⱼ sᵢⱼ Bᵢⱼ²/Kⱼⱼ with the share sᵢⱼ = Bᵢⱼ²/Σₖ Bₖⱼ² of row i among those of N,
-/// or of T, that have an entry in column j; in space both tangents of a node get their mean.
-fn compliances<const D: usize>(data: &ContactData<D>) -> (Vec<f64>, Vec<f64>) {
+/// Σⱼ Bᵢⱼ²/Kⱼⱼ for each row i of B; in space both tangents of a node get their mean.
+fn compliances<const D: usize>(data: &ContactData<D>) -> Vec<f64> {
     let diagonal = data.stiffness.diagonal();
-    let (mut whole, mut own) = (Vec::new(), Vec::new());
+    let mut all = Vec::new();
     for matrix in [&data.normal, &data.tangential] {
-        let mut columns = vec![0.0; diagonal.len()];
-        for (_, j, v) in matrix.triplets() {
-            columns[j] += v * v;
-        }
         for i in 0..matrix.n_rows() {
             let (cols, values) = matrix.row(i);
-            let (mut sum, mut shared) = (0.0, 0.0);
-            for (&j, v) in cols.iter().zip(values) {
-                let (j, square) = (j as usize, v[0][0] * v[0][0]);
-                if square > 0.0 {
-                    sum += square / diagonal[j];
-                    shared += square / diagonal[j] * (square / columns[j]);
-                }
-            }
-            whole.push(sum);
-            own.push(shared);
+            let terms = cols.iter().zip(values).filter(|(_, v)| v[0][0] != 0.0);
+            all.push(
+                terms
+                    .map(|(&j, v)| v[0][0] * v[0][0] / diagonal[j as usize])
+                    .sum(),
+            );
         }
     }
-    for all in [&mut whole, &mut own] {
-        for tangents in all[data.gap.len()..].chunks_mut(D - 1) {
-            share(tangents);
-        }
+    for tangents in all[data.gap.len()..].chunks_mut(D - 1) {
+        share(tangents);
     }
-    (whole, own)
+    all
 }
 
 /// Gives the tangents of a node the same compliance, their mean: it does not depend on which pair of tangents they are,

@@ -206,3 +206,41 @@ fn a_kernel_beyond_rigid_motions_is_an_error() {
     };
     assert!(text.contains("not positive definite"), "{text}");
 }
+
+/// Sticking forces that cancel the load in some unknowns altogether, step by step: what is left of u there is rounding, and
+/// its residual must not be asked to become smaller for ever.
+#[test]
+fn forces_that_cancel() {
+    let diagonal = [
+        0.008225037082114568,
+        0.0012599308928761205,
+        0.006489665776297524,
+    ];
+    let row = |unknown: usize| Csr::from_triplets(1, 3, [(0, unknown, 1.0)]);
+    let problem: ContactProblem = ContactProblem::new(ContactData {
+        stiffness: BlockCsr::from_triplets(3, 3, (0..3).map(|i| (i, i, diagonal[i]))),
+        load: vec![
+            2.505499311295508e-7,
+            -1.000347172044242e-7,
+            2.535434860065346e-7,
+        ],
+        normal: row(2),
+        tangential: row(1),
+        gap: vec![0.0],
+        slip_bound: vec![1.3750328317485622e-7],
+        coordinates: None,
+    })
+    .unwrap_or_else(|error| panic!("{error}"));
+    let (found, ..) = solve_nested(&problem, &Settings::default());
+    assert_eq!(found.status, Status::Converged, "{:?}", found.info);
+    for (found, expected) in found
+        .lambda
+        .iter()
+        .zip([problem.load()[2], problem.load()[1]])
+    {
+        assert!(
+            (found - expected).abs() < 1e-9 * expected.abs(),
+            "{found:e} {expected:e}"
+        );
+    }
+}

@@ -135,11 +135,12 @@ fn tolerance(stiffness: Stiffness) -> f64 {
     }
 }
 
-/// What pressures may be off by where cuts run askew: measured 4e-7 on the factor, 5e-6 by PCG, which is asked for less.
+/// What pressures may be off by where cuts run askew: measured 4e-7 on the factor, 4e-6 by PCG, and the same where the end of
+/// a solve asks for twenty times more accurate forces: rows of B that are almost the same share forces that no gap tells apart.
 fn askew(stiffness: Stiffness) -> f64 {
     match stiffness {
         Stiffness::Cholesky => 1e-6,
-        _ => 1e-6,
+        _ => 1e-5,
     }
 }
 
