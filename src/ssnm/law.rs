@@ -80,21 +80,15 @@ impl Law {
 
     /// Takes λ where it obeys the law and balances the bodies; where it does so, it stays.
     pub fn project<const D: usize>(&self, lambda: &mut Vec<f64>, balance: Option<&Balance>) {
-        match balance {
-            None => self.cut::<D>(lambda),
-            Some(balance) if self.is_coulomb() => {
-                self.cut::<D>(lambda);
-                if !balance.holds(lambda) {
-                    *lambda = balance
-                        .nearest(lambda, |i, z: [f64; D]| self.nearest(i, z))
-                        .lambda;
-                }
-            }
-            Some(balance) => {
-                *lambda = balance
-                    .nearest(lambda, |i, z: [f64; D]| self.nearest(i, z))
-                    .lambda;
-            }
+        if balance.is_none() || self.is_coulomb() {
+            self.cut::<D>(lambda);
+        }
+        // The nearest point of Λₑ is one of Λ; under Coulomb's law what is cut and in balance may stay.
+        if let Some(balance) = balance
+            && !(self.is_coulomb() && balance.holds(lambda))
+        {
+            let near = balance.nearest(lambda, |i, z: [f64; D]| self.nearest(i, z));
+            *lambda = near.lambda;
         }
     }
 

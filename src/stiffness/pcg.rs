@@ -11,6 +11,8 @@ use crate::sparse::stored::{SquareBlocks, power_of_two_below};
 use crate::sparse::{BlockCsr, norm};
 use std::sync::Arc;
 
+mod refine;
+
 /// Why K x = b was not solved.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -54,22 +56,11 @@ const CHUNK: usize = 16;
 const LEAST_CHUNK: usize = 2;
 /// At most this many, so that a request to stop is heard.
 const MAX_CHUNK: usize = 256;
-/// A correction in f32 is asked to reduce the residual by this factor at most: beyond it the recurrence
-/// drifts away from the true residual.
-const CORRECTION: f64 = 1e-4;
-/// And by this factor at least, however little the one before has achieved.
-const LEAST_CORRECTION: f64 = 0.05;
-/// A relative residual in f64 below which a lack of progress is one of rounding.
-const AT_ROUNDING: f64 = 1e-8;
-/// Corrections that must not fail to halve the residual.
-const MAX_CORRECTIONS: usize = 60;
 
 /// By what factor α rᵀz falls in an iteration of multigrid, before the first run has told, and the range in
 /// which it is believed.
 const FALL: f64 = 0.25;
 const FALLS: (f64, f64) = (0.02, 0.98);
-/// The relative error in energy that rounding leaves of a correction in f32, before the first has told.
-const ROUNDING: f64 = 0.1;
 /// A relative residual that rounding keeps out of reach.
 pub(crate) const UNREACHABLE: f64 = 1e-15;
 
@@ -271,7 +262,7 @@ impl<B: Backend> Pcg<B> {
             fall: if fast { FALL } else { FALLS.1 },
             fast,
             last: 0,
-            rounding: ROUNDING,
+            rounding: refine::ROUNDING,
             counts: SolveCounts::default(),
         }
     }
@@ -364,134 +355,6 @@ impl<B: Backend> Pcg<B> {
     /// The sum of all decreases of the energy to come, relative to the last one: a geometric series.
     fn to_come(&self) -> f64 {
         self.fall / (1.0 - self.fall)
-    }
-
-    /// Lowers the error of x in K x = b by CG in low precision inside f64; `terms` is the norm of what b is the difference
-    /// of, which residuals are relative to. Where it stalls, x is what it has reached.
-    pub(crate) fn refine(
-        &mut self,
-        b: &[f64],
-        terms: f64,
-        x: &mut [f64],
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<Followed, PcgError> {
-        self.counts.solves += 1;
-        let start = self.counts.iterations;
-        let mut correction = vec![0.0; b.len()];
-        let mut residual = b.to_vec();
-        if x.iter().any(|&v| v != 0.0) {
-            self.k.subtract_product(x, &mut residual);
-        }
-        let goal = match accuracy {
-            Accuracy::Residual(tolerance) => tolerance * terms,
-            // As far as f64 goes.
-            Accuracy::Energy { .. } => UNREACHABLE * terms,
-        };
-        let mut asked = CORRECTION;
-        // Of eᵀKe: what all corrections have taken away, what the last one has, what it has left on purpose.
-        let (mut energy, mut last, mut truncated) = (0.0, f64::INFINITY, 0.0);
-        let mut length = norm(&residual);
-        for _ in 0..MAX_CORRECTIONS {
-            if length <= goal {
-                return Ok(self.refined(energy, 0.0));
-            }
-            let target = match accuracy {
-                Accuracy::Residual(_) => 0.0,
-                Accuracy::Energy { absolute, relative } => {
-                    absolute * absolute + relative * relative * energy
-                }
-            };
-            let run = match accuracy {
-                Accuracy::Residual(_) => Accuracy::Residual((0.5 * goal / length).max(asked)),
-                Accuracy::Energy { relative, .. } => Accuracy::Energy {
-                    absolute: target.sqrt(),
-                    relative: relative.max(CORRECTION),
-                },
-            };
-            let made = self.correct(&residual, length, run, stop, &mut correction)?;
-            x.iter_mut().zip(&correction).for_each(|(x, c)| *x += c);
-            let gained = made.change.powi(2);
-            energy += gained;
-            // A short run may lower the energy error and not the residual.
-            let mut advances = true;
-            if let Accuracy::Energy { relative, .. } = accuracy {
-                if last.is_finite() {
-                    // What the correction before has left shows now: more than it meant to is rounding.
-                    let rounded = (gained - truncated).max(0.0) / last;
-                    self.rounding = rounded.sqrt().clamp(CORRECTION, LEAST_CORRECTION.sqrt());
-                }
-                advances = gained > 0.0 && gained <= 0.25 * last;
-                truncated = made.remaining.powi(2);
-                let rounded = gained * self.rounding.powi(2);
-                let enough = rounded <= target.max(relative * relative * energy);
-                // Written so that NaN is not enough. Where rounding keeps it from advancing, the caller has
-                // to live with what there is.
-                if gained > 0.0 && (enough || !advances && gained <= last) {
-                    return Ok(self.refined(energy, truncated + rounded));
-                }
-            }
-            last = gained;
-            residual.copy_from_slice(b);
-            self.k.subtract_product(x, &mut residual);
-            let before = std::mem::replace(&mut length, norm(&residual));
-            let achieved = length / before;
-            if let Accuracy::Residual(_) = accuracy {
-                advances = achieved <= 0.5;
-            }
-            if !advances {
-                break;
-            }
-            // On fine meshes rounding K to f32 costs more than the recurrence knows: to ask for more than
-            // the last correction has achieved would be wasted.
-            asked = (0.5 * achieved).clamp(CORRECTION, LEAST_CORRECTION);
-        }
-        // What f64 cannot give is not asked for again: whether it is enough shows in the final check.
-        if length <= goal.max(AT_ROUNDING * terms) {
-            return Ok(self.refined(energy, 0.0));
-        }
-        let asked = match accuracy {
-            Accuracy::Residual(tolerance) => tolerance,
-            Accuracy::Energy { relative, .. } => relative,
-        };
-        Err(PcgError::Stalled {
-            reached: length / terms,
-            asked,
-            iterations: self.counts.iterations - start,
-        })
-    }
-
-    /// What corrections have changed of eᵀKe and have left of it.
-    fn refined(&self, energy: f64, left: f64) -> Followed {
-        Followed {
-            change: energy.sqrt(),
-            remaining: left.sqrt(),
-            slow: self.is_slow(),
-        }
-    }
-
-    /// A correction in low precision for a residual of norm `length`; what it is worth.
-    fn correct(
-        &mut self,
-        residual: &[f64],
-        length: f64,
-        accuracy: Accuracy,
-        stop: &Stop,
-        correction: &mut [f64],
-    ) -> Result<Followed, PcgError> {
-        let factor = self.load(residual, length);
-        let unit = factor / self.scale;
-        let run = self.run_to(accuracy, unit);
-        let made = match self.run(run, stop, None) {
-            Ok(progress) => self.followed(&progress, unit),
-            // In f32 a breakdown may be one of rounding, and so may a lack of progress: the residual in
-            // f64 tells.
-            Err(PcgError::NotPositiveDefinite | PcgError::Stalled { .. }) => Followed::default(),
-            Err(error) => return Err(error),
-        };
-        self.backend.download(&self.x, correction)?;
-        correction.iter_mut().for_each(|c| *c *= factor);
-        Ok(made)
     }
 
     /// r −= K x.
