@@ -18,7 +18,7 @@
 //! | Step 1 | `check` (`Newton::step_1`), the final check with it |
 //! | Step 2: 𝒜ν, ℐν, 𝒜τ, ℐτ⁺, ℐτ⁻ | `sets` (`Sets::predict`), node by node in `constraint` |
 //! | Step 3.2, P_Λ after 3.3 | `step` (`Newton::newton_step`) |
-//! | Step 3.3: CGM, the problem (11) | `inner` |
+//! | Step 3.3: CGM, the problem (11) | `inner` (`minimise`) |
 //! | Step 3.4: err, (10) | `newton` (`Newton::error`) |
 //! | P_Λ: (4), (5) | `constraint` (`Disc::project`) |
 //! | q (8) and its gradient r (9) | `point` (`Point::q_change`), `products` |

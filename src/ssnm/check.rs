@@ -49,7 +49,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             return Ok(Ended::With(status));
         }
         // r is fresh now; if it says something else than before, products were not accurate enough.
-        way.err = self.error(&mut way.point);
+        way.err = self.settle_error(&mut way.point);
         if way.err > goal.err {
             self.products.sharpen();
         }
@@ -63,7 +63,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             return Ok(Ended::NotYet);
         }
         self.make_exact(&mut way.point)?;
-        way.err = self.error(&mut way.point);
+        way.err = self.settle_error(&mut way.point);
         if way.err > self.rounding(&way.point) || self.meets(goal, &way.point, way.err) {
             return Ok(Ended::Again);
         }
@@ -98,7 +98,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let tolerance = self.tolerance;
         let mut u = self.displacement(point, self.check_accuracy, self.products.stop)?;
         self.take_from(&u, point);
-        let err = self.error(point);
+        let err = self.settle_error(point);
         self.problem.free_bodies().add_motion(&point.motion, &mut u);
         let kkt = self.optimality(point, &u);
         goal.err = goal.err.max(self.rounding(point));
@@ -186,7 +186,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         };
         if status == Status::Stagnated {
             self.take_from(&u, point);
-            self.error(point);
+            self.settle_error(point);
         }
         (self.problem.free_bodies()).add_motion(&point.motion, &mut u);
         let kkt = self.optimality(point, &u);

@@ -70,6 +70,11 @@ impl<const D: usize> Face<D> {
         self.follows.get(i).copied().filter(|&mu| mu != 0.0)
     }
 
+    /// Whether F = Z: no tangential multipliers follow normal ones.
+    pub fn is_symmetric(&self) -> bool {
+        self.follows.is_empty()
+    }
+
     /// From y, whatever it is elsewhere, to F y that leaves the bodies in balance.
     pub fn direction(&self, y: &mut [f64]) {
         self.lift(y);

@@ -20,117 +20,202 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         target: f64,
     ) -> Result<usize, DualError> {
         face.set_curvature(point, self.mean);
-        if self.law.is_coulomb() {
-            self.gcr(point, &face, target)
-        } else {
-            self.cg(point, &face, target)
+        let products = &mut self.products;
+        minimise(
+            point,
+            &face,
+            target,
+            FLAT * self.sigma,
+            |p| match products.stop.now() {
+                Some(_) => Ok(None),
+                None => products.apply(p).map(Some),
+            },
+        )
+    }
+}
+
+/// CGM(A, b, 𝒜, λ, tol): lowers Zᵀr on the free multipliers, Z their columns, until its norm is at most `target`; λ moves by F y.
+/// `product` is A p, or None to stop. A direction that A curves q along by less than `flat` is one of rounding.
+///
+/// All directions p = F y and what the free multipliers see of A p are kept, q = Zᵀ A p, and each step is the best on their span.
+/// - F = Z: with pᵢᵀqⱼ = 0 it makes q(λ) least. These are the conjugate gradients of the paper.
+/// - Under Coulomb's law, where on a node that slips in the direction s λτ = sμλν, Zᵀ A F is not symmetric: with qᵢᵀqⱼ = 0 it
+///   makes ‖Zᵀr‖ least (generalised conjugate residuals: Eisenstat, Elman and Schultz 1983).
+///
+/// Where circles curve, A is A + diag κ, and the residual is preconditioned.
+fn minimise<const D: usize, E>(
+    point: &mut Point,
+    face: &Face<D>,
+    target: f64,
+    flat: f64,
+    mut product: impl FnMut(&[f64]) -> Result<Option<Vec<f64>>, E>,
+) -> Result<usize, E> {
+    // p, A p, that with the curvature of circles, and q.
+    let mut known: Vec<[Vec<f64>; 4]> = Vec::new();
+    // What is orthogonal to the q of others: p or q.
+    let own = if face.is_symmetric() { 0 } else { 3 };
+    // On the way r is the gradient of the model: at the λ where circles are linearised the two are the same.
+    let mut r = point.r.clone();
+    let mut stuck: Option<Vec<f64>> = None;
+    // What exact arithmetic would need, and something for rounding.
+    let most = 2 * face.sets.n_free() + 50;
+    for iteration in 0..most {
+        let mut rest = r.clone();
+        face.residual(&mut rest);
+        let residual = norm(&rest);
+        if residual <= target {
+            return Ok(iteration);
         }
-    }
-
-    /// No iteration ends later: what exact arithmetic would need, and something for rounding.
-    fn most_iterations(face: &Face<D>) -> usize {
-        2 * face.sets.n_free() + 50
-    }
-
-    /// CGM(A, b, 𝒜, λ, tol): minimises q over the free multipliers until ‖r‖ there is at most `target`. Where circles curve,
-    /// A is A + diag κ, and the residual is preconditioned.
-    fn cg(&mut self, point: &mut Point, face: &Face<D>, target: f64) -> Result<usize, DualError> {
-        let mut p = vec![0.0; point.lambda.len()];
-        let (mut iterations, mut before) = (0, f64::INFINITY);
-        // On the way r is the gradient of the model: at the λ where circles are linearised the two are the same.
-        let mut r = point.r.clone();
-        while iterations < Self::most_iterations(face) && self.products.stop.now().is_none() {
-            let mut rest: Vec<f64> = r.iter().map(|r| -r).collect();
-            face.direction(&mut rest);
-            if norm(&rest) <= target {
-                break;
-            }
-            let mut z = rest.clone();
-            face.precondition(&mut z);
-            let rz = dot(&rest, &z);
-            for (p, z) in p.iter_mut().zip(&z) {
-                *p = z + rz / before * *p;
-            }
-            let image = self.products.apply(&p)?;
-            let mut curved = image.clone();
-            face.curve(&p, &mut curved);
-            let curvature = dot(&p, &curved);
-            if !(curvature > FLAT * self.sigma * dot(&p, &p)) {
-                break;
-            }
-            iterations += 1;
-            let step = rz / curvature;
-            add_times(step, &p, &mut point.lambda);
-            add_times(step, &image, &mut point.r);
-            add_times(step, &curved, &mut r);
-            before = rz;
+        // Where the residual does not fall along itself, its image is a direction that has not been tried.
+        let mut p = stuck
+            .take()
+            .unwrap_or_else(|| rest.iter().map(|r| -r).collect());
+        face.direction(&mut p);
+        face.precondition(&mut p);
+        if !(norm(&p) > 0.0) {
+            return Ok(iteration);
         }
-        Ok(iterations)
-    }
-
-    /// The same under Coulomb's law, by generalised conjugate residuals (Eisenstat, Elman and Schultz 1983).
-    ///
-    /// On a node in contact that slips in the direction s the multipliers move together, λτ = sμλν. With F y = (y on the
-    /// free multipliers, and y_ν sμ there) a Newton step solves Zᵀ(A F y + r) = 0, Z the free multipliers: as many
-    /// equations as unknowns, but not symmetric. GCR makes ‖Zᵀr‖ least over the directions F y tried so far.
-    fn gcr(&mut self, point: &mut Point, face: &Face<D>, target: f64) -> Result<usize, DualError> {
-        // F y, A F y, that with the curvature of circles, and what of the latter the free multipliers see: the last ones
-        // orthonormal.
-        let mut span: Vec<[Vec<f64>; 4]> = Vec::new();
-        let mut r = point.r.clone();
-        let mut stuck = None;
-        let mut iterations = 0;
-        while iterations < Self::most_iterations(face) && self.products.stop.now().is_none() {
-            let mut rest = r.clone();
-            face.residual(&mut rest);
-            let residual = norm(&rest);
-            if residual <= target {
-                break;
-            }
-            // Where the residual does not fall along itself, its image is a direction that has not been tried.
-            let mut p: Vec<f64> = match stuck.take() {
-                Some(image) => image,
-                None => rest.iter().map(|r| -r).collect(),
-            };
-            face.direction(&mut p);
-            face.precondition(&mut p);
-            if !(norm(&p) > 0.0) {
-                break;
-            }
-            let image = self.products.apply(&p)?;
-            iterations += 1;
-            let mut curved = image.clone();
-            face.curve(&p, &mut curved);
-            let mut seen = curved.clone();
-            face.residual(&mut seen);
-            let before = norm(&seen);
-            let mut new = [p, image, curved, seen];
-            for _ in 0..2 {
-                for old in &span {
-                    let c = dot(&old[3], &new[3]);
-                    for (new, old) in new.iter_mut().zip(old) {
-                        add_times(-c, old, new);
-                    }
+        let Some(image) = product(&p)? else {
+            return Ok(iteration);
+        };
+        let mut curved = image.clone();
+        face.curve(&p, &mut curved);
+        let mut seen = curved.clone();
+        face.residual(&mut seen);
+        let before = norm(&seen);
+        let mut new = [p, image, curved, seen];
+        for _ in 0..2 {
+            for old in &known {
+                let c = dot(&old[own], &new[3]);
+                for (new, old) in new.iter_mut().zip(old) {
+                    add_times(-c, old, new);
                 }
             }
-            let length = norm(&new[3]);
-            // Written so that NaN is refused.
-            let is_flat = !(length > FLAT * self.sigma * norm(&new[0]));
-            if is_flat || !(length > INDEPENDENT * before && before > 0.0) {
-                break;
-            }
-            for v in new.iter_mut().flatten() {
-                *v /= length;
-            }
-            let step = -dot(&new[3], &r);
-            add_times(step, &new[0], &mut point.lambda);
-            add_times(step, &new[1], &mut point.r);
-            add_times(step, &new[2], &mut r);
-            if step.abs() < FRUITLESS * residual {
-                stuck = Some(new[3].iter().map(|v| v * residual).collect());
-            }
-            span.push(new);
         }
-        Ok(iterations)
+        let curvature = dot(&new[own], &new[3]);
+        // Written so that NaN is refused.
+        let is_curved = curvature > flat * norm(&new[own]) * norm(&new[0]);
+        if !(is_curved && norm(&new[3]) > INDEPENDENT * before) {
+            return Ok(iteration + 1);
+        }
+        let scale = 1.0 / curvature.sqrt();
+        for v in new.iter_mut().flatten() {
+            *v *= scale;
+        }
+        let step = -dot(&new[own], &r);
+        add_times(step, &new[0], &mut point.lambda);
+        add_times(step, &new[1], &mut point.r);
+        add_times(step, &new[2], &mut r);
+        if !face.is_symmetric() && step.abs() < FRUITLESS * residual {
+            stuck = Some(new[3].iter().map(|v| v * residual).collect());
+        }
+        known.push(new);
+    }
+    Ok(most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::law::Law;
+    use super::super::sets::Sets;
+    use super::*;
+    use std::convert::Infallible;
+
+    /// A full A on three nodes of the plane, positive definite, and b.
+    fn times_a(x: &[f64]) -> Vec<f64> {
+        let entry = |i: usize, j: usize| match i == j {
+            true => 3.0,
+            false => 1.0 / (1.0 + (i + j) as f64),
+        };
+        let row = |i: usize| (0..6).map(|j| entry(i, j) * x[j]).sum();
+        (0..6).map(row).collect()
+    }
+
+    const B: [f64; 6] = [4.0, 3.0, -1.0, 2.0, 0.5, 1.5];
+
+    fn gradient(lambda: &[f64]) -> Vec<f64> {
+        let products = times_a(lambda);
+        products.iter().zip(B).map(|(a, b)| a - b).collect()
+    }
+
+    /// The face of these sets, and what is found on it from this λ.
+    fn solved(law: &Law, z: [f64; 6], lambda: [f64; 6]) -> (Point, usize) {
+        let g = law.bounds(&z).into_owned();
+        let sets = Sets::<2>::predict(&z, &[0.0; 6], 1.0, &g);
+        let mut start = lambda.to_vec();
+        sets.set_bounds(&mut start, law);
+        let mut point = Point {
+            r: gradient(&start),
+            lambda: start,
+            motion: Vec::new(),
+        };
+        let face = Face::new(sets, law, None);
+        let Ok(iterations) = minimise(&mut point, &face, 1e-13, 1e-12, |p| {
+            Ok::<_, Infallible>(Some(times_a(p)))
+        });
+        for (carried, made) in point.r.iter().zip(gradient(&point.lambda)) {
+            assert!((carried - made).abs() < 1e-12, "{carried} {made}");
+        }
+        (point, iterations)
+    }
+
+    #[test]
+    fn the_gradient_vanishes_on_what_is_free_and_nothing_else_moves() {
+        // Two nodes stick; the third is apart, with its tangent at the bound.
+        let law = Law::with(3, 0.5, 0.0);
+        let (point, iterations) = solved(&law, [1.0, 1.0, -1.0, 0.1, -0.2, 9.0], [0.0; 6]);
+        assert_eq!((point.lambda[2], point.lambda[5]), (0.0, 0.5));
+        for i in [0, 1, 3, 4] {
+            assert!(point.r[i].abs() < 1e-12, "{i}: {}", point.r[i]);
+        }
+        assert!(iterations <= 4, "{iterations}");
+    }
+
+    #[test]
+    fn friction_follows_pressure_where_a_node_slips() {
+        let law = Law::with(3, 0.0, 0.3);
+        let (point, iterations) = solved(&law, [2.0, 1.0, -1.0, 5.0, 0.1, 0.0], [0.0; 6]);
+        let l = &point.lambda;
+        assert!((l[3] - 0.3 * l[0]).abs() < 1e-14 && l[0] > 0.1, "{l:?}");
+        assert_eq!((l[2], l[5]), (0.0, 0.0));
+        // The normal ones of both nodes, and the tangent of the one that sticks.
+        for i in [0, 1, 4] {
+            assert!(point.r[i].abs() < 1e-12, "{i}: {}", point.r[i]);
+        }
+        assert!(iterations <= 4, "{iterations}");
+    }
+
+    #[test]
+    fn it_ends_where_nothing_resists_and_where_it_is_told_to() {
+        let law = Law::with(1, 1.0, 0.0);
+        let face = || {
+            Face::new(
+                Sets::<2>::predict(&[1.0, 0.0], &[0.0; 2], 1.0, &[1.0]),
+                &law,
+                None,
+            )
+        };
+        let start = || Point {
+            lambda: vec![1.0, 0.0],
+            r: vec![-1.0, -1.0],
+            motion: Vec::new(),
+        };
+        let mut point = start();
+        let Ok(made) = minimise(&mut point, &face(), 1e-9, 1e-12, |p| {
+            Ok::<_, Infallible>(Some(vec![p[0], 0.0]))
+        });
+        assert!(
+            made <= 3 && point.lambda.iter().all(|l| l.is_finite()),
+            "{:?}",
+            point.lambda
+        );
+        let mut point = start();
+        let Ok(made) = minimise(&mut point, &face(), 1e-9, 1e-12, |_| {
+            Ok::<_, Infallible>(None)
+        });
+        assert_eq!((made, point.lambda), (0, start().lambda));
+        let mut point = start();
+        let failed = minimise(&mut point, &face(), 1e-9, 1e-12, |_| Err("no more"));
+        assert_eq!((failed, point.lambda), (Err("no more"), start().lambda));
     }
 }

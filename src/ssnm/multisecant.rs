@@ -87,7 +87,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         settings: &Settings,
         observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
     ) -> Result<Status, DualError> {
-        way.err = self.error(&mut way.point);
+        way.err = self.settle_error(&mut way.point);
         let mut goal = Goal::new(self.tolerance);
         let mut progress = Progress::new(&way.point, way.err);
         let mut denied = 0;
@@ -113,7 +113,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             }
             let lowers_q = !self.law.is_coulomb()
                 && before.q_change(&way.point) < -before.q_rounding(&way.point);
-            let err = self.error(&mut way.point);
+            let err = self.settle_error(&mut way.point);
             denied = match err > PROGRESS * way.err {
                 true => denied + 1,
                 false => 0,
@@ -182,7 +182,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let image = surrogate.times(&step);
         add_times(1.0, &image, &mut point.r);
         Proposal {
-            err: self.error(&mut point.clone()),
+            err: self.error(&point),
             point,
             step,
             image,
@@ -246,7 +246,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         way.point.clone_from(&progress.best);
         let sharper = self.products.sharpen();
         self.make_exact(&mut way.point)?;
-        way.err = self.error(&mut way.point);
+        way.err = self.settle_error(&mut way.point);
         let leads_on = sharper || way.err <= REFRESHED * progress.refreshed;
         *progress = Progress {
             refreshed: way.err,

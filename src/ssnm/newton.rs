@@ -72,8 +72,14 @@ pub(super) struct Way<const D: usize> {
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ, with the α that goes with it.
-    pub fn error(&self, point: &mut Point) -> f64 {
+    pub fn error(&self, point: &Point) -> f64 {
         self.error_with(point, self.rho())
+    }
+
+    /// The same, and takes this α at the point.
+    pub fn settle_error(&self, point: &mut Point) -> f64 {
+        let end = self.settle(point, self.rho());
+        distance(&point.lambda, &end) / self.rho()
     }
 
     /// ρ = β/σ_max.
@@ -93,18 +99,18 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// err⁰, taken at λ = 0 (at the least forces in balance) even for a warm start: a good start must not make the same
     /// tolerance harder.
     pub fn measure(&self, first: &Point) -> f64 {
-        self.error(&mut first.clone()).max(self.rounding(first))
+        self.error(first).max(self.rounding(first))
     }
 
     /// The same for another ρ.
-    pub fn error_with(&self, point: &mut Point, rho: f64) -> f64 {
-        let end = self.settle(point, rho);
+    pub fn error_with(&self, point: &Point, rho: f64) -> f64 {
+        let end = self.settle(&mut point.clone(), rho);
         distance(&point.lambda, &end) / rho
     }
 
     /// err relative to what it is measured by.
     pub fn relative(&self, point: &mut Point, err0: f64) -> f64 {
-        let err = self.error(point);
+        let err = self.settle_error(point);
         if err <= self.rounding(point) {
             return 0.0;
         }
@@ -191,14 +197,14 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// The part of the way to `end` at which the error is least of those tried; all of it unless it grows much. That costs
     /// no product: what obeys Coulomb's law and balance is convex, and r linear on the chord.
     fn least_error_towards(&self, before: &Point, end: &Point, err: f64) -> f64 {
-        let mut least = self.error(&mut end.clone());
+        let mut least = self.error(end);
         let (mut part, mut t) = (1.0, 1.0);
         if least <= GROWTH * err {
             return part;
         }
         for _ in 0..HALVINGS {
             t *= 0.5;
-            let there = self.error(&mut before.towards(end, t));
+            let there = self.error(&before.towards(end, t));
             // Written so that a NaN is left.
             if !(least <= there) {
                 (least, part) = (there, t);
@@ -229,7 +235,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             if self.products.are_exact() {
                 return Ok(());
             }
-            let err = self.error(&mut point.clone());
+            let err = self.error(point);
             let expected = self.without_motion(point);
             let made = (self.products).afresh(&point.lambda, along, err, &expected)?;
             let Some(r) = made else {
@@ -240,7 +246,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             if let Some(forces) = self.spread(&point.motion) {
                 add_times(-1.0, &forces, &mut point.r);
             }
-            let err = self.error(&mut point.clone());
+            let err = self.error(point);
             if self.products.is_enough(err) {
                 return Ok(());
             }

@@ -125,7 +125,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     ) -> Result<Option<Status>, DualError> {
         let safeguarded = way.history.last().is_some_and(|step| step.safeguarded);
         let lost = safeguard.best.q_change(&way.point);
-        let error = self.error_with(&mut safeguard.best.clone(), self.alpha());
+        let error = self.error_with(&safeguard.best, self.alpha());
         safeguard.note(lost, self.alpha() * error.powi(2), way.err);
         let gained = -safeguard.first.q_change(&safeguard.best);
         let better = match safeguard.is_coulomb {
@@ -144,7 +144,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             return Ok(None);
         }
         way.point.clone_from(&safeguard.best);
-        way.err = self.error(&mut way.point);
+        way.err = self.settle_error(&mut way.point);
         // Not even a projected gradient step lowers q or the error.
         if safeguard.is_coulomb || (safeguarded && safeguard.fruitless > 0) {
             return Ok(Some(Status::Stagnated));

@@ -23,7 +23,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         settings: &Settings,
         observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
     ) -> Result<Status, DualError> {
-        way.err = self.error(&mut way.point);
+        way.err = self.settle_error(&mut way.point);
         // So that Step 3.1 starts from r_tol.
         let mut tol = settings.r_tol / settings.c_fact;
         let mut goal = Goal::new(self.tolerance);
@@ -63,7 +63,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 }
             };
             // Step 3.4.
-            way.err = self.error(&mut way.point);
+            way.err = self.settle_error(&mut way.point);
             let made = Step {
                 iter: way.history.len() + 1,
                 inner,
@@ -150,7 +150,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let inner = self.solve_inner(&mut end, face, target)?;
         self.move_into(&mut end)?;
         self.refresh(&mut end, 0.0)?;
-        let err = self.error(&mut point.clone());
+        let err = self.error(point);
         *point = point.towards(&end, self.part_towards(point, &end, err));
         Ok((sets, inner))
     }
