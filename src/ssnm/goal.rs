@@ -118,6 +118,10 @@ pub(super) fn forces_met<const D: usize>(
             true => node[a] - slope[a] / c[a],
             false => node[a],
         });
+        // NaN must not pass, and a projection would hide it.
+        if alone.iter().any(|v| v.is_nan()) {
+            return false;
+        }
         let met = disc.project(alone);
         let closed: [f64; D] = from_fn(|a| c[a] * (met[a] - node[a]));
         put(&mut missing, i, closed);
@@ -135,7 +139,6 @@ pub(super) fn forces_met<const D: usize>(
                 off = off.max(rounding / c[a] / areas[i]);
             }
             let moved = (met[a] - node[a]).abs() / areas[i];
-            // NaN must not pass.
             if moved.is_nan() || more[a].is_nan() {
                 return false;
             }
@@ -256,6 +259,7 @@ mod tests {
         assert!(!met(&lambda, [f64::NAN, 0.0, 0.0, 0.0]));
         // A node without force stays open, and closes.
         lambda[0] = 0.0;
+        assert!(!met(&lambda, [f64::NAN, 0.0, 0.0, 0.0]));
         assert!(met(&lambda, [5000.0, 0.0, 0.0, 0.0]) && !met(&lambda, [-5000.0, 0.0, 0.0, 0.0]));
         // Rounding of a way of 10⁹ is 7e-6: less than what small forces close is none, somewhat more is not known well enough.
         let far = four_on_two(1e-3).with_travelled(1e9);
