@@ -10,6 +10,7 @@ pub use nested::NestedDual;
 
 use crate::control::{Accuracy, Costs, Followed, Stop, Stopped};
 use crate::dense::{symmetric_eigen, tridiagonal_largest};
+use crate::problem::{ContactProblem, Kkt, LoadCase};
 use crate::sparse::{dot, norm};
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::PcgError;
@@ -54,12 +55,92 @@ impl From<PcgError> for DualError {
 /// Implemented by the Cholesky path, by the nested path on any backend, and by whatever else can apply
 /// K⁻¹; the algorithms are written once over it. Where K⁻¹ is a matter of many iterations, they stop at the
 /// accuracy asked for, and end with [`DualError::Stopped`] once `stop` says so.
+///
+/// # Example
+/// A K that is only a closure: a chain of springs between two walls, whose inverse is known, and whose third and sixth
+/// links may move by 0.1 until they meet something. The problem is told no more of K than its diagonal.
+///
+/// ```
+/// use signorini::control::{Accuracy, Stop};
+/// use signorini::dual::{DualError, DualOperator};
+/// use signorini::problem::{ContactData, ContactProblem, LoadCase};
+/// use signorini::sparse::{BlockCsr, Csr};
+/// use signorini::ssnm::{self, Settings, Status};
+/// use std::ops::ControlFlow;
+///
+/// struct Chain<K> {
+///     b: Csr,
+///     inverse: K,
+/// }
+///
+/// impl<K: Fn(&[f64]) -> Vec<f64>> Chain<K> {
+///     /// B K⁻¹ f.
+///     fn seen(&self, f: &[f64], y: &mut [f64]) {
+///         self.b.mul(&(self.inverse)(f), y);
+///     }
+/// }
+///
+/// impl<K: Fn(&[f64]) -> Vec<f64>> DualOperator for Chain<K> {
+///     fn size(&self) -> (usize, usize) {
+///         (self.b.n_cols(), self.b.n_rows())
+///     }
+///     fn apply(&mut self, p: &[f64], y: &mut [f64], _: Accuracy, _: &Stop) -> Result<(), DualError> {
+///         let mut f = vec![0.0; self.b.n_cols()];
+///         self.b.mul_transpose_add(1.0, p, &mut f);
+///         self.seen(&f, y);
+///         Ok(())
+///     }
+///     fn right_hand_side(
+///         &mut self, load: &LoadCase, b: &mut [f64], _: Accuracy, _: &Stop,
+///     ) -> Result<(), DualError> {
+///         self.seen(load.force(), b);
+///         b.iter_mut().zip(load.offsets()).for_each(|(b, c)| *b -= c);
+///         Ok(())
+///     }
+///     fn displacement(
+///         &mut self, load: &LoadCase, lambda: &[f64], _: f64, _: &Stop,
+///     ) -> Result<Vec<f64>, DualError> {
+///         let mut f = load.force().to_vec();
+///         self.b.mul_transpose_add(-1.0, lambda, &mut f);
+///         Ok((self.inverse)(&f))
+///     }
+///     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
+///         let product = |x: &[f64], off: f64| {
+///             let n = x.len() as isize;
+///             let entry = |i: isize| if (0..n).contains(&i) { x[i as usize] } else { 0.0 };
+///             (0..n).map(|i| 2.0 * entry(i) + off * (entry(i - 1) + entry(i + 1))).collect()
+///         };
+///         Ok([product(u, -1.0), product(s, 1.0)])
+///     }
+/// }
+///
+/// let n = 8;
+/// // (K⁻¹)ᵢⱼ = min(i, j) (n + 1 − max(i, j)) / (n + 1), counted from 1.
+/// let inverse = |f: &[f64]| -> Vec<f64> {
+///     let entry = |i: usize, j: usize| (i.min(j) * (n + 1 - i.max(j))) as f64 / (n + 1) as f64;
+///     (1..=n).map(|i| (1..=n).map(|j| entry(i, j) * f[j - 1]).sum()).collect()
+/// };
+/// let problem = ContactProblem::<2>::new(ContactData {
+///     stiffness: BlockCsr::from_triplets(n, n, (0..n).map(|i| (i, i, 2.0))),
+///     load: vec![0.1; n],
+///     normal: Csr::from_triplets(2, n, [(0, 2, 1.0), (1, 5, 1.0)]),
+///     tangential: Csr::from_triplets(2, n, []),
+///     gap: vec![0.1; 2],
+///     slip_bound: vec![0.0; 2],
+///     coordinates: None,
+/// })?
+/// .elsewhere();
+/// let mut chain = Chain { b: problem.contact_matrix().as_ref().clone(), inverse };
+/// let solution = ssnm::solve(&problem, &mut chain, &Settings::default(), |_| ControlFlow::Continue(()))?;
+/// assert_eq!(solution.status, Status::Converged);
+/// assert!((solution.u[2] - 0.1).abs() < 1e-9 && (solution.u[5] - 0.1).abs() < 1e-9);
+/// // By symmetry.
+/// assert!(solution.lambda[0] > 0.2 && (solution.lambda[0] - solution.lambda[1]).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait DualOperator {
     /// Rows of K, and of B (2m), of the problem that it was made for.
     fn size(&self) -> (usize, usize);
-    /// Goes on with the load f and the offsets c = (d, origin of slip), length 2m. A u that follows λ starts anew
-    /// from zero, unless nothing has changed.
-    fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError>;
     /// y = A p; both have length 2m, normal part first. Where bodies can move as a whole, p has to leave them in
     /// balance (G p = 0), and y is known but for a motion Gᵀα.
     fn apply(
@@ -69,9 +150,10 @@ pub trait DualOperator {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError>;
-    /// b = B K⁺ f − c.
+    /// b = B K⁺ f − c of this load case.
     fn right_hand_side(
         &mut self,
+        load: &LoadCase,
         b: &mut [f64],
         accuracy: Accuracy,
         stop: &Stop,
@@ -83,6 +165,7 @@ pub trait DualOperator {
     /// None, without a result, where products are exact and r can be carried along.
     fn gradient(
         &mut self,
+        _load: &LoadCase,
         _lambda: &[f64],
         _r: &mut [f64],
         _along: f64,
@@ -95,11 +178,15 @@ pub trait DualOperator {
     /// that is infinite.
     fn displacement(
         &mut self,
+        load: &LoadCase,
         lambda: &[f64],
         residual: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError>;
-    /// PCG iterations of one system K x = f to a relative residual of `tolerance`, not counted in the costs;
+    /// K u, and |K| s with the absolute values of its entries: what the entries of K u are sums of, where u is known to s. By
+    /// these the forces are checked at the end.
+    fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError>;
+    /// PCG iterations of one system K x = f, f the last one, to a relative residual of `tolerance`, not counted in the costs;
     /// None where K⁻¹ is not applied by iterations.
     fn linear_iterations(&mut self, _tolerance: f64) -> Result<Option<usize>, DualError> {
         Ok(None)
@@ -108,6 +195,18 @@ pub trait DualOperator {
     fn costs(&self) -> Option<Costs> {
         None
     }
+}
+
+/// The optimality conditions (1)–(3) of a problem at (u, λ) against the K of its operator.
+pub(crate) fn conditions<const D: usize, K>(
+    problem: &ContactProblem<D, K>,
+    dual: &mut (impl DualOperator + ?Sized),
+    u: &[f64],
+    lambda: &[f64],
+) -> Result<Kkt, DualError> {
+    let [x, s] = problem.deformed(u);
+    let product = dual.stiffness_times(&x, &s)?;
+    Ok(problem.conditions(u, lambda, &product))
 }
 
 /// Estimates of the largest eigenvalue of A, not below the true one beyond its margin, and of the mean of its diagonal.
@@ -272,8 +371,15 @@ mod tests {
             let stop = Stop::default();
             assert_eq!(dual.size(), (problem.load().len(), len));
             dual.apply(&p, &mut y, accuracy, &stop)
-                .and_then(|()| dual.right_hand_side(&mut b, Accuracy::Residual(1e-10), &stop))
-                .and_then(|()| dual.displacement(&p, 1e-9, &stop))
+                .and_then(|()| {
+                    dual.right_hand_side(
+                        problem.load_case(),
+                        &mut b,
+                        Accuracy::Residual(1e-10),
+                        &stop,
+                    )
+                })
+                .and_then(|()| dual.displacement(problem.load_case(), &p, 1e-9, &stop))
                 .map(|u| [y, b, u])
                 .unwrap_or_else(|error| panic!("{error}"))
         };

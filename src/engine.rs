@@ -8,7 +8,7 @@ use crate::backend::{GpuOptions, Precision};
 use crate::control::{Accuracy, Costs, Followed, Stop};
 use crate::dual::{DirectDual, DualError, DualOperator, NestedDual, plan};
 use crate::memory;
-use crate::problem::ContactProblem;
+use crate::problem::{ContactProblem, LoadCase};
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::{PcgError, Preconditioner};
 #[cfg(feature = "gpu")]
@@ -130,8 +130,6 @@ pub struct Engine<'a> {
     /// [`again`] for the problem, whose dimension is no matter of the engine's.
     again: Again<'a>,
     path: Path,
-    /// The load and the offsets, where they are not those of the problem any more.
-    data: Option<(Vec<f64>, Vec<f64>)>,
     options: Options,
     log: Box<dyn FnMut(&str) + 'a>,
 }
@@ -182,7 +180,6 @@ impl<'a> Engine<'a> {
         Ok(Self {
             again: Box::new(move |lost, options, log| again(problem, lost, options, log)),
             path,
-            data: None,
             options,
             log,
         })
@@ -256,9 +253,6 @@ impl<'a> Engine<'a> {
                 outcome => return outcome,
             };
             self.path = self.way_back(error)?;
-            if let Some((load, offsets)) = &self.data {
-                self.path.dual().set_data(load, offsets)?;
-            }
         }
     }
 
@@ -450,11 +444,6 @@ impl DualOperator for Engine<'_> {
         }
     }
 
-    fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
-        self.data = Some((load.to_vec(), offsets.to_vec()));
-        self.with_fallback(|dual| dual.set_data(load, offsets))
-    }
-
     fn apply(
         &mut self,
         p: &[f64],
@@ -467,31 +456,38 @@ impl DualOperator for Engine<'_> {
 
     fn right_hand_side(
         &mut self,
+        load: &LoadCase,
         b: &mut [f64],
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
-        self.with_fallback(|dual| dual.right_hand_side(b, accuracy, stop))
+        self.with_fallback(|dual| dual.right_hand_side(load, b, accuracy, stop))
     }
 
     fn gradient(
         &mut self,
+        load: &LoadCase,
         lambda: &[f64],
         r: &mut [f64],
         along: f64,
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Option<Followed>, DualError> {
-        self.with_fallback(|dual| dual.gradient(lambda, r, along, accuracy, stop))
+        self.with_fallback(|dual| dual.gradient(load, lambda, r, along, accuracy, stop))
     }
 
     fn displacement(
         &mut self,
+        load: &LoadCase,
         lambda: &[f64],
         residual: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
-        self.with_fallback(|dual| dual.displacement(lambda, residual, stop))
+        self.with_fallback(|dual| dual.displacement(load, lambda, residual, stop))
+    }
+
+    fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
+        self.with_fallback(|dual| dual.stiffness_times(u, s))
     }
 
     fn linear_iterations(&mut self, tolerance: f64) -> Result<Option<usize>, DualError> {
@@ -532,7 +528,6 @@ mod tests {
             let mut engine = Engine {
                 again: Box::new(|lost, options, log| again(&problem, lost, options, log)),
                 path: on_cpu(&problem, &options).expect("no GPU is needed"),
-                data: None,
                 options,
                 log: Box::new(|_| {}),
             };

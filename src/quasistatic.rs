@@ -11,8 +11,8 @@
 
 mod rounds;
 
-use crate::dual::DualOperator;
-use crate::problem::{ContactProblem, Kkt};
+use crate::dual::{DualOperator, conditions};
+use crate::problem::{ContactProblem, Elsewhere, Kkt, LoadCase, System};
 use crate::sparse::{difference, norm, norm_max};
 use crate::ssnm::{
     self, Cause, Info, Memory, Sets, SettingsError, Solution, SolveError, Status, Step,
@@ -37,7 +37,7 @@ pub struct Load {
 
 impl Load {
     /// That of the problem itself.
-    pub fn of<const D: usize>(problem: &ContactProblem<D>) -> Self {
+    pub fn of<const D: usize, K>(problem: &ContactProblem<D, K>) -> Self {
         Self {
             force: problem.load().to_vec(),
             acting: norm(problem.load()),
@@ -47,8 +47,8 @@ impl Load {
     }
 
     /// Whether it is one of this problem.
-    fn check_for<const D: usize>(&self, problem: &ContactProblem<D>) -> Result<(), SettingsError> {
-        let (n, m) = (problem.stiffness().n_rows(), problem.m());
+    fn check_for<const D: usize>(&self, system: &System<D>) -> Result<(), SettingsError> {
+        let (n, m) = (system.n_rows(), system.m());
         SettingsError::unless_numbers(&self.force, n, "load.force")?;
         SettingsError::unless_numbers(&self.gap, m, "load.gap")?;
         SettingsError::unless_numbers(&self.slide, (D - 1) * m, "load.slide")
@@ -68,17 +68,17 @@ pub struct State {
 
 impl State {
     /// Nothing has happened yet.
-    pub fn at_rest<const D: usize>(problem: &ContactProblem<D>) -> Self {
+    pub fn at_rest<const D: usize>(system: &System<D>) -> Self {
         Self {
-            u: vec![0.0; problem.stiffness().n_rows()],
-            lambda: vec![0.0; D * problem.m()],
-            slide: vec![0.0; problem.slip_origin().len()],
+            u: vec![0.0; system.n_rows()],
+            lambda: vec![0.0; D * system.m()],
+            slide: vec![0.0; system.tangential().n_rows()],
         }
     }
 
     /// Whether it is one of this problem.
-    fn check_for<const D: usize>(&self, problem: &ContactProblem<D>) -> Result<(), SettingsError> {
-        let (n, m) = (problem.stiffness().n_rows(), problem.m());
+    fn check_for<const D: usize>(&self, system: &System<D>) -> Result<(), SettingsError> {
+        let (n, m) = (system.n_rows(), system.m());
         SettingsError::unless_numbers(&self.u, n, "start.u")?;
         SettingsError::unless_numbers(&self.lambda, D * m, "start.lambda")?;
         SettingsError::unless_numbers(&self.slide, (D - 1) * m, "start.slide")
@@ -245,8 +245,8 @@ const BURST: usize = 3;
 /// # Errors
 /// If a setting makes no sense, if something else is of another size than the problem, or if the operator fails; the
 /// error keeps the rounds made, and of the last one λ and the steps.
-pub fn solve_step<const D: usize>(
-    problem: &ContactProblem<D>,
+pub fn solve_step<const D: usize, K>(
+    problem: &ContactProblem<D, K>,
     load: &Load,
     start: &State,
     dual: &mut (impl DualOperator + ?Sized),
@@ -258,7 +258,8 @@ pub fn solve_step<const D: usize>(
     start.check_for(problem)?;
     let memory = RefCell::default();
     let memory = settings.ssnm.memory.unwrap_or(&memory);
-    let mut step = Process::new(problem, load, start, dual, settings, memory, &mut observer);
+    let whole = problem.elsewhere();
+    let mut step = Process::new(whole, load, start, dual, settings, memory, &mut observer);
     match step.make(start) {
         Ok((solution, frozen)) => Ok(step.end(solution, frozen)),
         Err(error) => Err(StepError {
@@ -275,18 +276,15 @@ fn has_given_up(status: Status) -> bool {
 
 /// A step on its way.
 struct Process<'a, const D: usize, O: ?Sized, V> {
-    whole: &'a ContactProblem<D>,
-    load: &'a Load,
+    /// Under the whole load; T u is counted from T ū, less what prescribed displacements slide meanwhile.
+    lawful: ContactProblem<D, Elsewhere>,
     dual: &'a mut O,
     settings: &'a Settings<'a>,
     memory: &'a RefCell<Memory>,
     observer: V,
     begin: Instant,
-    /// Where T u is counted from: T ū, less what prescribed displacements slide meanwhile.
-    origin: Vec<f64>,
-    /// Rᵀū, and the largest component of ū.
+    /// Rᵀū.
     place: Vec<f64>,
-    travelled: f64,
     made: Vec<Round>,
     /// The observer has asked for an end.
     stopped: bool,
@@ -298,8 +296,8 @@ where
     V: FnMut(Event) -> ControlFlow<()>,
 {
     fn new(
-        whole: &'a ContactProblem<D>,
-        load: &'a Load,
+        whole: ContactProblem<D, Elsewhere>,
+        load: &Load,
         start: &State,
         dual: &'a mut O,
         settings: &'a Settings<'a>,
@@ -311,17 +309,24 @@ where
         for (i, origin) in origin.iter_mut().enumerate() {
             *origin -= load.slide[i] - start.slide[i];
         }
+        let case = LoadCase {
+            acting: load.acting,
+            travelled: norm_max(&start.u),
+            ..LoadCase::new(
+                load.force.clone(),
+                load.gap.clone(),
+                origin,
+                whole.slip_bound().to_vec(),
+            )
+        };
         Self {
-            whole,
-            load,
+            place: whole.free_bodies().resultants(&start.u),
+            lawful: whole.under(case),
             dual,
             settings,
             memory,
             observer,
             begin: Instant::now(),
-            origin,
-            place: whole.free_bodies().resultants(&start.u),
-            travelled: norm_max(&start.u),
             made: Vec::new(),
             stopped: false,
         }
@@ -331,7 +336,7 @@ where
     /// those give up.
     fn make(&mut self, start: &State) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
         let tolerance = self.settings.ssnm.tolerance;
-        let has_coulomb = self.whole.has_coulomb();
+        let has_coulomb = self.lawful.has_coulomb();
         let coupled = self.settings.coupled;
         let (mut from, mut reached) = (start.lambda.clone(), f64::INFINITY);
         if coupled || !has_coulomb {
@@ -355,7 +360,7 @@ where
                 return Ok((again, None));
             }
             if settled {
-                return Ok(self.better_of(solution, rounds.bounds, again));
+                return self.better_of(solution, rounds.bounds, again);
             }
             burst *= 2;
         }
@@ -363,35 +368,25 @@ where
 
     /// Of what rounds have settled on and a coupled step that has given up: what the law itself says is better.
     fn better_of(
-        &self,
+        &mut self,
         mut settled: Solution<D>,
         bounds: Vec<f64>,
         coupled: Solution<D>,
-    ) -> (Solution<D>, Option<Vec<f64>>) {
-        let kkt = self.lawful().kkt(&settled.u, &settled.lambda);
+    ) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
+        let kkt = conditions(&self.lawful, self.dual, &settled.u, &settled.lambda)?;
         if coupled.info.kkt.max() < kkt.max() {
-            return (coupled, None);
+            return Ok((coupled, None));
         }
         settled.info.kkt = kkt;
         if !(kkt.max() <= ssnm::MET * self.settings.ssnm.tolerance) {
             settled.status = Status::Stagnated;
         }
-        (settled, Some(bounds))
-    }
-
-    /// The problem of this step.
-    fn lawful(&self) -> ContactProblem<D> {
-        let Load { force, gap, .. } = self.load.clone();
-        let given = self.whole.slip_bound().to_vec();
-        (self.whole)
-            .with_step(force, gap, self.origin.clone(), given)
-            .with_acting_forces(self.load.acting)
-            .with_travelled(self.travelled)
+        Ok((settled, Some(bounds)))
     }
 
     /// max |μλν − g| / max μλν for what differs of the bounds.
     fn relative(&self, lambda: &[f64], difference: &[f64]) -> f64 {
-        let coefficients = self.whole.friction_coefficient().iter().zip(lambda);
+        let coefficients = self.lawful.friction_coefficient().iter().zip(lambda);
         let friction = coefficients.fold(0.0_f64, |max, (mu, l)| max.max(mu * l));
         match norm_max(difference) {
             0.0 => 0.0,
@@ -407,10 +402,12 @@ where
         initial: &[f64],
         tolerance: f64,
     ) -> Result<Solution<D>, SolveError> {
-        let mut problem = self.lawful();
+        let mut case = self.lawful.load_case().clone();
         if let Some(bounds) = frozen {
-            problem = problem.with_frozen_bounds(bounds.to_vec());
+            case.slip_bound = bounds.to_vec();
+            case.frozen = true;
         }
+        let problem = self.lawful.under(case);
         let ssnm = &self.settings.ssnm;
         let (observer, stopped) = (&mut self.observer, &mut self.stopped);
         let solution = ssnm::solve(
@@ -433,7 +430,7 @@ where
             },
         )?;
         let friction_change = frozen.map_or(0.0, |bounds| {
-            let law = self.whole.bounds(&solution.lambda);
+            let law = self.lawful.bounds(&solution.lambda);
             self.relative(&solution.lambda, &difference(&law, bounds))
         });
         self.made.push(Round {
@@ -452,13 +449,14 @@ where
 
     /// The end of the step with a solution, and the bounds that were frozen for it.
     fn end(self, solution: Solution<D>, frozen: Option<Vec<f64>>) -> StepSolution<D> {
-        let mut slip = vec![0.0; self.origin.len()];
-        self.whole.tangential().mul(&solution.u, &mut slip);
-        (slip.iter_mut().zip(&self.origin)).for_each(|(s, o)| *s -= o);
-        let not_held = pushed(self.whole, &solution);
+        let origin = self.lawful.slip_origin();
+        let mut slip = vec![0.0; origin.len()];
+        self.lawful.tangential().mul(&solution.u, &mut slip);
+        (slip.iter_mut().zip(origin)).for_each(|(s, o)| *s -= o);
+        let not_held = pushed(&self.lawful, &solution);
         StepSolution {
             status: solution.status,
-            slip_bound: frozen.unwrap_or_else(|| self.whole.bounds(&solution.lambda).into_owned()),
+            slip_bound: frozen.unwrap_or_else(|| self.lawful.bounds(&solution.lambda).into_owned()),
             slip,
             sets: solution.sets,
             kkt: solution.info.kkt,
@@ -471,8 +469,8 @@ where
 }
 
 /// The bodies that an imbalance pushes, and which way they go.
-fn pushed<const D: usize>(problem: &ContactProblem<D>, solution: &Solution<D>) -> Vec<NotHeld> {
-    let (imbalance, free) = (&solution.imbalance, problem.free_bodies());
+fn pushed<const D: usize>(system: &System<D>, solution: &Solution<D>) -> Vec<NotHeld> {
+    let (imbalance, free) = (&solution.imbalance, system.free_bodies());
     if imbalance.is_empty() {
         return Vec::new();
     }

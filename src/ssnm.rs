@@ -67,7 +67,7 @@ pub use sets::{SetSizes, Sets, SlipSizes};
 pub use settings::{Memory, Method, Settings, SettingsError};
 pub use solution::{Cause, Info, Solution, SolveError, Status, Step};
 
-use crate::dual::DualOperator;
+use crate::dual::{DualError, DualOperator, conditions};
 use crate::problem::ContactProblem;
 use goal::forces_met;
 use scaling::Scaled;
@@ -81,15 +81,15 @@ pub(crate) const MET: f64 = 10.0;
 const EXACT: f64 = 1e-12;
 
 /// Solves the problem with a dual operator that was made for it, or for one with the same K, N and T: load and gap are
-/// handed to the operator here.
+/// handed to the operator with each request.
 ///
 /// `observer` is called after every outer step and may stop the solve.
 ///
 /// # Errors
 /// If a setting makes no sense, if the operator is that of a problem of another size, or if it fails; the error keeps
 /// λ and the steps made. To be stopped or not to converge is no error but a [`Status`].
-pub fn solve<const D: usize>(
-    problem: &ContactProblem<D>,
+pub fn solve<const D: usize, K>(
+    problem: &ContactProblem<D, K>,
     dual: &mut (impl DualOperator + ?Sized),
     settings: &Settings,
     mut observer: impl FnMut(&Step) -> ControlFlow<()>,
@@ -97,17 +97,17 @@ pub fn solve<const D: usize>(
     let begin = Instant::now();
     settings.check()?;
     settings.check_for(problem)?;
-    let expected = (problem.stiffness().n_rows(), D * problem.m());
+    let expected = (problem.n_rows(), D * problem.m());
     let found = dual.size();
     if found != expected {
         return Err(Cause::OtherProblem { expected, found }.into());
     }
-    // What no contact can balance of the load is left out of it.
+    let problem = &problem.elsewhere();
     let dual = Scaled::new(problem, dual);
     let start = Start::new(problem, &dual);
     let (imbalance, driven) = (start.imbalance.clone(), start.driven.clone());
-    let reduced = start.reduced(problem);
-    let held = reduced.as_ref().unwrap_or(problem);
+    // What no contact can balance of the load is left out of it.
+    let held = &problem.under(start.held(problem));
     let SetUp {
         mut newton,
         mut way,
@@ -123,14 +123,16 @@ pub fn solve<const D: usize>(
     if let (Method::Multisecant, Some(memory)) = (settings.method, settings.memory) {
         memory.borrow_mut().surrogate = std::mem::take(&mut newton.surrogate);
     }
+    let failed = |error: DualError, lambda, history| SolveError {
+        cause: error.into(),
+        lambda,
+        history,
+    };
     let (mut status, u, mut kkt) = match newton.end(&mut way.point, outcome) {
         Ok(ended) => ended,
         Err(error) => {
-            return Err(SolveError {
-                cause: error.into(),
-                lambda: newton.unscaled(&way.point).0,
-                history: way.history,
-            });
+            let lambda = newton.unscaled(&way.point).0;
+            return Err(failed(error, lambda, way.history));
         }
     };
 
@@ -147,7 +149,10 @@ pub fn solve<const D: usize>(
         status = Status::Converged;
     }
     if !imbalance.is_empty() {
-        kkt = problem.kkt(&u, &lambda);
+        kkt = match conditions(problem, &mut newton.products.dual, &u, &lambda) {
+            Ok(kkt) => kkt,
+            Err(error) => return Err(failed(error, lambda, way.history)),
+        };
         // What no λ ∈ Λ balances is known before the first step, however far the rest was solved.
         if matches!(
             status,

@@ -323,10 +323,13 @@ fn the_dual_operator_is_what_it_says() {
         let (mut ap, mut b) = (vec![f64::NAN; 2 * m], vec![f64::NAN; 2 * m]);
         dual.apply(&p, &mut ap, accuracy, &stop)
             .expect("it cannot fail");
-        dual.right_hand_side(&mut b, accuracy, &stop)
+        dual.right_hand_side(problem.load_case(), &mut b, accuracy, &stop)
             .expect("it cannot fail");
         // u(λ) = K⁻¹(f − Bᵀλ), so A p = B u(0) − B u(p) and b = B u(0) − c.
-        let mut u = |l: &[f64]| dual.displacement(l, 1e-12, &stop).expect("it cannot fail");
+        let mut u = |l: &[f64]| {
+            dual.displacement(problem.load_case(), l, 1e-12, &stop)
+                .expect("it cannot fail")
+        };
         let (u0, up) = (u(&vec![0.0; 2 * m]), u(&p));
         let product = |u: &[f64]| {
             let mut y = vec![0.0; 2 * m];

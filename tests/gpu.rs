@@ -859,8 +859,12 @@ fn what_was_bound_to_dropped_buffers_is_forgotten() {
             .iter()
             .map(|f| f * f64::from(round + 1))
             .collect();
-        dual.set_data(&load, &problem.offsets())
-            .and_then(|()| dual.gradient(&lambda, &mut r, 0.0, accuracy, &Stop::default()))
+        let [gap, origin, bound] =
+            [problem.gap(), problem.slip_origin(), problem.slip_bound()].map(<[f64]>::to_vec);
+        let there =
+            (problem.with_data(load, gap, origin, bound)).unwrap_or_else(|error| panic!("{error}"));
+        let (case, stop) = (there.load_case(), Stop::default());
+        dual.gradient(case, &lambda, &mut r, 0.0, accuracy, &stop)
             .unwrap_or_else(|error| panic!("{error}"));
         kept.push(dual.backend().kept());
     }

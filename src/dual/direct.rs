@@ -8,7 +8,7 @@
 
 use super::{DualError, DualOperator};
 use crate::control::{Accuracy, Followed, Stop};
-use crate::problem::ContactProblem;
+use crate::problem::{ContactProblem, LoadCase};
 use crate::sparse::stored::SquareBlocks;
 use crate::sparse::{Csr, norm};
 use crate::stiffness::cholesky::{Factor, FactorError, Plan};
@@ -30,13 +30,10 @@ pub struct DirectDual {
     b: Csr,
     k: Arc<dyn SquareBlocks>,
     /// B over all unknowns.
-    contact: Csr,
-    /// f.
-    load: Vec<f64>,
-    /// The forward half of a solve with f.
+    contact: Arc<Csr>,
+    /// The f of the last load case, and the forward half of a solve with it.
+    load: Arc<Vec<f64>>,
     reduced_load: Vec<f64>,
-    /// c = (d, origin of slip).
-    offsets: Vec<f64>,
     workspace: Vec<f64>,
     /// K is so badly conditioned that displacements are refined with residuals of twice the precision, and r is made
     /// from them.
@@ -72,7 +69,7 @@ impl DirectDual {
             error => error,
         })?;
         let trailing = factor.n() - factor.n_leading();
-        let contact = problem.contact_matrix();
+        let contact = Arc::clone(problem.contact_matrix());
         let entries = contact.triplets().filter_map(|(i, j, v)| {
             let position = factor.position(j)?;
             Some((i, position - factor.n_leading(), v))
@@ -82,9 +79,8 @@ impl DirectDual {
             b,
             k: Arc::clone(k) as _,
             contact,
-            load: Vec::new(),
+            load: Arc::clone(problem.load_case().force()),
             reduced_load: Vec::new(),
-            offsets: problem.offsets(),
             workspace: vec![0.0; trailing],
             refined: false,
             solve_seconds: 0.0,
@@ -116,7 +112,6 @@ impl DirectDual {
         if zero_load {
             self.reduced_load.fill(0.0);
         }
-        self.load = f.to_vec();
         let u = self.factor.finish(&mut x);
         self.solve_seconds = start.elapsed().as_secs_f64();
         self.factor.release(&mut test);
@@ -138,6 +133,13 @@ impl DirectDual {
             limit: FORWARD_LIMIT,
             backward,
         })
+    }
+
+    /// Goes on with the f of a load case.
+    fn take(&mut self, load: &LoadCase) {
+        if load.take_force(&mut self.load) {
+            self.reduced_load = self.factor.reduce(&self.load);
+        }
     }
 
     /// f − K u where nothing is fixed; in twice the precision for a K that needs it.
@@ -172,16 +174,7 @@ impl DirectDual {
 
 impl DualOperator for DirectDual {
     fn size(&self) -> (usize, usize) {
-        (self.load.len(), self.offsets.len())
-    }
-
-    fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
-        if self.load != load {
-            self.reduced_load = self.factor.reduce(load);
-            self.load.copy_from_slice(load);
-        }
-        self.offsets.copy_from_slice(offsets);
-        Ok(())
+        (self.load.len(), self.contact.n_rows())
     }
 
     fn apply(
@@ -202,14 +195,16 @@ impl DualOperator for DirectDual {
 
     fn right_hand_side(
         &mut self,
+        load: &LoadCase,
         b: &mut [f64],
         _accuracy: Accuracy,
         _stop: &Stop,
     ) -> Result<(), DualError> {
+        self.take(load);
         let mut x = self.reduced_load[self.factor.n_leading()..].to_vec();
         self.factor.solve_touched(&mut x);
         self.b.mul(&x, b);
-        for (b, c) in b.iter_mut().zip(&self.offsets) {
+        for (b, c) in b.iter_mut().zip(load.offsets()) {
             *b -= c;
         }
         Ok(())
@@ -217,15 +212,17 @@ impl DualOperator for DirectDual {
 
     fn displacement(
         &mut self,
+        load: &LoadCase,
         lambda: &[f64],
         residual: f64,
         _stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
+        self.take(load);
         let mut x = self.reduced_load.clone();
         self.b
             .mul_transpose_add(-1.0, lambda, &mut x[self.factor.n_leading()..]);
         let mut u = self.factor.finish(&mut x);
-        let mut forces = self.load.clone();
+        let mut forces = self.load.to_vec();
         self.contact.mul_transpose_add(-1.0, lambda, &mut forces);
         // Refined where rounding has left too much.
         let mut before = f64::INFINITY;
@@ -253,6 +250,7 @@ impl DualOperator for DirectDual {
 
     fn gradient(
         &mut self,
+        load: &LoadCase,
         lambda: &[f64],
         r: &mut [f64],
         _along: f64,
@@ -262,11 +260,15 @@ impl DualOperator for DirectDual {
         if !self.refined {
             return Ok(None);
         }
-        let u = self.displacement(lambda, 0.0, stop)?;
+        let u = self.displacement(load, lambda, 0.0, stop)?;
         self.contact.mul(&u, r);
-        for (r, c) in r.iter_mut().zip(&self.offsets) {
+        for (r, c) in r.iter_mut().zip(load.offsets()) {
             *r = c - *r;
         }
         Ok(Some(Followed::default()))
+    }
+
+    fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
+        Ok(self.k.multiply_with_sizes(u, s))
     }
 }

@@ -3,10 +3,11 @@
 use super::{Costs, DualError, DualOperator, Followed, Stop};
 use crate::backend::{Backend, Run};
 use crate::control::Accuracy;
-use crate::problem::ContactProblem;
-use crate::sparse::stored::power_of_two_below;
+use crate::problem::{ContactProblem, LoadCase};
+use crate::sparse::stored::{SquareBlocks, power_of_two_below};
 use crate::sparse::{Csr, difference, norm};
 use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner, UNREACHABLE};
+use std::sync::Arc;
 
 /// Times that a displacement is made more accurate for the sake of its ties.
 const MOST_PASSES: usize = 4;
@@ -33,9 +34,10 @@ struct OnBackend<B: Backend> {
 /// together with the progress of CG; everything of size n stays there. Where it computes in f32, the
 /// products with B and Bᵀ are made on the host in f64, beside the residuals of the refinement.
 pub struct NestedDual<B: Backend> {
-    b: Csr,
-    load: Vec<f64>,
-    offsets: Vec<f64>,
+    b: Arc<Csr>,
+    k: Arc<dyn SquareBlocks>,
+    /// The f of the last load case.
+    load: Arc<Vec<f64>>,
     pcg: Pcg<B>,
     /// Unknowns tied to the ground, where bodies can move as a whole, and how stiffly.
     ties: Vec<(u32, f64)>,
@@ -56,7 +58,7 @@ impl<B: Backend> NestedDual<B> {
         backend: B,
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
-        let b = problem.contact_matrix();
+        let b = Arc::clone(problem.contact_matrix());
         let touched = problem.touched();
         let (k, ties) =
             (problem.free_bodies()).grounded(problem.stiffness(), |unknown| touched[unknown / D]);
@@ -87,8 +89,8 @@ impl<B: Backend> NestedDual<B> {
         };
         Ok(Self {
             b,
-            load: problem.load().to_vec(),
-            offsets: problem.offsets(),
+            k: Arc::clone(problem.stiffness()) as _,
+            load: Arc::clone(problem.load_case().force()),
             pcg,
             ties,
             unit,
@@ -107,6 +109,15 @@ impl<B: Backend> NestedDual<B> {
     /// The levels of multigrid, for a log, and why there are none where multigrid was asked for.
     pub fn levels(&self) -> [Option<&str>; 2] {
         [self.pcg.hierarchy.as_deref(), self.pcg.fallback.as_deref()]
+    }
+
+    /// Goes on with the f of a load case.
+    fn take(&mut self, load: &LoadCase) -> Result<(), PcgError> {
+        if !load.take_force(&mut self.load) {
+            return Ok(());
+        }
+        self.u.fill(0.0);
+        self.scale_to(power_of_two_below(norm(load.force())))
     }
 
     /// Hands the load to the backend in another unit; the u there starts from zero.
@@ -221,17 +232,7 @@ fn loads(transposed: &Csr, f: &[f64]) -> Csr {
 
 impl<B: Backend> DualOperator for NestedDual<B> {
     fn size(&self) -> (usize, usize) {
-        (self.load.len(), self.offsets.len())
-    }
-
-    fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
-        self.offsets.copy_from_slice(offsets);
-        if self.load == load {
-            return Ok(());
-        }
-        self.load.copy_from_slice(load);
-        self.u.fill(0.0);
-        Ok(self.scale_to(power_of_two_below(norm(load)))?)
+        (self.load.len(), self.b.n_rows())
     }
 
     fn apply(
@@ -273,27 +274,30 @@ impl<B: Backend> DualOperator for NestedDual<B> {
 
     fn right_hand_side(
         &mut self,
+        load: &LoadCase,
         b: &mut [f64],
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
         let zero = vec![0.0; self.b.n_rows()];
-        self.gradient(&zero, b, 0.0, accuracy, stop)?;
+        self.gradient(load, &zero, b, 0.0, accuracy, stop)?;
         b.iter_mut().for_each(|b| *b = -*b);
         Ok(())
     }
 
     fn gradient(
         &mut self,
+        load: &LoadCase,
         lambda: &[f64],
         r: &mut [f64],
         along: f64,
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Option<Followed>, DualError> {
+        self.take(load)?;
         let followed = self.follow(lambda, r, along, accuracy, stop)?;
         r.iter_mut().for_each(|r| *r = -*r);
-        for (r, c) in r.iter_mut().zip(&self.offsets) {
+        for (r, c) in r.iter_mut().zip(load.offsets()) {
             *r += c;
         }
         Ok(Some(followed))
@@ -301,10 +305,12 @@ impl<B: Backend> DualOperator for NestedDual<B> {
 
     fn displacement(
         &mut self,
+        load: &LoadCase,
         lambda: &[f64],
         residual: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
+        self.take(load)?;
         let mut y = vec![0.0; self.b.n_rows()];
         let mut u = vec![0.0; self.b.n_cols()];
         let mut asked = residual;
@@ -330,6 +336,10 @@ impl<B: Backend> DualOperator for NestedDual<B> {
             asked *= 0.1;
         }
         Ok(u)
+    }
+
+    fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
+        Ok(self.k.multiply_with_sizes(u, s))
     }
 
     fn linear_iterations(&mut self, tolerance: f64) -> Result<Option<usize>, DualError> {

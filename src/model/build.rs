@@ -8,7 +8,7 @@ use super::{Definition, Model, Units};
 use crate::contact::{ContactRows, Space, contact_rows};
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
 use crate::mesh::{Kind as ElementKind, Mesh, Topology};
-use crate::problem::{ContactData, ContactProblem, FreeBody};
+use crate::problem::{ContactData, ContactProblem, FreeBody, LoadCase};
 use std::time::Instant;
 
 /// A model that is ready to be solved: the contact problem, and the bodies that it is about.
@@ -262,16 +262,17 @@ where
     let zero = vec![0.0; (D - 1) * problem.m()];
     Ok(problem
         .with_areas(contact.pooled_areas())
+        .and_then(|problem| problem.with_friction_coefficient(contact.coefficient.clone()))
         .map_err(failed)?
-        .with_step(
-            load,
-            contact.gap(unknowns),
-            zero,
-            contact.slip_bound.clone(),
-        )
-        .with_friction_coefficient(contact.coefficient.clone())
-        .map_err(failed)?
-        .with_acting_forces(acting(forces)))
+        .under(LoadCase {
+            acting: acting(forces),
+            ..LoadCase::new(
+                load,
+                contact.gap(unknowns),
+                zero,
+                contact.slip_bound.clone(),
+            )
+        }))
 }
 
 impl<const D: usize> Definition<D>

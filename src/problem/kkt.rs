@@ -13,9 +13,9 @@
 use super::{ContactProblem, tangents_of};
 use crate::dense::pseudo_inverse;
 use crate::rigid::{self, Frame};
-use crate::sparse::{Csr, ROWS_PER_TASK, dot, norm, norm_max};
+use crate::sparse::stored::SquareBlocks;
+use crate::sparse::{Csr, dot, norm, norm_max};
 use faer::Mat;
-use rayon::prelude::*;
 
 /// Rigid motions of a part are dependent below this part of the largest eigenvalue.
 const DEPENDENT: f64 = 1e-10;
@@ -78,6 +78,26 @@ impl<const D: usize> ContactProblem<D> {
     /// # Panics
     /// If a length differs.
     pub fn kkt(&self, u: &[f64], lambda: &[f64]) -> Kkt {
+        let [x, s] = self.deformed(u);
+        self.conditions(u, lambda, &self.stiffness().multiply_with_sizes(&x, &s))
+    }
+}
+
+impl<const D: usize, K> ContactProblem<D, K> {
+    /// What K has to be multiplied by to tell whether forces are in equilibrium: u without the motions of free bodies,
+    /// along which K R = 0, as products with rounded numbers say the worse the farther a body has moved; and what its
+    /// entries may be off by, in units of rounding. What is left of a long way has the rounding of that.
+    pub(crate) fn deformed(&self, u: &[f64]) -> [Vec<f64>; 2] {
+        let free = self.free_bodies();
+        let back: Vec<f64> = free.resultants(u).iter().map(|a| -a).collect();
+        let mut deformed = u.to_vec();
+        free.add_motion(&back, &mut deformed);
+        let reach = self.load_case().reach();
+        [deformed, u.iter().map(|u| u.abs() + reach).collect()]
+    }
+
+    /// The optimality conditions at (u, λ) where the product of K with [`ContactProblem::deformed`] is known, with its sizes.
+    pub(crate) fn conditions(&self, u: &[f64], lambda: &[f64], product: &[Vec<f64>; 2]) -> Kkt {
         let m = self.m();
         let yardsticks = self.yardsticks(u, lambda);
         let (lambda_n, lambda_t) = lambda.split_at(m);
@@ -104,7 +124,7 @@ impl<const D: usize> ContactProblem<D> {
             slip_violation(&lambda_t[at(i)], &slip[at(i)], bound[i], compliance)
         });
         Kkt {
-            equilibrium: ratio(self.imbalance(u, lambda), yardsticks.force),
+            equilibrium: ratio(self.imbalance(lambda, product), yardsticks.force),
             penetration: ratio(positive(&mut closing.iter().copied()), yardsticks.length),
             tension: ratio(positive(&mut lambda_n.iter().map(|v| -v)), norm_max(lambda)),
             complementarity: ratio(
@@ -126,54 +146,25 @@ impl<const D: usize> ContactProblem<D> {
     }
 
     /// ‖Ku + Bᵀλ − f‖, what is rounding of its terms left out.
-    fn imbalance(&self, u: &[f64], lambda: &[f64]) -> f64 {
+    fn imbalance(&self, lambda: &[f64], [sums, sizes]: &[Vec<f64>; 2]) -> f64 {
         let mut forces = self.load().to_vec();
-        let mut sizes: Vec<f64> = forces.iter().map(|f| f.abs()).collect();
-        let (lambda_n, lambda_t) = lambda.split_at(self.m());
-        for (rows, lambda) in [(self.normal(), lambda_n), (self.tangential(), lambda_t)] {
-            for (i, j, v) in rows.triplets() {
-                forces[j] -= v * lambda[i];
-                sizes[j] += (v * lambda[i]).abs();
-            }
+        let mut terms: Vec<f64> = forces.iter().map(|f| f.abs()).collect();
+        for (i, j, v) in self.contact_matrix().triplets() {
+            forces[j] -= v * lambda[i];
+            terms[j] += (v * lambda[i]).abs();
         }
-        let k = self.stiffness();
-        // K R = 0, which products with rounded numbers say the worse the farther a body has moved.
-        let free = self.free_bodies();
-        let back: Vec<f64> = free.resultants(u).iter().map(|a| -a).collect();
-        let mut deformed = u.to_vec();
-        free.add_motion(&back, &mut deformed);
-        // What is left of a long way has the rounding of that.
-        let reach = self.reach();
-        let mut residual = vec![0.0; u.len()];
-        residual
-            .par_chunks_mut(D)
-            .enumerate()
-            .with_min_len(ROWS_PER_TASK)
-            .for_each(|(i, row)| {
-                let (cols, blocks) = k.row(i);
-                for a in 0..D {
-                    let (mut sum, mut size) = (0.0, sizes[D * i + a]);
-                    for (&j, block) in cols.iter().zip(blocks) {
-                        for b in 0..D {
-                            let column = D * j as usize + b;
-                            sum += block[a][b] * deformed[column];
-                            // Entries of u are rounded themselves.
-                            size += (block[a][b] * (u[column].abs() + reach)).abs();
-                        }
-                    }
-                    row[a] = beyond(sum - forces[D * i + a], ROUNDING * size);
-                }
-            });
+        let residual: Vec<f64> = (0..forces.len())
+            .map(|i| beyond(sums[i] - forces[i], ROUNDING * (terms[i] + sizes[i])))
+            .collect();
         norm(&residual)
     }
 
     /// The larger of ‖f‖, without what prescribed displacements add to it, and ‖Bᵀλ‖.
     pub(crate) fn acting_forces(&self, lambda: &[f64]) -> f64 {
         let mut forces = vec![0.0; self.load().len()];
-        let (lambda_n, lambda_t) = lambda.split_at(self.m());
-        self.normal().mul_transpose_add(1.0, lambda_n, &mut forces);
-        (self.tangential()).mul_transpose_add(1.0, lambda_t, &mut forces);
-        match self.acting.max(norm(&forces)) {
+        self.contact_matrix()
+            .mul_transpose_add(1.0, lambda, &mut forces);
+        match self.load_case().acting.max(norm(&forces)) {
             // Nothing but prescribed displacements.
             0.0 => norm(self.load()),
             force => force,
@@ -190,7 +181,7 @@ impl<const D: usize> ContactProblem<D> {
             length: norm_max(&deformation).max(norm_max(&own)),
             deformation: norm(&deformation).max(norm(&own)),
             force: self.acting_forces(lambda),
-            rounding: ROUNDING * (norm_max(u) + self.reach()),
+            rounding: ROUNDING * (norm_max(u) + self.load_case().reach()),
         }
     }
 

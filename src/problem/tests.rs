@@ -1,4 +1,5 @@
 use super::*;
+use crate::sparse::norm_max;
 use faer::sparse::{SparseColMat, Triplet};
 
 /// Row, column and value of each entry.
@@ -209,7 +210,10 @@ fn conditions_in_space_hold_for_a_solution_and_for_nothing_else() {
     assert_eq!((problem.n(), problem.m()), (6, 2));
     assert_eq!(problem.contact_matrix().n_rows(), 6);
     assert_eq!(problem.compliance().len(), 6);
-    assert_eq!(problem.offsets(), [0.1, 0.2, 0.0, 0.0, 0.0, 0.0]);
+    assert_eq!(
+        problem.load_case().offsets(),
+        [0.1, 0.2, 0.0, 0.0, 0.0, 0.0]
+    );
     assert_eq!(problem.touched(), [true, true]);
     assert!(problem.free_bodies().is_empty());
     let kkt = problem.kkt(&U, &LAMBDA);

@@ -13,7 +13,7 @@ use super::{Event, Process};
 use crate::constraint::{Disc, lawful};
 use crate::dual::DualOperator;
 use crate::dual::balance::{Balance, Nearest};
-use crate::problem::ContactProblem;
+use crate::problem::{ContactProblem, Elsewhere};
 use crate::sparse::{difference, norm};
 use crate::ssnm::{Solution, SolveError, Status};
 use std::ops::ControlFlow;
@@ -28,8 +28,8 @@ const CLOSER: f64 = 0.1;
 const RESOLVED: f64 = 0.1;
 
 /// Rounds on their way.
-pub(super) struct Rounds<'a, const D: usize> {
-    cones: Cones<'a, D>,
+pub(super) struct Rounds<const D: usize> {
+    cones: Cones<D>,
     /// λ of the last one.
     pub lambda: Vec<f64>,
     /// The bounds of the last one that was made, or of the first.
@@ -41,14 +41,14 @@ pub(super) struct Rounds<'a, const D: usize> {
     made: usize,
 }
 
-impl<'a, const D: usize> Rounds<'a, D> {
+impl<const D: usize> Rounds<D> {
     /// Before the first one, which starts from λ where the relative error is about `reached`.
     pub fn new<O: DualOperator + ?Sized, V: FnMut(Event) -> ControlFlow<()>>(
-        step: &Process<'a, D, O, V>,
+        step: &Process<D, O, V>,
         lambda: &[f64],
         reached: f64,
     ) -> Self {
-        let cones = Cones::new(step.whole, &step.load.force);
+        let cones = Cones::new(&step.lawful);
         let bounds = cones.bounds(lambda);
         let settings = step.settings;
         let tight = (settings.ssnm.tolerance).min(RESOLVED * settings.friction_tolerance());
@@ -67,7 +67,7 @@ impl<'a, const D: usize> Rounds<'a, D> {
     /// status of all; says whether there may be more of them.
     pub fn make<O: DualOperator + ?Sized, V: FnMut(Event) -> ControlFlow<()>>(
         &mut self,
-        step: &mut Process<'a, D, O, V>,
+        step: &mut Process<D, O, V>,
         limit: usize,
     ) -> Result<(Solution<D>, bool), SolveError> {
         let last = (self.made.saturating_add(limit)).min(step.settings.max_rounds);
@@ -80,7 +80,7 @@ impl<'a, const D: usize> Rounds<'a, D> {
             let lambda = &self.lambda;
 
             // The law is μλν; where that could not balance the bodies, the next round tries other bounds.
-            let law = step.whole.bounds(lambda);
+            let law = step.lawful.bounds(lambda);
             let friction_change = step.relative(lambda, &difference(&law, &self.bounds));
             let next = self.cones.bounds(lambda);
             let changes = difference(&next, &self.bounds);
@@ -132,19 +132,19 @@ impl<'a, const D: usize> Rounds<'a, D> {
 type Unbalanced = (Vec<f64>, Vec<f64>);
 
 /// The slip bounds under which forces can balance the bodies that only contact holds.
-struct Cones<'a, const D: usize> {
-    problem: &'a ContactProblem<D>,
+struct Cones<const D: usize> {
+    problem: ContactProblem<D, Elsewhere>,
     /// Where there are such bodies and Coulomb friction.
     balance: Option<Balance>,
     /// What no forces on the cones can balance, and the motion that it drives; empty where all is well.
     unbalanced: Unbalanced,
 }
 
-impl<'a, const D: usize> Cones<'a, D> {
-    fn new(problem: &'a ContactProblem<D>, load: &[f64]) -> Self {
+impl<const D: usize> Cones<D> {
+    fn new(problem: &ContactProblem<D, Elsewhere>) -> Self {
         let free = problem.free_bodies();
         let mut cones = Self {
-            problem,
+            problem: problem.clone(),
             balance: None,
             unbalanced: Unbalanced::default(),
         };
@@ -152,7 +152,7 @@ impl<'a, const D: usize> Cones<'a, D> {
             return cones;
         }
         let b = problem.contact_matrix();
-        let mut balance = Balance::new(free, &b, load, |_| 1.0);
+        let mut balance = Balance::new(free, b, problem.load(), |_| 1.0);
         let given = problem.slip_bound();
         let least = balance.least(|i, z: [f64; D]| lawful(given[i], cones.mu(i), z));
         if !least.balanced {

@@ -37,9 +37,6 @@ impl DualOperator for Failing {
     fn size(&self) -> (usize, usize) {
         self.0.size()
     }
-    fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
-        self.0.set_data(load, offsets)
-    }
     fn apply(
         &mut self,
         p: &[f64],
@@ -51,14 +48,16 @@ impl DualOperator for Failing {
     }
     fn right_hand_side(
         &mut self,
+        load: &LoadCase,
         b: &mut [f64],
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
-        self.0.right_hand_side(b, accuracy, stop)
+        self.0.right_hand_side(load, b, accuracy, stop)
     }
     fn displacement(
         &mut self,
+        load: &LoadCase,
         lambda: &[f64],
         residual: f64,
         stop: &Stop,
@@ -67,7 +66,10 @@ impl DualOperator for Failing {
             return Err(FactorError::TooLarge.into());
         }
         self.1 -= 1;
-        self.0.displacement(lambda, residual, stop)
+        self.0.displacement(load, lambda, residual, stop)
+    }
+    fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
+        self.0.stiffness_times(u, s)
     }
 }
 

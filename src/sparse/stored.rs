@@ -1,6 +1,6 @@
 //! Matrices as kernels take them: blocks of a shape that is known at run time, 32-bit indices, in f32 or f64.
 
-use super::{BlockCsr, dot};
+use super::{BlockCsr, ROWS_PER_TASK, dot};
 use rayon::prelude::*;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Sub};
@@ -57,6 +57,8 @@ pub trait SquareBlocks: Send + Sync {
     fn multiply(&self, x: &[f64], y: &mut [f64]) -> f64;
     /// y −= K x.
     fn subtract_product(&self, x: &[f64], y: &mut [f64]);
+    /// K x, and |K| s: what the entries of K x are sums of, where those of x are known to s.
+    fn multiply_with_sizes(&self, x: &[f64], s: &[f64]) -> [Vec<f64>; 2];
     /// Hands out the stored scalar entries (row, column, value), row by row.
     fn for_entries(&self, take: &mut dyn FnMut(usize, usize, f64));
 
@@ -95,6 +97,26 @@ impl<const B: usize> SquareBlocks for BlockCsr<B> {
             y.iter_mut().zip(sum).for_each(|(y, v)| *y -= v);
             0.0
         });
+    }
+
+    fn multiply_with_sizes(&self, x: &[f64], s: &[f64]) -> [Vec<f64>; 2] {
+        let [mut sums, mut sizes] = [x, s].map(|v| vec![0.0; v.len()]);
+        (sums.par_chunks_mut(B).zip(sizes.par_chunks_mut(B)))
+            .enumerate()
+            .with_min_len(ROWS_PER_TASK)
+            .for_each(|(i, (sum, size))| {
+                let (cols, blocks) = self.row(i);
+                for (&j, block) in cols.iter().zip(blocks) {
+                    for (a, row) in block.iter().enumerate() {
+                        for (b, v) in row.iter().enumerate() {
+                            let column = B * j as usize + b;
+                            sum[a] += v * x[column];
+                            size[a] += (v * s[column]).abs();
+                        }
+                    }
+                }
+            });
+        [sums, sizes]
     }
 
     fn for_entries(&self, take: &mut dyn FnMut(usize, usize, f64)) {

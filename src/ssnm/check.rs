@@ -5,7 +5,7 @@ use super::newton::{Newton, Way};
 use super::point::Point;
 use super::{MET, Settings, Status};
 use crate::control::Stop;
-use crate::dual::{DualError, DualOperator};
+use crate::dual::{DualError, DualOperator, conditions};
 use crate::problem::Kkt;
 
 /// The accuracy of a final check after one that failed, relative to before, at most and at least: where a
@@ -100,7 +100,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         self.take_from(&u, point);
         let err = self.settle_error(point);
         self.problem.free_bodies().add_motion(&point.motion, &mut u);
-        let kkt = self.optimality(point, &u);
+        let kkt = self.optimality(point, &u)?;
         goal.err = goal.err.max(self.rounding(point));
         let (lambda, r) = self.unscaled(point);
         let forces = goal.forces_met(self.problem, &lambda, &r);
@@ -139,7 +139,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             // Neither load nor contact forces.
             vec![0.0; self.problem.load().len()]
         } else {
-            (self.products.dual).displacement(&point.lambda, residual, &stop)?
+            (self.products).displacement(&point.lambda, residual, &stop)?
         };
         // Whichever K⁺ it was: bodies stay where they were as far as contact lets them.
         let free = self.problem.free_bodies();
@@ -154,10 +154,10 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     }
 
     /// The optimality conditions at a point.
-    fn optimality(&self, point: &Point, u: &[f64]) -> Kkt {
+    fn optimality(&mut self, point: &Point, u: &[f64]) -> Result<Kkt, DualError> {
         let mut lambda = point.lambda.clone();
         self.products.dual.times(&mut lambda);
-        self.problem.kkt(u, &lambda)
+        conditions(self.problem, &mut self.products.dual, u, &lambda)
     }
 
     /// How a solve has ended, with u and the optimality conditions: those of the final check or, where there was none,
@@ -189,7 +189,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             self.settle_error(point);
         }
         (self.problem.free_bodies()).add_motion(&point.motion, &mut u);
-        let kkt = self.optimality(point, &u);
+        let kkt = self.optimality(point, &u)?;
         Ok((status, u, kkt))
     }
 }

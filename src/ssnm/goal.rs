@@ -44,9 +44,9 @@ impl Goal {
     }
 
     /// Whether a point with gradient r and error err meets it. Written so that NaN never passes.
-    pub fn met<const D: usize>(
+    pub fn met<const D: usize, K>(
         &self,
-        problem: &ContactProblem<D>,
+        problem: &ContactProblem<D, K>,
         lambda: &[f64],
         r: &[f64],
         err: f64,
@@ -74,9 +74,9 @@ impl Goal {
     }
 
     /// Whether the forces are as accurate as ε asks for.
-    pub fn forces_met<const D: usize>(
+    pub fn forces_met<const D: usize, K>(
         &self,
-        problem: &ContactProblem<D>,
+        problem: &ContactProblem<D, K>,
         lambda: &[f64],
         r: &[f64],
     ) -> bool {
@@ -91,9 +91,9 @@ impl Goal {
 /// the unknowns under the contact moved: neighbours that meet the same unknowns share them, and a fine mesh on a coarse soft
 /// one has patterns of force that only its own unknowns resist. No gap is known better than to the rounding of what it is the
 /// difference of, and a force that closes less is none.
-pub(super) fn forces_met<const D: usize>(
+pub(super) fn forces_met<const D: usize, K>(
     tolerance: f64,
-    problem: &ContactProblem<D>,
+    problem: &ContactProblem<D, K>,
     lambda: &[f64],
     r: &[f64],
 ) -> bool {
@@ -103,12 +103,12 @@ pub(super) fn forces_met<const D: usize>(
             false => FORCES,
         };
     let (areas, compliance) = (problem.areas(), problem.compliance());
-    let (bounds, offsets) = (problem.bounds(lambda), problem.offsets());
+    let (bounds, offsets) = (problem.bounds(lambda), problem.load_case().offsets());
     let terms = offsets
         .iter()
         .zip(r)
         .map(|(c, r)| c.abs().max((c - r).abs()));
-    let rounding = ROUNDING * terms.fold(problem.reach(), f64::max);
+    let rounding = ROUNDING * terms.fold(problem.load_case().reach(), f64::max);
     let nodes = || bounds.iter().map(|&g| Disc { g }).enumerate();
     // The gap that each node would close by itself, as far as its law lets it.
     let mut missing = vec![0.0; r.len()];
@@ -155,8 +155,8 @@ pub(super) fn forces_met<const D: usize>(
 }
 
 /// δ with (B D⁻¹ Bᵀ) δ = `missing` on the multipliers where that is not zero, by conjugate gradients; NaN where that cannot be.
-fn close_alone<const D: usize>(problem: &ContactProblem<D>, missing: &[f64]) -> Vec<f64> {
-    let diagonal = problem.stiffness().diagonal();
+fn close_alone<const D: usize, K>(problem: &ContactProblem<D, K>, missing: &[f64]) -> Vec<f64> {
+    let diagonal = problem.diagonal();
     let b = problem.contact_matrix();
     let masked = |x: &mut [f64]| {
         x.iter_mut()
@@ -167,7 +167,7 @@ fn close_alone<const D: usize>(problem: &ContactProblem<D>, missing: &[f64]) -> 
     let times = |x: &[f64]| {
         let mut moved = vec![0.0; diagonal.len()];
         b.mul_transpose_add(1.0, x, &mut moved);
-        moved.iter_mut().zip(&diagonal).for_each(|(u, k)| *u /= k);
+        moved.iter_mut().zip(diagonal).for_each(|(u, k)| *u /= k);
         let mut closed = vec![0.0; x.len()];
         b.mul(&moved, &mut closed);
         masked(&mut closed);
@@ -262,7 +262,10 @@ mod tests {
         assert!(!met(&lambda, [f64::NAN, 0.0, 0.0, 0.0]));
         assert!(met(&lambda, [5000.0, 0.0, 0.0, 0.0]) && !met(&lambda, [-5000.0, 0.0, 0.0, 0.0]));
         // Rounding of a way of 10⁹ is 7e-6: less than what small forces close is none, somewhat more is not known well enough.
-        let far = four_on_two(1e-3).with_travelled(1e9);
+        let near = four_on_two(1e-3);
+        let mut case = near.load_case().clone();
+        case.travelled = 1e9;
+        let far = near.under(case);
         for (size, expected) in [(1e-8, true), (1e-6, false), (1.0, true)] {
             let lambda: Vec<f64> = lambda.iter().map(|l| size * l).collect();
             assert_eq!(

@@ -17,8 +17,8 @@ pub(super) struct Law {
 }
 
 impl Law {
-    pub fn new<O: DualOperator + ?Sized, const D: usize>(
-        problem: &ContactProblem<D>,
+    pub fn new<O: DualOperator + ?Sized, const D: usize, K>(
+        problem: &ContactProblem<D, K>,
         dual: &Scaled<O>,
     ) -> Self {
         let coefficient = problem.friction_coefficient().iter().enumerate();

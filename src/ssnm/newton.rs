@@ -9,7 +9,7 @@ use super::surrogate::Surrogate;
 use super::{EXACT, Method};
 use crate::dual::balance::Balance;
 use crate::dual::{DualError, DualOperator};
-use crate::problem::{ContactProblem, Kkt, ROUNDING};
+use crate::problem::{ContactProblem, Elsewhere, Kkt, ROUNDING};
 use crate::sparse::{add_times, difference, norm, norm_max};
 use std::borrow::Cow;
 use std::rc::Rc;
@@ -27,7 +27,7 @@ const PASSES: usize = 4;
 
 /// What stays from step to step; multipliers are scaled.
 pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
-    pub problem: &'a ContactProblem<D>,
+    pub problem: &'a ContactProblem<D, Elsewhere>,
     pub law: Law,
     /// Where bodies can move as a whole.
     pub balance: Option<Rc<Balance>>,
@@ -268,7 +268,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let (rn, rt) = point.r.split_at_mut(problem.m());
         problem.normal().mul(u, rn);
         problem.tangential().mul(u, rt);
-        for (r, c) in point.r.iter_mut().zip(problem.offsets()) {
+        for (r, c) in point.r.iter_mut().zip(problem.load_case().offsets()) {
             *r = c - *r;
         }
         self.products.dual.times(&mut point.r);

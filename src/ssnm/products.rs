@@ -9,6 +9,7 @@ use super::Method;
 use super::scaling::Scaled;
 use crate::control::{Accuracy, Followed, Stop};
 use crate::dual::{DualError, DualOperator};
+use crate::problem::LoadCase;
 use crate::sparse::{add_times, difference, norm};
 
 /// The error of a product relative to √(pᵀAp), in the norm of A. Case B to 1e-4 (`tests/counts.rs`) takes 9 products of
@@ -33,6 +34,7 @@ const LEAST_PART: f64 = 1e-6;
 /// The dual operator, how accurately it is used, and how often.
 pub(super) struct Products<'a, O: ?Sized> {
     pub dual: Scaled<'a, O>,
+    load: &'a LoadCase,
     pub stop: Stop<'a>,
     /// Products so far.
     pub n_a: usize,
@@ -48,9 +50,16 @@ pub(super) struct Products<'a, O: ?Sized> {
 
 impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
     /// `sigma` is what is known of σ_max.
-    pub fn new(dual: Scaled<'a, O>, method: Method, stop: Stop<'a>, sigma: f64) -> Self {
+    pub fn new(
+        dual: Scaled<'a, O>,
+        load: &'a LoadCase,
+        method: Method,
+        stop: Stop<'a>,
+        sigma: f64,
+    ) -> Self {
         Self {
             dual,
+            load,
             stop,
             n_a: 0,
             follows: true,
@@ -87,6 +96,16 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         true
     }
 
+    /// u at λ but for the motions of free bodies: [`DualOperator::displacement`].
+    pub fn displacement(
+        &mut self,
+        lambda: &[f64],
+        residual: f64,
+        stop: &Stop,
+    ) -> Result<Vec<f64>, DualError> {
+        self.dual.displacement(self.load, lambda, residual, stop)
+    }
+
     /// A p.
     pub fn apply(&mut self, p: &[f64]) -> Result<Vec<f64>, DualError> {
         let accuracy = Accuracy::Energy {
@@ -109,7 +128,8 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         if self.follow(lambda, &mut r, 0.0, accuracy)? {
             return Ok(r);
         }
-        self.dual.right_hand_side(&mut r, accuracy, &self.stop)?;
+        self.dual
+            .right_hand_side(self.load, &mut r, accuracy, &self.stop)?;
         r.iter_mut().for_each(|b| *b = -*b);
         if lambda.iter().any(|&l| l != 0.0) {
             let image = self.apply(lambda)?;
@@ -169,7 +189,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         if !self.follows {
             return Ok(false);
         }
-        let made = self.dual.gradient(lambda, r, along, accuracy, &self.stop)?;
+        let made = (self.dual).gradient(self.load, lambda, r, along, accuracy, &self.stop)?;
         match made {
             Some(followed) => self.followed = followed,
             // Or a GPU has failed in between, and products are exact from now on.

@@ -3,7 +3,7 @@
 use crate::constraint::row_of;
 use crate::control::{Accuracy, Costs, Followed, Stop};
 use crate::dual::{DualError, DualOperator};
-use crate::problem::ContactProblem;
+use crate::problem::{ContactProblem, LoadCase};
 use crate::sparse::norm_max;
 
 /// Half of a power of two, less what rounding does to one.
@@ -25,7 +25,7 @@ pub(super) struct Scaled<'a, O: ?Sized> {
 }
 
 impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
-    pub fn new<const D: usize>(problem: &ContactProblem<D>, dual: &'a mut O) -> Self {
+    pub fn new<const D: usize, K>(problem: &ContactProblem<D, K>, dual: &'a mut O) -> Self {
         let m = problem.m();
         let mut estimates = problem.compliance().to_vec();
         // One factor for all tangents of a node, or its disc became an ellipse.
@@ -98,10 +98,6 @@ impl<O: DualOperator + ?Sized> DualOperator for Scaled<'_, O> {
         self.dual.costs()
     }
 
-    fn set_data(&mut self, load: &[f64], offsets: &[f64]) -> Result<(), DualError> {
-        self.dual.set_data(load, offsets)
-    }
-
     fn apply(
         &mut self,
         p: &[f64],
@@ -120,17 +116,19 @@ impl<O: DualOperator + ?Sized> DualOperator for Scaled<'_, O> {
 
     fn right_hand_side(
         &mut self,
+        load: &LoadCase,
         b: &mut [f64],
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
-        self.dual.right_hand_side(b, accuracy, stop)?;
+        self.dual.right_hand_side(load, b, accuracy, stop)?;
         self.times(b);
         Ok(())
     }
 
     fn gradient(
         &mut self,
+        load: &LoadCase,
         lambda: &[f64],
         r: &mut [f64],
         along: f64,
@@ -139,7 +137,9 @@ impl<O: DualOperator + ?Sized> DualOperator for Scaled<'_, O> {
     ) -> Result<Option<Followed>, DualError> {
         let mut lambda = lambda.to_vec();
         self.times(&mut lambda);
-        let made = self.dual.gradient(&lambda, r, along, accuracy, stop)?;
+        let made = self
+            .dual
+            .gradient(load, &lambda, r, along, accuracy, stop)?;
         if made.is_some() {
             self.times(r);
         }
@@ -148,12 +148,17 @@ impl<O: DualOperator + ?Sized> DualOperator for Scaled<'_, O> {
 
     fn displacement(
         &mut self,
+        load: &LoadCase,
         lambda: &[f64],
         residual: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
         let mut lambda = lambda.to_vec();
         self.times(&mut lambda);
-        self.dual.displacement(&lambda, residual, stop)
+        self.dual.displacement(load, &lambda, residual, stop)
+    }
+
+    fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
+        self.dual.stiffness_times(u, s)
     }
 }

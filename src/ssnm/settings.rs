@@ -122,9 +122,9 @@ impl Settings<'_> {
     }
 
     /// Whether what there is to start from belongs to a problem of this size.
-    pub(super) fn check_for<const D: usize>(
+    pub(super) fn check_for<const D: usize, K>(
         &self,
-        problem: &ContactProblem<D>,
+        problem: &ContactProblem<D, K>,
     ) -> Result<(), SettingsError> {
         let len = D * problem.m();
         if let Some(initial) = self.initial {

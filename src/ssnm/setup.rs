@@ -11,9 +11,10 @@ use crate::constraint::NodeSets;
 use crate::control::Stop;
 use crate::dual::balance::Balance;
 use crate::dual::{DualError, DualOperator, spectrum};
-use crate::problem::ContactProblem;
-use crate::sparse::{add_times, difference};
+use crate::problem::{ContactProblem, Elsewhere, LoadCase};
+use crate::sparse::{add_times, difference, norm};
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Where a solve starts from, in scaled multipliers.
@@ -31,8 +32,8 @@ pub(super) struct Start {
 
 impl Start {
     /// Balances the bodies, before any product is made.
-    pub fn new<O: DualOperator + ?Sized, const D: usize>(
-        problem: &ContactProblem<D>,
+    pub fn new<O: DualOperator + ?Sized, const D: usize, K>(
+        problem: &ContactProblem<D, K>,
         dual: &Scaled<O>,
     ) -> Self {
         let mut start = Self {
@@ -48,7 +49,7 @@ impl Start {
         }
         let law = &start.law;
         let b = problem.contact_matrix();
-        let mut balance = Balance::new(free, &b, problem.load(), |i| dual.factor(i));
+        let mut balance = Balance::new(free, b, problem.load(), |i| dual.factor(i));
         let least = balance.least(|i, z: [f64; D]| law.nearest(i, z));
         start.lambda = least.lambda;
         if !least.balanced {
@@ -59,20 +60,20 @@ impl Start {
         start
     }
 
-    /// The problem without what no contact can balance of its load, so that the rest can be solved; None where all of it
-    /// can.
-    pub fn reduced<const D: usize>(
-        &self,
-        problem: &ContactProblem<D>,
-    ) -> Option<ContactProblem<D>> {
-        if self.imbalance.is_empty() {
-            return None;
+    /// The load without what no contact can balance of it, so that the rest can be solved.
+    pub fn held<const D: usize, K>(&self, problem: &ContactProblem<D, K>) -> LoadCase {
+        let mut case = problem.load_case().clone();
+        if !self.imbalance.is_empty() {
+            let less: Vec<f64> = self.imbalance.iter().map(|v| -v).collect();
+            let mut force = case.force.to_vec();
+            problem.free_bodies().add_motion(&less, &mut force);
+            case = LoadCase {
+                acting: norm(&force),
+                force: Arc::new(force),
+                ..case
+            };
         }
-        let mut load = problem.load().to_vec();
-        let less: Vec<f64> = self.imbalance.iter().map(|v| -v).collect();
-        problem.free_bodies().add_motion(&less, &mut load);
-        let (gap, origin) = (problem.gap().to_vec(), problem.slip_origin().to_vec());
-        Some(problem.with_step(load, gap, origin, problem.slip_bound().to_vec()))
+        case
     }
 }
 
@@ -89,10 +90,10 @@ pub(super) struct SetUp<'a, O: ?Sized, const D: usize> {
 }
 
 impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
-    /// Hands load and gap to the operator, makes r, and moves to λ⁰.
+    /// Makes r, and moves to λ⁰.
     pub fn new(
-        problem: &'a ContactProblem<D>,
-        mut dual: Scaled<'a, O>,
+        problem: &'a ContactProblem<D, Elsewhere>,
+        dual: Scaled<'a, O>,
         start: Start,
         settings: &Settings<'a>,
         begin: Instant,
@@ -102,8 +103,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             deadline: (settings.time_limit).and_then(|limit| begin.checked_add(limit)),
             interrupt: settings.interrupt,
         };
-        let mut offsets = problem.offsets();
-        let set = dual.set_data(problem.load(), &offsets);
+        let mut offsets = problem.load_case().offsets();
         dual.times(&mut offsets);
         // A lower bound of the entries of diag(A): the first product tells more.
         let mean = mean(problem.compliance().iter().enumerate().map(|(i, c)| {
@@ -117,7 +117,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             beta: settings.beta,
             sigma: mean,
             mean,
-            products: Products::new(dual, settings.method, stop, mean),
+            products: Products::new(dual, problem.load_case(), settings.method, stop, mean),
             surrogate: Default::default(),
             method: settings.method,
             checked: None,
@@ -145,12 +145,10 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             first_met: None,
         };
         let mut n_a_sigma = 0;
-        let outcome = set
-            .and_then(|()| newton.find_sigma(settings))
-            .and_then(|products| {
-                n_a_sigma = products;
-                newton.start(&mut way, settings.initial)
-            });
+        let outcome = newton.find_sigma(settings).and_then(|products| {
+            n_a_sigma = products;
+            newton.start(&mut way, settings.initial)
+        });
         way.err0 = newton.measure(&way.first);
         Self {
             newton,

@@ -2,7 +2,7 @@
 
 use super::FreeBody;
 use crate::dense::{right_singular, symmetric_eigen};
-use crate::problem::is_coupled;
+use crate::problem::system::is_coupled;
 use crate::rigid::{Frame, length};
 use crate::sparse::{BlockCsr, dot};
 use faer::Mat;

@@ -1,0 +1,70 @@
+//! What changes from load step to load step.
+
+use crate::sparse::{norm, norm_max};
+use std::sync::Arc;
+
+/// The load of a contact problem, and where gap and slip are counted from: a small value beside a
+/// [`System`](super::System), handed to the dual operator with each request.
+#[derive(Clone, Debug)]
+pub struct LoadCase {
+    /// f.
+    pub(crate) force: Arc<Vec<f64>>,
+    /// d.
+    pub(crate) gap: Vec<f64>,
+    /// Where slip is counted from: T u less this is the slip, an entry per row of T.
+    pub(crate) slip_origin: Vec<f64>,
+    /// g, where it is given.
+    pub(crate) slip_bound: Vec<f64>,
+    /// It is given everywhere, whatever the coefficients of friction.
+    pub(crate) frozen: bool,
+    /// ‖forces that act on the bodies‖: ‖f‖, but for what prescribed displacements add to f.
+    pub(crate) acting: f64,
+    /// The largest displacement before this load step: what comes out as a difference is rounded accordingly.
+    pub(crate) travelled: f64,
+}
+
+impl LoadCase {
+    /// From rest; f may be larger than the forces that act, by what prescribed displacements add to it.
+    pub(crate) fn new(
+        force: Vec<f64>,
+        gap: Vec<f64>,
+        slip_origin: Vec<f64>,
+        slip_bound: Vec<f64>,
+    ) -> Self {
+        Self {
+            acting: norm(&force),
+            force: Arc::new(force),
+            gap,
+            slip_origin,
+            slip_bound,
+            frozen: false,
+            travelled: 0.0,
+        }
+    }
+
+    /// f, as long as K has rows. A load case that is cloned shares it.
+    pub fn force(&self) -> &Arc<Vec<f64>> {
+        &self.force
+    }
+
+    /// Takes f in the place of the last one; whether it is another one.
+    pub(crate) fn take_force(&self, last: &mut Arc<Vec<f64>>) -> bool {
+        if Arc::ptr_eq(last, &self.force) {
+            return false;
+        }
+        let before = std::mem::replace(last, Arc::clone(&self.force));
+        before != self.force
+    }
+
+    /// (d, origin of slip): c in r = c − B u, length D m.
+    pub fn offsets(&self) -> Vec<f64> {
+        [&self.gap[..], &self.slip_origin].concat()
+    }
+
+    /// The length that displacements, gaps and slips are differences of, at most.
+    pub(crate) fn reach(&self) -> f64 {
+        (self.travelled)
+            .max(norm_max(&self.gap))
+            .max(norm_max(&self.slip_origin))
+    }
+}

@@ -1,0 +1,187 @@
+//! What K, N, T, the points, the areas and the coefficients of friction say: made once, and shared by all load cases.
+
+use super::{ContactData, FreeBodies, tangents};
+use crate::sparse::{BlockCsr, Csr};
+use std::sync::Arc;
+
+/// The part of a contact problem that does not change from load step to load step.
+///
+/// [`ContactProblem`](super::ContactProblem) derefs to it. It knows of K what the method asks of it, but not K itself.
+#[derive(Clone, Debug)]
+pub struct System<const D: usize = 2> {
+    pub(super) n: usize,
+    pub(super) n_free: usize,
+    normal: Csr,
+    tangential: Csr,
+    /// B.
+    contact: Arc<Csr>,
+    /// μ, length m, 0 where the slip bound is given; empty without Coulomb friction.
+    pub(super) friction: Vec<f64>,
+    coordinates: Option<Vec<[f64; D]>>,
+    /// The areas that turn nodal forces into pressures, length m.
+    pub(super) areas: Vec<f64>,
+    free: FreeBodies<D>,
+    /// The connected part of K that each node belongs to.
+    pub(super) parts: Vec<u32>,
+    /// Whether K ties an unknown to another one.
+    coupled: Vec<bool>,
+    /// The diagonal of K.
+    diagonal: Vec<f64>,
+    /// Σⱼ Bᵢⱼ²/Kⱼⱼ, length D m; in space the mean of the tangents of a node for both.
+    compliance: Vec<f64>,
+}
+
+impl<const D: usize> System<D> {
+    /// From checked data, of which the first n unknowns are not there to complete a block.
+    pub(super) fn new(data: &ContactData<D>, n: usize) -> Self {
+        const { assert!(D == 2 || D == 3, "contact is in the plane or in space") };
+        let k = &data.stiffness;
+        let m = data.gap.len();
+        let (count, parts) = k.components();
+        let free = match &data.coordinates {
+            Some(points) => FreeBodies::among(k, points, count, &parts),
+            None => FreeBodies::default(),
+        };
+        let tangential = data.tangential.triplets().map(|(i, j, v)| (i + m, j, v));
+        let rows = data.normal.triplets().chain(tangential);
+        let diagonal = k.diagonal();
+        Self {
+            n,
+            n_free: n,
+            contact: Arc::new(Csr::from_triplets(
+                D * m,
+                k.n_cols(),
+                rows.filter(|&(_, _, v)| v != 0.0),
+            )),
+            areas: vec![1.0; m],
+            free,
+            parts,
+            coupled: (0..k.n_rows()).map(|i| is_coupled(k, i)).collect(),
+            compliance: compliances(data, &diagonal),
+            diagonal,
+            normal: data.normal.clone(),
+            tangential: data.tangential.clone(),
+            friction: Vec::new(),
+            coordinates: data.coordinates.clone(),
+        }
+    }
+
+    /// Number of unknowns n that the user gave.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Number of unknowns that are free to move.
+    pub fn n_free(&self) -> usize {
+        self.n_free
+    }
+
+    /// Rows of K: n or, where that is no multiple of D, the next one.
+    pub fn n_rows(&self) -> usize {
+        self.diagonal.len()
+    }
+
+    /// Number of contact nodes m.
+    pub fn m(&self) -> usize {
+        self.normal.n_rows()
+    }
+
+    /// B = (N; T): D m rows, and as many columns as K.
+    pub fn contact_matrix(&self) -> &Arc<Csr> {
+        &self.contact
+    }
+
+    /// Whether B touches each block row of K.
+    pub(crate) fn touched(&self) -> Vec<bool> {
+        let mut touched = vec![false; self.n_rows() / D];
+        for (_, j, _) in self.contact.triplets() {
+            touched[j / D] = true;
+        }
+        touched
+    }
+
+    /// N.
+    pub fn normal(&self) -> &Csr {
+        &self.normal
+    }
+
+    /// T.
+    pub fn tangential(&self) -> &Csr {
+        &self.tangential
+    }
+
+    /// The areas of the contact nodes; ones where they are not known.
+    pub fn areas(&self) -> &[f64] {
+        &self.areas
+    }
+
+    /// The bodies that can move as a whole, as far as K and the coordinates tell.
+    pub fn free_bodies(&self) -> &FreeBodies<D> {
+        &self.free
+    }
+
+    /// The points that each D unknowns belong to, if known.
+    pub fn coordinates(&self) -> Option<&[[f64; D]]> {
+        self.coordinates.as_deref()
+    }
+
+    /// The diagonal of K.
+    pub(crate) fn diagonal(&self) -> &[f64] {
+        &self.diagonal
+    }
+
+    /// How far a multiplier moves its own contact node at least, per force: Σⱼ Bᵢⱼ²/Kⱼⱼ ≤ Aᵢᵢ, length D m; 0 for
+    /// an empty row.
+    pub(crate) fn compliance(&self) -> &[f64] {
+        &self.compliance
+    }
+
+    /// Whether K ties an unknown to another one; those it does not are held where they are.
+    pub(crate) fn is_coupled(&self, unknown: usize) -> bool {
+        self.coupled[unknown]
+    }
+
+    /// " at (x, y)", in space " at (x, y, z)", for an unknown whose place is known.
+    pub(crate) fn place_of(&self, unknown: usize) -> String {
+        match &self.coordinates {
+            Some(points) if unknown / D < points.len() => {
+                let place = points[unknown / D].map(|x| format!("{x:.6e}"));
+                format!(" at ({})", place.join(", "))
+            }
+            _ => String::new(),
+        }
+    }
+}
+
+/// Whether K ties an unknown to another one.
+pub(super) fn is_coupled<const D: usize>(k: &BlockCsr<D>, unknown: usize) -> bool {
+    let (i, a) = (unknown / D, unknown % D);
+    let (cols, blocks) = k.row(i);
+    (cols.iter().zip(blocks))
+        .any(|(&j, block)| (0..D).any(|b| D * j as usize + b != unknown && block[a][b] != 0.0))
+}
+
+/// Σⱼ Bᵢⱼ²/Kⱼⱼ for each row i of B; both tangents of a node in space get their mean: it does not depend on which pair of
+/// tangents they are, and a disc stays one. An empty row keeps its 0.
+fn compliances<const D: usize>(data: &ContactData<D>, diagonal: &[f64]) -> Vec<f64> {
+    let mut all = Vec::new();
+    for matrix in [&data.normal, &data.tangential] {
+        for i in 0..matrix.n_rows() {
+            let (cols, values) = matrix.row(i);
+            let terms = cols.iter().zip(values).filter(|(_, v)| v[0][0] != 0.0);
+            all.push(
+                terms
+                    .map(|(&j, v)| v[0][0] * v[0][0] / diagonal[j as usize])
+                    .sum(),
+            );
+        }
+    }
+    for of_node in all[data.gap.len()..].chunks_mut(tangents::<D>()) {
+        let rows = of_node.iter().filter(|&&c| c > 0.0).count();
+        if rows > 1 {
+            let mean = of_node.iter().sum::<f64>() / rows as f64;
+            of_node.fill(mean);
+        }
+    }
+    all
+}
