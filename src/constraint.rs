@@ -4,13 +4,11 @@
 //! interval in the plane, where all of this gives (4), (5) and Step 2 as they are printed, to the last bit: the
 //! direction λτ/‖λτ‖ is ±1 there.
 
+use crate::rounding::ROUNDING;
 use std::array::from_fn;
 
 /// A nearest point with what it depends on: the derivative of the projection.
 pub(crate) type Projected<const D: usize> = ([f64; D], [[f64; D]; D]);
-
-/// A length that is less than the bound by no more than this part of it is at the bound.
-const ROUNDING: f64 = 1e-14;
 
 /// The row of multiplier a of contact node i (of m) in λ = (λν, λτ): the normal one for a = 0, then those along the
 /// D − 1 tangents, which lie side by side.

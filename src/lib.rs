@@ -169,6 +169,7 @@ pub mod problem;
 pub mod quasistatic;
 pub mod reference;
 mod rigid;
+mod rounding;
 pub mod solve;
 pub mod sparse;
 pub mod ssnm;

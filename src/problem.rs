@@ -17,7 +17,7 @@ pub use check::ProblemError;
 pub(crate) use check::{LARGEST, SIZES, is_sized};
 pub use free::{FreeBodies, FreeBody};
 pub use kkt::Kkt;
-pub(crate) use kkt::{ROUNDING, slip_violation};
+pub(crate) use kkt::slip_violation;
 pub use load::LoadCase;
 pub use matrices::{Index, Matrices, SparseRef};
 pub use system::System;

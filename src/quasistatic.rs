@@ -6,8 +6,8 @@
 //! the load or the gap of a small one.
 //!
 //! **Coulomb friction** is part of the Newton steps (`ssnm`). As no function falls along them, they may fail;
-//! then rounds with frozen slip bounds (`rounds`) go on from the best point, and now and then the coupled step is
-//! tried again.
+//! then rounds with frozen slip bounds (`rounds`) go on from the best point, and the coupled step is tried once more where
+//! they settle.
 
 mod rounds;
 
@@ -102,7 +102,7 @@ impl Settings<'_> {
     /// max |μλν − g| / max μλν that rounds have to reach.
     pub fn friction_tolerance(&self) -> f64 {
         self.friction_tolerance
-            .unwrap_or(FRICTION * self.ssnm.tolerance)
+            .unwrap_or(ssnm::MET * self.ssnm.tolerance)
     }
 
     /// Whether the numbers make sense for any problem: see [`ssnm::Settings::check`].
@@ -156,7 +156,7 @@ pub enum Event<'a> {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct NotHeld {
-    /// Its number among [`ContactProblem::free_bodies`].
+    /// Its number among [`System::free_bodies`].
     pub body: usize,
     /// Which way the loads push it, in words.
     pub motion: String,
@@ -233,12 +233,8 @@ impl<const D: usize> StepSolution<D> {
     }
 }
 
-/// The tolerance of the slip bounds, relative to that of the problems.
-const FRICTION: f64 = 10.0;
 /// A body counts as pushed if this part of the largest imbalance is its own.
 const PUSHED: f64 = 1e-3;
-/// Rounds until the coupled step is tried again; twice as many each time.
-const BURST: usize = 3;
 
 /// Solves one load step from `start`; the operator belongs to `problem`.
 ///
@@ -338,32 +334,25 @@ where
         let tolerance = self.settings.ssnm.tolerance;
         let has_coulomb = self.lawful.has_coulomb();
         let coupled = self.settings.coupled;
-        let (mut from, mut reached) = (start.lambda.clone(), f64::INFINITY);
+        let mut from = start.lambda.clone();
         if coupled || !has_coulomb {
             let solution = self.solve(None, &from, tolerance)?;
             if !has_coulomb || !has_given_up(solution.status) {
                 return Ok((solution, None));
             }
-            (from, reached) = (solution.lambda, solution.info.err_relative);
+            from = solution.lambda;
         }
-        let mut rounds = Rounds::new(self, &from, reached);
-        let mut burst = if coupled { BURST } else { usize::MAX };
-        loop {
-            let (solution, more) = rounds.make(self, burst)?;
-            let settled = solution.status == Status::Converged;
-            if !coupled || !(settled || more) {
-                return Ok((solution, Some(rounds.bounds)));
-            }
-            // From where rounds have led, the coupled step may get on.
-            let again = self.solve(None, &rounds.lambda, tolerance)?;
-            if !has_given_up(again.status) {
-                return Ok((again, None));
-            }
-            if settled {
-                return self.better_of(solution, rounds.bounds, again);
-            }
-            burst *= 2;
+        let mut rounds = Rounds::new(self, &from);
+        let solution = rounds.make(self)?;
+        if !coupled || solution.status != Status::Converged {
+            return Ok((solution, Some(rounds.bounds)));
         }
+        // From where rounds have led, the coupled step may get on.
+        let again = self.solve(None, &rounds.lambda, tolerance)?;
+        if !has_given_up(again.status) {
+            return Ok((again, None));
+        }
+        self.better_of(solution, rounds.bounds, again)
     }
 
     /// Of what rounds have settled on and a coupled step that has given up: what the law itself says is better.

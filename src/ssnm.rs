@@ -50,6 +50,7 @@ mod inner;
 mod law;
 mod multisecant;
 mod newton;
+mod numbers;
 mod point;
 mod products;
 mod safeguard;
@@ -62,6 +63,7 @@ mod step;
 mod subproblem;
 mod surrogate;
 
+pub use numbers::Numbers;
 pub use point::project;
 pub use sets::{SetSizes, Sets, SlipSizes};
 pub use settings::{Memory, Method, Settings, SettingsError};
@@ -69,7 +71,7 @@ pub use solution::{Cause, Info, Solution, SolveError, Status, Step};
 
 use crate::dual::{DualError, DualOperator, conditions};
 use crate::problem::ContactProblem;
-use goal::forces_met;
+use goal::Goal;
 use scaling::Scaled;
 use setup::{SetUp, Start};
 use std::ops::ControlFlow;
@@ -77,7 +79,8 @@ use std::time::Instant;
 
 /// The violation of the optimality conditions that `converged` allows, relative to ε.
 pub(crate) const MET: f64 = 10.0;
-/// The residual of the inner problems in Algorithm SSNM, relative to err⁰.
+/// To rounding, as far as solvers get: the residual of the inner problems in Algorithm SSNM relative to err⁰, the error of
+/// its products by PCG, and the residual of a u that nothing is to be gained from making more accurate.
 const EXACT: f64 = 1e-12;
 
 /// Solves the problem with a dual operator that was made for it, or for one with the same K, N and T: load and gap are
@@ -103,7 +106,7 @@ pub fn solve<const D: usize, K>(
         return Err(Cause::OtherProblem { expected, found }.into());
     }
     let problem = &problem.elsewhere();
-    let dual = Scaled::new(problem, dual);
+    let dual = Scaled::new(problem, dual, settings.numbers.scaling);
     let start = Start::new(problem, &dual);
     let (imbalance, driven) = (start.imbalance.clone(), start.driven.clone());
     // What no contact can balance of the load is left out of it.
@@ -144,7 +147,7 @@ pub fn solve<const D: usize, K>(
     if status == Status::Stagnated
         && err_relative <= settings.tolerance
         && kkt.max() <= MET * settings.tolerance
-        && forces_met(settings.tolerance, held, &lambda, &r)
+        && Goal::new(settings.tolerance, settings.numbers).forces_met(held, &lambda, &r)
     {
         status = Status::Converged;
     }

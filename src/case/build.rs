@@ -87,7 +87,7 @@ impl<const D: usize> Build<D>
 where
     ElementKind: Topology<D>,
 {
-    /// Which body one of [`ContactProblem::free_bodies`] is: its region and a point of it.
+    /// Which body one of [`System::free_bodies`](crate::problem::System::free_bodies) is: its region and a point of it.
     pub fn free_body_name(&self, body: usize) -> String {
         model::body_name(&self.problem, self.elastic.as_ref(), body)
     }

@@ -9,6 +9,7 @@
 use crate::constraint::{NodeSets, Projected, at, put, row_of};
 use crate::dense::{pseudo_inverse, symmetric_eigen};
 use crate::problem::FreeBodies;
+use crate::rounding::{DEPENDENT, ROUNDING};
 use crate::sparse::{Csr, add_times, norm_max};
 use faer::Mat;
 use std::array::from_fn;
@@ -16,25 +17,12 @@ use std::rc::Rc;
 
 /// φ counts as curved by this much in every direction (G has columns of length one), around the η of the pass
 /// before: motions that no force resists at the moment stay what they were. Less of it where x is far away and
-/// the forces are small.
-const CURVATURE: f64 = 1e-8;
-const FAR_AWAY: f64 = 1e-14;
-/// Where that much curvature hides that the bodies can be balanced, as by forces with a tiny arm, it is made so much
-/// smaller, so many times.
-const LESS: f64 = 1e-3;
-const TIMES: usize = 2;
-/// Passes at most; each lowers what the added curvature leaves of the imbalance.
-const PASSES: usize = 12;
-/// Newton steps of a pass at most.
+/// the forces are small, and where it hides that the bodies can be balanced, as by forces with a tiny arm.
+pub(crate) const CURVATURE: f64 = 1e-8;
+/// Steps of Newton's method in a pass at most, and of its line search: random bodies take up to 40 of the former.
 const STEPS: usize = 200;
-/// An imbalance below this part of the forces that act is rounding.
-const ROUNDING: f64 = 1e-14;
 /// Forces that balance up to this part of those that act do balance: loads and normals of meshes are no better.
 const BALANCED: f64 = 1e-10;
-/// The same for forces that are to be left as they are.
-const EXACTLY: f64 = 100.0 * ROUNDING;
-/// Motions are dependent on the free multipliers below this part of the largest eigenvalue.
-const DEPENDENT: f64 = 1e-12;
 /// The slope at the end of a line search, relative to that at its start.
 const SEARCHED: f64 = 1e-2;
 
@@ -197,9 +185,9 @@ impl Balance {
         let mut z = x.to_vec();
         let (mut lambda, mut derivatives) = all(&z);
         let acting = norm_max(&self.rounding(&vec![0.0; x.len()]));
-        let curvature = self.curvature * (acting / norm_max(x).max(acting)).max(FAR_AWAY);
+        let curvature = self.curvature * (acting / norm_max(x).max(acting)).max(ROUNDING);
         let mut before = f64::INFINITY;
-        for _ in 0..PASSES {
+        loop {
             let anchor = eta.clone();
             for _ in 0..STEPS {
                 let mut slope = self.excess(&lambda);
@@ -240,7 +228,7 @@ impl Balance {
             }
             // The imbalance of a body that nothing holds stays, pass by pass.
             let size = norm_max(&left);
-            if !(size < 0.9 * before) {
+            if !(size < 0.5 * before) {
                 break;
             }
             before = size;
@@ -325,7 +313,7 @@ impl Balance {
 
     /// Whether λ balances the bodies but for rounding.
     pub fn holds(&self, lambda: &[f64]) -> bool {
-        self.is_met(lambda, EXACTLY)
+        self.is_met(lambda, 100.0 * ROUNDING)
     }
 
     /// Whether no imbalance of λ is more than this part of the forces that act.
@@ -345,12 +333,10 @@ impl Balance {
         if near.balanced {
             return near;
         }
-        for _ in 0..TIMES {
-            self.curvature *= LESS;
-            let closer = self.nearest(&zero, &project);
-            if closer.balanced {
-                return closer;
-            }
+        self.curvature = ROUNDING;
+        let closer = self.nearest(&zero, &project);
+        if closer.balanced {
+            return closer;
         }
         self.curvature = CURVATURE;
         self.give_up(&near.imbalance);
@@ -514,7 +500,7 @@ fn where_it_turns(rise: impl Fn(f64) -> f64) -> f64 {
     let small = SEARCHED * -first;
     let (mut low, mut at_low) = (0.0, first);
     let (mut high, mut at_high) = (1.0, rise(1.0));
-    for _ in 0..200 {
+    for _ in 0..STEPS {
         if !(at_high < -small) {
             break;
         }
@@ -526,7 +512,7 @@ fn where_it_turns(rise: impl Fn(f64) -> f64) -> f64 {
     let mut t = high;
     let mut at = at_high;
     let mut last = 0;
-    for _ in 0..100 {
+    for _ in 0..STEPS {
         if at.abs() <= small || !(low < high) {
             break;
         }

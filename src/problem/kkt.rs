@@ -13,14 +13,10 @@
 use super::{ContactProblem, tangents_of};
 use crate::dense::pseudo_inverse;
 use crate::rigid::{self, Frame};
+use crate::rounding::{DEPENDENT, ROUNDING};
 use crate::sparse::stored::SquareBlocks;
 use crate::sparse::{Csr, dot, norm, norm_max};
 use faer::Mat;
-
-/// Rigid motions of a part are dependent below this part of the largest eigenvalue.
-const DEPENDENT: f64 = 1e-10;
-/// Rounding of a sum relative to its terms.
-pub(crate) const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// Violations of the optimality conditions, each relative to the size of what it is measured in: see
 /// [`ContactProblem::kkt`].

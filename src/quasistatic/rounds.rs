@@ -15,17 +15,8 @@ use crate::dual::DualOperator;
 use crate::dual::balance::{Balance, Nearest};
 use crate::problem::{ContactProblem, Elsewhere};
 use crate::sparse::{difference, norm};
-use crate::ssnm::{Solution, SolveError, Status};
+use crate::ssnm::{MET, Solution, SolveError, Status};
 use std::ops::ControlFlow;
-
-/// The tolerance of the problem of a round beside the change of the slip bounds in the round before.
-const FOLLOWS: f64 = 1e-3;
-/// The same of the first rounds.
-const FIRST_TOLERANCE: f64 = 1e-3;
-/// The same beside the error that the first one starts from.
-const CLOSER: f64 = 0.1;
-/// The part of the friction tolerance that the last problem may be off by.
-const RESOLVED: f64 = 0.1;
 
 /// Rounds on their way.
 pub(super) struct Rounds<const D: usize> {
@@ -35,42 +26,38 @@ pub(super) struct Rounds<const D: usize> {
     /// The bounds of the last one that was made, or of the first.
     pub bounds: Vec<f64>,
     next: Vec<f64>,
-    /// The tolerance of the next one, and of the last.
+    /// The tolerance of each.
     tolerance: f64,
-    tight: f64,
     made: usize,
 }
 
 impl<const D: usize> Rounds<D> {
-    /// Before the first one, which starts from λ where the relative error is about `reached`.
+    /// Before the first one, which starts from λ.
     pub fn new<O: DualOperator + ?Sized, V: FnMut(Event) -> ControlFlow<()>>(
         step: &Process<D, O, V>,
         lambda: &[f64],
-        reached: f64,
     ) -> Self {
         let cones = Cones::new(&step.lawful);
         let bounds = cones.bounds(lambda);
-        let settings = step.settings;
-        let tight = (settings.ssnm.tolerance).min(RESOLVED * settings.friction_tolerance());
+        // Bounds are a product of λ: they settle no better than it.
+        let tolerance =
+            (step.settings.ssnm.tolerance).min(step.settings.friction_tolerance() / MET);
         Self {
             cones,
             lambda: lambda.to_vec(),
             next: bounds.clone(),
             bounds,
-            tolerance: tight.max(FIRST_TOLERANCE.min(CLOSER * reached)),
-            tight,
+            tolerance,
             made: 0,
         }
     }
 
-    /// Makes as many as `limit` until the slip bounds have settled. The solution is that of the last one, with the
-    /// status of all; says whether there may be more of them.
+    /// Makes rounds until the slip bounds have settled, or as many as there may be. The solution is that of the last one,
+    /// with the status of all.
     pub fn make<O: DualOperator + ?Sized, V: FnMut(Event) -> ControlFlow<()>>(
         &mut self,
         step: &mut Process<D, O, V>,
-        limit: usize,
-    ) -> Result<(Solution<D>, bool), SolveError> {
-        let last = (self.made.saturating_add(limit)).min(step.settings.max_rounds);
+    ) -> Result<Solution<D>, SolveError> {
         let wanted = step.settings.friction_tolerance();
         loop {
             self.bounds.clone_from(&self.next);
@@ -85,7 +72,7 @@ impl<const D: usize> Rounds<D> {
             let next = self.cones.bounds(lambda);
             let changes = difference(&next, &self.bounds);
             let change = step.relative(lambda, &changes);
-            let settled = change <= wanted && self.tolerance <= self.tight;
+            let settled = change <= wanted;
             let (mut unbalanced, mut driven) =
                 (solution.imbalance.clone(), solution.driven.clone());
             if unbalanced.is_empty() {
@@ -99,7 +86,7 @@ impl<const D: usize> Rounds<D> {
                 Some(solution.status)
             } else if !unbalanced.is_empty() {
                 Some(Status::NotHeld)
-            } else if friction_change <= wanted && self.tolerance <= self.tight {
+            } else if friction_change <= wanted {
                 Some(Status::Converged)
             } else if settled && norm(&changes) == 0.0 {
                 // The next round would be the same.
@@ -109,20 +96,14 @@ impl<const D: usize> Rounds<D> {
             } else {
                 None
             };
-            self.tolerance = (FOLLOWS * change).clamp(self.tight, self.tolerance);
-            if change <= wanted {
-                self.tolerance = self.tight;
-            }
             self.next = next;
-            if status.is_some() || self.made >= last {
-                let more = status.is_none() && self.made < step.settings.max_rounds;
-                let solution = Solution {
+            if status.is_some() || self.made >= step.settings.max_rounds {
+                return Ok(Solution {
                     status: status.unwrap_or(Status::IterationLimit),
                     imbalance: unbalanced,
                     driven,
                     ..solution
-                };
-                return Ok((solution, more));
+                });
             }
         }
     }

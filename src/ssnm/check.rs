@@ -3,23 +3,10 @@
 use super::goal::Goal;
 use super::newton::{Newton, Way};
 use super::point::Point;
-use super::{MET, Settings, Status};
+use super::{EXACT, MET, Settings, Status};
 use crate::control::Stop;
 use crate::dual::{DualError, DualOperator, conditions};
 use crate::problem::Kkt;
-
-/// The accuracy of a final check after one that failed, relative to before, at most and at least: where a
-/// stiff body is moved, ‖f‖ says little about the loads of a soft one, and u may be far off.
-const TIGHTER: f64 = 0.1;
-const LEAP: f64 = 1e-3;
-/// A final check is not made more accurate than this.
-const FINEST: f64 = 1e-13;
-/// Final checks that may fail although the goal was met.
-const FAILED: usize = 5;
-/// The part of the violations that [`MET`] allows which later points may show before they are checked again.
-const ALLOWED: f64 = 0.9;
-/// Relative residual for the displacement of a solve that has ended without convergence.
-const ROUGH: f64 = 1e-4;
 
 /// What Step 1 says of a point.
 pub(super) enum Ended {
@@ -51,9 +38,11 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         // r is fresh now; if it says something else than before, products were not accurate enough.
         way.err = self.settle_error(&mut way.point);
         if way.err > goal.err {
-            self.products.sharpen();
+            self.products.sharpen(self.tolerance);
         }
-        self.check_accuracy *= (goal.err / way.err).clamp(LEAP, TIGHTER);
+        // Where a stiff body is moved, ‖f‖ says little about the loads of a soft one, and u may be far off.
+        let closer = (goal.err / way.err).min(self.numbers.sharper);
+        self.check_accuracy = (closer * self.check_accuracy).max(EXACT);
         Ok(Ended::Again)
     }
 
@@ -108,15 +97,15 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         // again and still fails the check is at the limit of rounding.
         let status = if err <= goal.err * (1.0 + 1e-6) && forces && kkt.max() <= MET * tolerance {
             Status::Converged
-        } else if !(kkt.equilibrium <= MET * tolerance) || goal.checks >= FAILED {
+        } else if !(kkt.equilibrium <= MET * tolerance) || goal.checks >= self.numbers.checks {
             Status::Stagnated
         } else {
             // An err that is not met was a matter of the accuracy of u: the next check has a better one.
-            if err <= goal.err || self.check_accuracy < FINEST {
+            if err <= goal.err || self.check_accuracy <= EXACT {
                 goal.checks += 1;
             }
             let yardsticks = self.problem.yardsticks(&u, &lambda);
-            let part = ALLOWED * MET * tolerance;
+            let part = MET * tolerance;
             goal.slack = part * yardsticks.length + yardsticks.rounding;
             goal.work = part * yardsticks.deformation + yardsticks.rounding;
             return Ok(None);
@@ -178,7 +167,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             Err(error) if error.is_stalled() => Status::Stagnated,
             Err(error) => return Err(error),
         };
-        let mut u = match self.displacement(point, ROUGH, Stop::default()) {
+        let mut u = match self.displacement(point, self.tolerance, Stop::default()) {
             Err(error) if error.is_stalled() => {
                 self.displacement(point, f64::INFINITY, Stop::default())?
             }

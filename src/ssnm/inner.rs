@@ -1,15 +1,11 @@
 //! The inner problem (11): Step 3.3, by conjugate gradients or, under Coulomb's law, conjugate residuals.
 
 use super::face::Face;
-use super::newton::{FLAT, Newton};
+use super::newton::Newton;
 use super::point::Point;
 use crate::dual::{DualError, DualOperator};
+use crate::rounding::{DEPENDENT, INDEPENDENT};
 use crate::sparse::{add_times, dot, norm};
-
-/// An image whose part outside the span of earlier ones is smaller than this adds nothing but rounding.
-const INDEPENDENT: f64 = 1e-8;
-/// A direction along which the residual falls by less than this part has nothing to add but its image.
-const FRUITLESS: f64 = 1e-3;
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Lowers the residual on the free multipliers of a face to `target`; returns the number of iterations.
@@ -25,7 +21,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             point,
             &face,
             target,
-            FLAT * self.sigma,
+            DEPENDENT * self.sigma,
             |p| match products.stop.now() {
                 Some(_) => Ok(None),
                 None => products.apply(p).map(Some),
@@ -106,7 +102,7 @@ fn minimise<const D: usize, E>(
         add_times(step, &new[0], &mut point.lambda);
         add_times(step, &new[1], &mut point.r);
         add_times(step, &new[2], &mut r);
-        if !face.is_symmetric() && step.abs() < FRUITLESS * residual {
+        if !face.is_symmetric() && step.abs() < INDEPENDENT * residual {
             stuck = Some(new[3].iter().map(|v| v * residual).collect());
         }
         known.push(new);

@@ -11,28 +11,6 @@ use crate::dual::{DualError, DualOperator};
 use crate::sparse::{add_times, difference, norm_max};
 use std::ops::ControlFlow;
 
-/// A subproblem is solved to this part of the present error: products tell no more. (0.003 to 0.1 take the same products
-/// in all templates to within two.)
-const SOLVED: f64 = 0.03;
-/// One that is not even solved to this part is made easier: [`Subproblem::stiffness`].
-const UNSOLVED: f64 = 0.3;
-/// By how much τ is raised each time.
-const EASIER: f64 = 4.0;
-/// An error below this part of the least so far is progress.
-const PROGRESS: f64 = 0.9;
-/// Steps without progress before steps are made shorter, and before the end: bodies that find their place under Coulomb's
-/// law take up to 12 of them in the cases measured.
-const FRUITLESS: usize = 15;
-const GIVEN_UP: usize = 45;
-/// Likewise under given bounds where q no longer tells, which is so at the root of what rounding leaves of it; the error
-/// goes on falling, up and down.
-const AT_ROUNDING: usize = 5;
-/// So many steps in a row that do not lower the error ask for more accurate products by PCG: a beam 100 long takes 119
-/// products, and no end without it; 3 or 5 in place of 4 cost the templates and a bolt in a hole less than one V-cycle in a hundred.
-const DENIED: usize = 4;
-/// r made afresh has to lower the error to this part, or there is nothing left to do.
-const REFRESHED: f64 = 0.5;
-
 /// What a subproblem proposes.
 struct Proposal {
     /// Its solution y, with the r that the surrogate says.
@@ -67,11 +45,8 @@ impl Progress {
     }
 
     /// Takes note of a step; one that has lowered q by more than rounding is the better one, whatever its error.
-    fn note(&mut self, point: &Point, err: f64, lowers_q: bool) {
-        self.fruitless += 1;
-        if err <= PROGRESS * self.least {
-            self.fruitless = 0;
-        }
+    fn note(&mut self, point: &Point, err: f64, is_lower: bool, lowers_q: bool) {
+        self.fruitless = if is_lower { 0 } else { self.fruitless + 1 };
         if lowers_q || err < self.least {
             self.best.clone_from(point);
         }
@@ -88,7 +63,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
     ) -> Result<Status, DualError> {
         way.err = self.settle_error(&mut way.point);
-        let mut goal = Goal::new(self.tolerance);
+        let numbers = self.numbers;
+        let mut goal = Goal::new(self.tolerance, numbers);
         let mut progress = Progress::new(&way.point, way.err);
         let mut denied = 0;
         loop {
@@ -114,24 +90,25 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             let lowers_q = !self.law.is_coulomb()
                 && before.q_change(&way.point) < -before.q_rounding(&way.point);
             let err = self.settle_error(&mut way.point);
-            denied = match err > PROGRESS * way.err {
+            denied = match err > numbers.progress * way.err {
                 true => denied + 1,
                 false => 0,
             };
-            if denied == DENIED {
-                self.products.sharpen();
+            if denied == numbers.denied {
+                self.products.sharpen(self.tolerance);
                 denied = 0;
             }
             way.err = err;
             let made = self.record(way, &proposal);
-            progress.note(&way.point, way.err, lowers_q);
+            let is_lower = way.err <= numbers.progress * progress.least;
+            progress.note(&way.point, way.err, is_lower, lowers_q);
             if observer(&made).is_break() {
                 way.point = progress.best;
                 return Ok(Status::Interrupted);
             }
             let stuck = match self.law.is_coulomb() {
-                true => progress.fruitless >= GIVEN_UP,
-                false => progress.fruitless >= AT_ROUNDING && !lowers_q,
+                true => progress.fruitless >= 3 * numbers.fruitless,
+                false => progress.fruitless >= numbers.denied && !lowers_q,
             };
             if stuck && self.is_at_the_end(way, &mut progress)? {
                 return Ok(Status::Stagnated);
@@ -143,10 +120,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     fn propose(&self, way: &Way<D>, fruitless: usize) -> Proposal {
         let (surrogate, from) = (&self.surrogate, &way.point);
         let base = surrogate.base();
-        let mut tau = match fruitless / FRUITLESS {
-            0 => 0.0,
-            times => base * EASIER.powi(times as i32 - 1),
-        };
+        let mut tau = base * (fruitless / self.numbers.fruitless.max(1)) as f64;
         let mut steps = 0;
         let solved = loop {
             let subproblem = Subproblem {
@@ -155,6 +129,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 balance: self.balance.as_deref(),
                 from,
                 stiffness: base + tau,
+                numbers: self.numbers,
                 stop: &self.products.stop,
             };
             let motion = self.balance.as_ref().map_or(Vec::new(), |balance| {
@@ -162,13 +137,14 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 self.settle(&mut there, 1.0 / subproblem.stiffness);
                 balance.eta(&difference(&there.motion, &from.motion))
             });
-            let (trial, more) = subproblem.solve::<D>(motion, SOLVED * way.err);
+            let (trial, more) = subproblem.solve::<D>(motion, self.numbers.solved * way.err);
             steps += more;
             let ends = tau > self.sigma || self.products.stop.now().is_some();
-            if trial.merit <= UNSOLVED * way.err || ends {
+            // One that is solved to hardly anything is made easier: [`Subproblem::stiffness`].
+            if trial.merit <= 10.0 * self.numbers.solved * way.err || ends {
                 break trial;
             }
-            tau = (EASIER * tau).max(base);
+            tau = (4.0 * tau).max(base);
         };
         let mut point = from.clone();
         point.lambda.clone_from(&solved.lambda);
@@ -244,10 +220,10 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         progress: &mut Progress,
     ) -> Result<bool, DualError> {
         way.point.clone_from(&progress.best);
-        let sharper = self.products.sharpen();
+        let sharper = self.products.sharpen(self.tolerance);
         self.make_exact(&mut way.point)?;
         way.err = self.settle_error(&mut way.point);
-        let leads_on = sharper || way.err <= REFRESHED * progress.refreshed;
+        let leads_on = sharper || way.err <= 0.5 * progress.refreshed;
         *progress = Progress {
             refreshed: way.err,
             ..Progress::new(&way.point, way.err)

@@ -6,24 +6,14 @@ use super::products::Products;
 use super::sets::Sets;
 use super::solution::Step;
 use super::surrogate::Surrogate;
-use super::{EXACT, Method};
+use super::{EXACT, Method, Numbers};
 use crate::dual::balance::Balance;
 use crate::dual::{DualError, DualOperator};
-use crate::problem::{ContactProblem, Elsewhere, Kkt, ROUNDING};
+use crate::problem::{ContactProblem, Elsewhere, Kkt};
+use crate::rounding::{DEPENDENT, ROUNDING};
 use crate::sparse::{add_times, difference, norm, norm_max};
 use std::borrow::Cow;
 use std::rc::Rc;
-
-/// A direction along which A curves q by less than this part of its largest eigenvalue is one of rounding: where rows of B
-/// depend on each other.
-pub(super) const FLAT: f64 = 1e-12;
-/// Under Coulomb's law an error may grow by this much in a step before a point nearer by is taken: sets that change make it
-/// go up and down.
-const GROWTH: f64 = 2.0;
-/// Points that are looked at then, each half as far as the one before.
-const HALVINGS: usize = 6;
-/// Times that r is made at most, where it shows a much smaller error than expected.
-const PASSES: usize = 4;
 
 /// What stays from step to step; multipliers are scaled.
 pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
@@ -43,6 +33,7 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     /// What is known of A.
     pub surrogate: Surrogate,
     pub method: Method,
+    pub numbers: Numbers,
     /// u and the optimality conditions of the last final check.
     pub checked: Option<(Vec<f64>, Kkt)>,
     /// ‖f − Bᵀλ − Ku‖ relative to the acting forces in the final check.
@@ -132,7 +123,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let terms: Vec<f64> = (self.offsets.iter().zip(&point.r))
             .map(|(c, r)| c.abs().max((c - r).abs()))
             .collect();
-        16.0 * f64::EPSILON * norm(&terms)
+        0.5 * ROUNDING * norm(&terms)
     }
 
     /// Chooses α at a point such that a projected gradient step of length ρ from there keeps the bodies in
@@ -178,7 +169,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     /// Takes a pair (v, Av) into the surrogate, and what it tells of σ_max.
     pub fn learn(&mut self, direction: &[f64], image: &[f64]) {
-        let flat = FLAT * self.sigma;
+        let flat = DEPENDENT * self.sigma;
         self.surrogate
             .add(direction, image, self.products.part(), flat);
         self.sigma = self.surrogate.largest();
@@ -199,10 +190,10 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     fn least_error_towards(&self, before: &Point, end: &Point, err: f64) -> f64 {
         let mut least = self.error(end);
         let (mut part, mut t) = (1.0, 1.0);
-        if least <= GROWTH * err {
+        if least <= self.numbers.growth * err {
             return part;
         }
-        for _ in 0..HALVINGS {
+        for _ in 0..self.numbers.halvings {
             t *= 0.5;
             let there = self.error(&before.towards(end, t));
             // Written so that a NaN is left.
@@ -229,9 +220,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     }
 
     /// r at a point made afresh where it is not carried, as accurately as the error there needs it; λ has moved by `along`
-    /// times the last product's direction.
-    pub fn refresh(&mut self, point: &mut Point, mut along: f64) -> Result<(), DualError> {
-        for _ in 0..PASSES {
+    /// times the last product's direction. Where it shows a much smaller error than expected, it is made once more.
+    pub fn refresh(&mut self, point: &mut Point, along: f64) -> Result<(), DualError> {
+        for along in [along, 0.0] {
             if self.products.are_exact() {
                 return Ok(());
             }
@@ -250,7 +241,6 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             if self.products.is_enough(err) {
                 return Ok(());
             }
-            along = 0.0;
         }
         Ok(())
     }

@@ -4,10 +4,6 @@ use crate::constraint::{Disc, at, put};
 use crate::dual::balance::Balance;
 use crate::sparse::{difference, norm, norm_max};
 
-/// Passes that a rigid motion is settled in at most, and forces beside which those in balance are small.
-const SETTLED: usize = 3;
-const LARGER: f64 = 100.0;
-
 /// λ with its gradient r = Aλ − b − Gᵀα.
 #[derive(Clone)]
 pub(super) struct Point {
@@ -95,7 +91,7 @@ pub(super) fn settle<const D: usize>(
         project::<D>(&mut end, g);
         return end;
     };
-    for pass in 1.. {
+    let settled = |point: &mut Point| -> (Vec<f64>, f64) {
         let near = balance.nearest(&step(point), |i, z: [f64; D]| Disc { g: g[i] }.nearest(z));
         let forces = balance.spread(&near.eta);
         for (r, force) in point.r.iter_mut().zip(&forces) {
@@ -104,12 +100,14 @@ pub(super) fn settle<const D: usize>(
         for (a, eta) in (point.motion.iter_mut()).zip(balance.coefficients(&near.eta)) {
             *a += eta / rho;
         }
-        // Forces that are found as differences of much larger ones are found once more from where they led.
-        if pass == SETTLED || norm_max(&forces) <= LARGER * norm_max(&near.lambda) {
-            return near.lambda;
-        }
+        (near.lambda, norm_max(&forces))
+    };
+    let (end, forces) = settled(point);
+    // What is found as the difference of larger forces is found once more from where they have led.
+    match forces <= norm_max(&end) {
+        true => end,
+        false => settled(point).0,
     }
-    unreachable!("the last pass returns")
 }
 
 /// ‖a − b‖.

@@ -1,35 +1,16 @@
 //! Products with A and the gradient r = Aλ − b.
 //!
 //! Where K⁻¹ is applied by a factor, products are exact and r is carried along with λ. Where it is a matter of iterations,
-//! a product is made to a part of its energy ([`PART`]), and r is not carried: it is c − B u with a u that follows λ. What
+//! a product is made to a part of its energy ([`super::Numbers::product`]), and r is not carried: it is c − B u with a u that follows λ. What
 //! of u a product has found is added to it, and PCG on the residual f − Bᵀλ − K u takes out what products and earlier
 //! steps have left, one or two iterations a step. Without these errors pile up, and err comes to a halt at 1e-3 or so.
 
-use super::Method;
 use super::scaling::Scaled;
+use super::{EXACT, Method, Numbers, Settings};
 use crate::control::{Accuracy, Followed, Stop};
 use crate::dual::{DualError, DualOperator};
 use crate::problem::LoadCase;
 use crate::sparse::{add_times, difference, norm};
-
-/// The error of a product relative to √(pᵀAp), in the norm of A. Case B to 1e-4 (`tests/counts.rs`) takes 9 products of
-/// two V-cycles each with 0.05, 0.1 and 0.2, and does not converge with 0.3, one V-cycle each.
-const PART: f64 = 0.1;
-/// The same for the conjugate gradients of the algorithms as printed, which work on as if products were exact.
-const PRINTED: f64 = 1e-3;
-const PRINTED_EXACT: f64 = 1e-10;
-/// Where PCG is slow, what it has left of an error moves the contact more than its energy says: so much more accuracy.
-const SLOW: f64 = 0.1;
-/// r is made as accurate as this part of the present error. An error e of u falsifies r by B e, at most √σ_max · √(eᵀKe) in
-/// length. That bound is 25 to 140 times too large for all but the smoothest e, so the ratio ‖Be‖ / √(eᵀKe) is taken from
-/// what the last change of u has brought; what turns out less accurate than this many times what it may be is made again.
-const RELAXED: f64 = 0.1;
-const ENOUGH: f64 = 2.0;
-/// The relative accuracy of the first r.
-const FIRST: f64 = 1e-2;
-/// Where nothing else makes progress more accuracy is asked for, but not without end.
-const TIGHTER: f64 = 0.3;
-const LEAST_PART: f64 = 1e-6;
 
 /// The dual operator, how accurately it is used, and how often.
 pub(super) struct Products<'a, O: ?Sized> {
@@ -40,7 +21,9 @@ pub(super) struct Products<'a, O: ?Sized> {
     pub n_a: usize,
     /// r is made from a u that follows λ; otherwise it is carried.
     follows: bool,
-    /// The relative accuracy of products.
+    numbers: Numbers,
+    /// The relative accuracy of products, as it begins and now.
+    first: f64,
     part: f64,
     /// How u came closer the last time.
     followed: Followed,
@@ -53,21 +36,25 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
     pub fn new(
         dual: Scaled<'a, O>,
         load: &'a LoadCase,
-        method: Method,
+        settings: &Settings,
         stop: Stop<'a>,
         sigma: f64,
     ) -> Self {
+        let numbers = settings.numbers;
+        let part = match settings.method {
+            Method::Multisecant => numbers.product,
+            Method::Inexact => numbers.printed_product,
+            Method::Exact => EXACT,
+        };
         Self {
             dual,
             load,
             stop,
             n_a: 0,
             follows: true,
-            part: match method {
-                Method::Multisecant => PART,
-                Method::Inexact => PRINTED,
-                Method::Exact => PRINTED_EXACT,
-            },
+            numbers,
+            first: part,
+            part,
             followed: Followed::default(),
             gain: sigma.sqrt(),
         }
@@ -82,17 +69,17 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
     pub fn part(&self) -> f64 {
         match self.dual.costs() {
             None => 0.0,
-            Some(_) if self.followed.slow => SLOW * self.part,
+            Some(_) if self.followed.slow => self.numbers.product * self.part,
             Some(_) => self.part,
         }
     }
 
-    /// Asks for more accuracy from here on; false where there is none to be had.
-    pub fn sharpen(&mut self) -> bool {
-        if self.part() == 0.0 || self.part <= LEAST_PART {
+    /// Asks for more accuracy from here on; false where there is none to be had, or more than what the answer is to have.
+    pub fn sharpen(&mut self, tolerance: f64) -> bool {
+        if self.part() == 0.0 || self.part <= tolerance {
             return false;
         }
-        self.part *= TIGHTER;
+        self.part *= self.numbers.sharper;
         true
     }
 
@@ -122,7 +109,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
     pub fn first(&mut self, c: &[f64], lambda: &[f64]) -> Result<Vec<f64>, DualError> {
         let accuracy = Accuracy::Energy {
             absolute: 0.0,
-            relative: FIRST.min(self.part),
+            relative: self.numbers.product * self.part,
         };
         let mut r = c.to_vec();
         if self.follow(lambda, &mut r, 0.0, accuracy)? {
@@ -168,14 +155,17 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         Ok(Some(r))
     }
 
-    /// Whether r made afresh is as accurate as an error of `err` needs it.
+    /// Whether r made afresh is as accurate as an error of `err` needs it, or about so.
     pub fn is_enough(&self, err: f64) -> bool {
-        self.gain * self.followed.remaining <= ENOUGH * self.relaxed() * err
+        self.gain * self.followed.remaining <= 2.0 * self.relaxed() * err
     }
 
     /// The part of the present error that r may be off by.
+    ///
+    /// An error e of u falsifies r by B e, at most √σ_max · √(eᵀKe) in length. That bound is 25 to 140 times too large for all
+    /// but the smoothest e, so the ratio ‖Be‖ / √(eᵀKe) is taken from what the last change of u has brought.
     fn relaxed(&self) -> f64 {
-        RELAXED * (self.part / PART).min(1.0)
+        self.numbers.product * (self.part / self.first)
     }
 
     /// r from a u that follows λ; false where it is carried.

@@ -4,20 +4,10 @@
 //! ρ = 1/σ_max < 2/σ_max lowers q by at least half of ρ‖r̃_ρ‖² (Kučera 2008, reference 2 of the paper). Under Coulomb's law
 //! there is nothing but the error to go by, and no step is known to lower it.
 
-use super::Status;
 use super::newton::{Newton, Way};
 use super::point::Point;
+use super::{Numbers, Status};
 use crate::dual::{DualError, DualOperator};
-
-/// Steps in a row without progress before the best point is gone back to; under Coulomb's law, before the end.
-const FRUITLESS: usize = 3;
-const FRUITLESS_COUPLED: usize = 20;
-/// An error below this part of the best one is progress.
-const PROGRESS: f64 = 0.9;
-/// The part of ρ‖r̃_ρ‖² by which a step has to lower q to count as progress; a projected gradient step gains ten times that.
-const GAIN: f64 = 0.05;
-/// The part of all progress that a single step must not lose.
-const LOST: f64 = 0.5;
 
 /// How the next step is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,6 +35,7 @@ pub(super) struct Safeguard {
     penalty: usize,
     /// No function falls along the way.
     is_coulomb: bool,
+    numbers: Numbers,
 }
 
 impl Safeguard {
@@ -62,6 +53,7 @@ impl Safeguard {
             guarded: 0,
             penalty: 1,
             is_coulomb: newton.law.is_coulomb(),
+            numbers: newton.numbers,
         }
     }
 
@@ -86,22 +78,22 @@ impl Safeguard {
     }
 
     /// Takes note of a step: what q has lost against the best point, what a projected gradient step from there would
-    /// gain at least, and the error. Progress is a real part of that gain, or a clearly smaller error: rounding must
+    /// gain at least, and the error. Progress is half of that gain, or a clearly smaller error: rounding must
     /// not pass for it.
     fn note(&mut self, lost: f64, gain: f64, err: f64) {
-        let lowers_q = !self.is_coulomb && -lost >= GAIN * gain && lost < 0.0;
-        let progress = lowers_q || err <= PROGRESS * self.best_err;
+        let lowers_q = !self.is_coulomb && -lost >= 0.5 * gain && lost < 0.0;
+        let progress = lowers_q || err <= self.numbers.progress * self.best_err;
         self.fruitless = if progress { 0 } else { self.fruitless + 1 };
     }
 
     /// Whether to discard what has led here. More than half of all progress lost counts at once, and so does NaN.
     fn discards(&self, lost: f64, gained: f64, safeguarded: bool) -> bool {
         if self.is_coulomb {
-            return self.fruitless >= FRUITLESS_COUPLED;
+            return self.fruitless >= self.numbers.fruitless;
         }
-        self.fruitless >= FRUITLESS
+        self.fruitless >= self.numbers.denied
             || (safeguarded && self.fruitless > 0)
-            || !(lost <= LOST * gained)
+            || !(lost <= 0.5 * gained)
     }
 
     /// Acts, for twice as many steps as the last time.
@@ -126,7 +118,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let safeguarded = way.history.last().is_some_and(|step| step.safeguarded);
         let lost = safeguard.best.q_change(&way.point);
         let error = self.error_with(&safeguard.best, self.alpha());
-        safeguard.note(lost, self.alpha() * error.powi(2), way.err);
+        safeguard.note(lost, 0.5 * self.alpha() * error.powi(2), way.err);
         let gained = -safeguard.first.q_change(&safeguard.best);
         let better = match safeguard.is_coulomb {
             true => way.err < safeguard.best_err,
@@ -173,6 +165,7 @@ mod tests {
             guarded: 0,
             penalty: 1,
             is_coulomb: false,
+            numbers: Numbers::default(),
         }
     }
 
@@ -183,15 +176,15 @@ mod tests {
             safeguard.note(lost, 1.0, err);
             safeguard.fruitless
         };
-        assert_eq!((counts(-0.06, 2.0), counts(-0.04, 2.0)), (0, 1));
+        assert_eq!((counts(-0.6, 2.0), counts(-0.4, 2.0)), (0, 1));
         assert_eq!((counts(1.0, 0.89), counts(1.0, 0.95)), (0, 1));
         assert_eq!((counts(f64::NAN, 2.0), counts(0.0, f64::NAN)), (1, 1));
     }
 
     #[test]
-    fn three_steps_without_progress_cost_safeguarded_ones() {
+    fn four_steps_without_progress_cost_safeguarded_ones() {
         let mut safeguard = safeguard();
-        for _ in 0..2 {
+        for _ in 0..3 {
             safeguard.note(0.0, 1.0, 1.0);
             assert!(!safeguard.discards(0.0, 1.0, false));
             assert!(

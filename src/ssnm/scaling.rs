@@ -6,9 +6,6 @@ use crate::dual::{DualError, DualOperator};
 use crate::problem::{ContactProblem, LoadCase};
 use crate::sparse::norm_max;
 
-/// Half of a power of two, less what rounding does to one.
-const BEYOND: f64 = 0.5 * (1.0 - 1e-9);
-
 /// The dual operator in scaled multipliers λ̂ with λ = S λ̂: Â = S A S, b̂ = S b, ĝ = S⁻¹ g.
 ///
 /// One ρ for all multipliers suits contact nodes of similar stiffness. Where materials differ, the
@@ -25,7 +22,12 @@ pub(super) struct Scaled<'a, O: ?Sized> {
 }
 
 impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
-    pub fn new<const D: usize, K>(problem: &ContactProblem<D, K>, dual: &'a mut O) -> Self {
+    /// `power` is [`super::Numbers::scaling`].
+    pub fn new<const D: usize, K>(
+        problem: &ContactProblem<D, K>,
+        dual: &'a mut O,
+        power: f64,
+    ) -> Self {
         let m = problem.m();
         let mut estimates = problem.compliance().to_vec();
         // One factor for all tangents of a node, or its disc became an ellipse.
@@ -40,7 +42,7 @@ impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
             .iter()
             .map(|&e| {
                 if e > 0.0 {
-                    (BEYOND * (median / e).log2())
+                    (power * (median / e).log2())
                         .trunc()
                         .clamp(-60.0, 60.0)
                         .exp2()

@@ -1,5 +1,6 @@
 //! What a solve is asked for.
 
+use super::numbers::Numbers;
 use super::surrogate::Surrogate;
 use crate::problem::ContactProblem;
 use std::cell::RefCell;
@@ -40,13 +41,15 @@ pub struct Settings<'a> {
     pub time_limit: Option<Duration>,
     /// λ⁰, length D m (2m in the plane), e.g. the multipliers of an earlier solve; zero if None.
     pub initial: Option<&'a [f64]>,
-    /// Rᵀu before, for the motions of [`ContactProblem::free_bodies`]: what neither load nor contact moves stays
+    /// Rᵀu before, for the motions of [`System::free_bodies`](crate::problem::System::free_bodies): what neither load nor contact moves stays
     /// there; zero if None.
     pub place: Option<&'a [f64]>,
     /// What earlier solves with the same K, N and T have found out; this one adds to it.
     pub memory: Option<&'a RefCell<Memory>>,
     /// Set from outside to stop at the next product with A.
     pub interrupt: Option<&'a AtomicBool>,
+    /// What stands between the lines of the method, for whoever studies it.
+    pub numbers: Numbers,
 }
 
 impl Default for Settings<'_> {
@@ -63,6 +66,7 @@ impl Default for Settings<'_> {
             place: None,
             memory: None,
             interrupt: None,
+            numbers: Numbers::default(),
         }
     }
 }

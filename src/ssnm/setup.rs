@@ -117,9 +117,10 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             beta: settings.beta,
             sigma: mean,
             mean,
-            products: Products::new(dual, problem.load_case(), settings.method, stop, mean),
+            products: Products::new(dual, problem.load_case(), settings, stop, mean),
             surrogate: Default::default(),
             method: settings.method,
+            numbers: settings.numbers,
             checked: None,
             check_accuracy: settings.tolerance,
             tolerance: settings.tolerance,
@@ -129,7 +130,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         if let (Method::Multisecant, Some(memory)) = (settings.method, settings.memory) {
             newton.surrogate = std::mem::take(&mut memory.borrow_mut().surrogate);
         }
-        newton.surrogate.guess_base(mean);
+        newton.surrogate.prepare(mean, settings.numbers.pairs);
         let first = Point {
             r: vec![0.0; start.lambda.len()],
             lambda: start.lambda,

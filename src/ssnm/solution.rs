@@ -150,7 +150,7 @@ pub struct Solution<const D: usize = 2> {
     pub lambda: Vec<f64>,
     /// The sets at the end.
     pub sets: Sets<D>,
-    /// Rᵀ(f − Bᵀλ) for the motions of [`crate::problem::ContactProblem::free_bodies`], where that cannot be made zero:
+    /// Rᵀ(f − Bᵀλ) for the motions of [`crate::problem::System::free_bodies`], where that cannot be made zero:
     /// which way bodies are pushed that nothing holds. Empty otherwise.
     pub imbalance: Vec<f64>,
     /// The motion that it drives and that no forces of Λ resist, as coefficients of the same motions; empty likewise.

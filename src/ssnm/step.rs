@@ -11,9 +11,6 @@ use super::{EXACT, Method, Settings, Status, Step};
 use crate::dual::{DualError, DualOperator};
 use std::ops::ControlFlow;
 
-/// Times that the length of a projected gradient step is halved.
-const SHORTER: usize = 60;
-
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Algorithms ISSNM and SSNM: outer steps until the final check is content with a point that meets the goal, or a
     /// reason to stop.
@@ -26,7 +23,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         way.err = self.settle_error(&mut way.point);
         // So that Step 3.1 starts from r_tol.
         let mut tol = settings.r_tol / settings.c_fact;
-        let mut goal = Goal::new(self.tolerance);
+        let mut goal = Goal::new(self.tolerance, self.numbers);
         let mut safeguard = Safeguard::new(self, way);
         loop {
             // Step 1.
@@ -158,11 +155,12 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// A projected gradient step of length 1/σ_max.
     fn gradient_step(&mut self, point: &mut Point) -> Result<(), DualError> {
         let start = point.clone();
-        for _ in 0..SHORTER {
+        loop {
             *point = start.clone();
             let end = self.settle(point, self.alpha());
             self.move_to(point, end)?;
-            if start.q_change(point) <= start.q_rounding(point) {
+            // Written so that NaN ends it, as a step that has become one of rounding does.
+            if !(start.q_change(point) > start.q_rounding(point)) {
                 break;
             }
             // σ_max was underestimated.

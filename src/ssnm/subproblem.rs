@@ -14,27 +14,16 @@
 //! Where Newton's method finds no way down, τ is raised: the larger it is, the shorter the step, until the problem is that
 //! of a projected gradient step.
 
+use super::Numbers;
 use super::law::Law;
 use super::point::Point;
 use super::surrogate::Surrogate;
 use crate::constraint::{at, put, row_of};
 use crate::control::Stop;
 use crate::dense::{solve, transposed_product};
-use crate::dual::balance::Balance;
+use crate::dual::balance::{Balance, CURVATURE};
 use crate::sparse::{add_times, difference, dot, norm};
 use faer::Mat;
-
-/// Newton steps at most; the cases of `tests/counts.rs` take 1 to 6, bodies that have to find their place up to 30.
-const STEPS: usize = 60;
-/// The merit has to fall by this part of what Newton's model promises (Armijo), against the largest of so many steps before
-/// (Grippo, Lampariello and Lucidi 1986): sets that change make it go up and down.
-const ARMIJO: f64 = 1e-3;
-const BEFORE: usize = 4;
-/// A step is halved so many times at most: where 1/64 of it leads nowhere, another direction has to be found.
-const HALVINGS: i32 = 6;
-/// What a motion that nothing resists at the moment is held by, relative to motions that all multipliers resist (G has
-/// columns of length one).
-const LOOSE: f64 = 1e-8;
 
 /// What is to be solved.
 pub(super) struct Subproblem<'a> {
@@ -45,6 +34,7 @@ pub(super) struct Subproblem<'a> {
     pub from: &'a Point,
     /// b.
     pub stiffness: f64,
+    pub numbers: Numbers,
     pub stop: &'a Stop<'a>,
 }
 
@@ -153,7 +143,8 @@ impl Subproblem<'_> {
             matrix[(j, j)] += sign;
         }
         for j in count..size {
-            matrix[(j, j)] += LOOSE / self.stiffness;
+            // A motion that nothing resists at the moment.
+            matrix[(j, j)] += CURVATURE / self.stiffness;
         }
         let right: Vec<f64> = trial.rest.iter().map(|v| -v).collect();
         solve(matrix, &right)
@@ -167,7 +158,14 @@ impl Subproblem<'_> {
         let mut here = self.at::<D>(unknowns);
         let mut best = here.clone();
         let mut merits = vec![here.merit];
-        for step in 0..STEPS {
+        let Numbers {
+            newton_steps,
+            fall,
+            memory,
+            halvings,
+            ..
+        } = self.numbers;
+        for step in 0..newton_steps {
             if !(best.merit > target) || self.stop.now().is_some() {
                 return (best, step);
             }
@@ -175,15 +173,15 @@ impl Subproblem<'_> {
             if direction.iter().any(|v| !v.is_finite()) {
                 return (best, step);
             }
-            let recent = &merits[merits.len().saturating_sub(BEFORE)..];
+            let recent = &merits[merits.len().saturating_sub(memory)..];
             let bound = recent.iter().fold(0.0_f64, |a, &b| a.max(b));
             let mut next: Option<Trial> = None;
-            for halvings in 0..=HALVINGS {
-                let t = 0.5_f64.powi(halvings);
+            for halved in 0..=halvings {
+                let t = 0.5_f64.powi(halved as i32);
                 let mut unknowns = here.unknowns.clone();
                 add_times(t, &direction, &mut unknowns);
                 let trial = self.at::<D>(unknowns);
-                let falls = trial.merit <= (1.0 - ARMIJO * t) * bound;
+                let falls = trial.merit <= (1.0 - fall * t) * bound;
                 if next.as_ref().is_none_or(|next| trial.merit < next.merit) {
                     next = Some(trial);
                 }
@@ -197,7 +195,7 @@ impl Subproblem<'_> {
                 best = here.clone();
             }
         }
-        (best, STEPS)
+        (best, newton_steps)
     }
 }
 
@@ -219,7 +217,7 @@ mod tests {
         };
         let u = next();
         let mut surrogate = Surrogate::default();
-        surrogate.guess_base(2.0);
+        surrogate.prepare(2.0, 100);
         for _ in 0..pairs {
             let v = next();
             let along = dot(&u, &v);
@@ -240,6 +238,7 @@ mod tests {
             balance: None,
             from: &from,
             stiffness: surrogate.base(),
+            numbers: Numbers::default(),
             stop: &stop,
         }
         .solve::<D>(Vec::new(), 1e-12);

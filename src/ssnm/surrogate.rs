@@ -1,16 +1,9 @@
 //! A surrogate of A made of all products that are known: the multisecant update of a multiple of the identity.
 
 use crate::dense::symmetric_largest;
+use crate::rounding::INDEPENDENT;
 use crate::sparse::{add_times, dot, norm};
 use faer::Mat;
-
-/// Pairs kept at most. Most problems end with fewer than 60 in a load step. Two bars a thousand times as long as high, whose
-/// slip creeps from end to end, take 165 and 241 products with 240 or 500 pairs, and with 120 the one stagnates and the other
-/// takes 765.
-const MOST: usize = 240;
-/// A direction whose part outside the span of the others is smaller than this, in the norm of A, adds nothing but rounding:
-/// its image would be known to no more than half of the digits.
-const INDEPENDENT: f64 = 1e-8;
 
 /// Ã = c (I − V(VᵀV)⁻¹Vᵀ) + W(VᵀW)⁻¹Wᵀ with W = AV: symmetric and positive definite, and Ãv = Av for all known v.
 ///
@@ -21,6 +14,8 @@ const INDEPENDENT: f64 = 1e-8;
 pub(super) struct Surrogate {
     /// c: how much A curves q along the last direction that was new, across the span of those before it.
     base: f64,
+    /// Pairs kept at most.
+    most: usize,
     /// V, W and Q.
     directions: Vec<Vec<f64>>,
     images: Vec<Vec<f64>>,
@@ -44,8 +39,9 @@ impl Surrogate {
         self.directions.iter().all(|d| d.len() == len)
     }
 
-    /// c for the first step, before any product has told.
-    pub fn guess_base(&mut self, base: f64) {
+    /// Takes c for the first step, before any product has told, and how many pairs to keep.
+    pub fn prepare(&mut self, base: f64, most: usize) {
+        self.most = most;
         if self.len() == 0 {
             self.base = base;
         }
@@ -136,7 +132,7 @@ impl Surrogate {
         let scale = 1.0 / new.sqrt();
         direction.iter_mut().for_each(|v| *v *= scale);
         image.iter_mut().for_each(|v| *v *= scale);
-        if self.len() == MOST {
+        while self.len() >= self.most.max(1) {
             self.remove(0);
         }
         self.directions.push(direction);
@@ -194,6 +190,8 @@ mod tests {
     use super::*;
     use crate::dual::scatter;
 
+    const MOST: usize = 20;
+
     /// A dense A with eigenvalues between 1 and 3, but for a large one.
     fn times_a(p: &[f64]) -> Vec<f64> {
         let n = p.len() as f64;
@@ -206,7 +204,7 @@ mod tests {
 
     fn filled(len: usize, pairs: usize) -> (Surrogate, Vec<Vec<f64>>) {
         let mut surrogate = Surrogate::default();
-        surrogate.guess_base(2.0);
+        surrogate.prepare(2.0, MOST);
         let numbers = scatter(len * pairs);
         let directions: Vec<Vec<f64>> = numbers.chunks(len).map(<[f64]>::to_vec).collect();
         for v in &directions {
@@ -257,7 +255,7 @@ mod tests {
             norm(&crate::sparse::difference(&surrogate.times(v), &image)) / norm(&image)
         };
         let mut surrogate = Surrogate::default();
-        surrogate.guess_base(2.0);
+        surrogate.prepare(2.0, MOST);
         for v in &directions {
             surrogate.add(v, &off(v, 0.05), 0.1, 0.0);
         }

@@ -1,0 +1,121 @@
+//! The numbers of the method that are neither the paper's nor the user's, in one table.
+//!
+//! What each is worth was measured by halving and doubling it over templates, hard cases and random problems
+//! (`docs/constants.md`; `cargo test --release --test campaign -- --ignored --nocapture ablation`).
+
+/// Defines [`Numbers`] with its defaults, and the names by which an ablation changes them.
+macro_rules! numbers {
+    ($($(#[doc = $text:literal])+ $name:ident: $kind:ty = $value:expr;)+) => {
+        /// The numbers of the method, for whoever studies it: [`super::Settings::numbers`]. Everybody else leaves them alone.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        #[non_exhaustive]
+        pub struct Numbers {
+            $($(#[doc = $text])+ pub $name: $kind,)+
+        }
+
+        impl Default for Numbers {
+            fn default() -> Self {
+                Self { $($name: $value,)+ }
+            }
+        }
+
+        impl Numbers {
+            /// Their names.
+            pub const NAMES: &[&str] = &[$(stringify!($name)),+];
+
+            /// With one of them multiplied by a factor, and rounded where it is a count; as they are if there is none of
+            /// this name.
+            pub fn times(mut self, name: &str, factor: f64) -> Self {
+                match name {
+                    $(stringify!($name) => self.$name = (factor * self.$name as f64).round_to_kind(),)+
+                    _ => {}
+                }
+                self
+            }
+        }
+    };
+}
+
+/// From a product to a number or, rounded, to a count.
+trait RoundToKind<T> {
+    fn round_to_kind(self) -> T;
+}
+
+impl RoundToKind<f64> for f64 {
+    fn round_to_kind(self) -> f64 {
+        self
+    }
+}
+
+impl RoundToKind<usize> for f64 {
+    fn round_to_kind(self) -> usize {
+        self.round() as usize
+    }
+}
+
+numbers! {
+    /// A multiplier is scaled by the root of how much softer or stiffer than the median its own nodes are, to this power of it.
+    /// A quarter, half or all of it: half makes the diagonal of A even; rounding must not decide what becomes of corners,
+    /// which are a factor of four stiffer on the dot.
+    scaling: f64 = 0.5 * (1.0 - 1e-9);
+    /// The error of a product by PCG relative to √(pᵀAp), in the norm of A, and the part of the present error that r may be
+    /// off by. Case B to 1e-4 takes 9 products of two V-cycles each with 0.05, 0.1 and 0.2, and does not converge with 0.3,
+    /// one V-cycle each. Where PCG is slow, what it has left of an error moves the contact more than its energy says: then
+    /// it is this part of that.
+    product: f64 = 0.1;
+    /// The same for the conjugate gradients of Algorithm ISSNM as printed, which work on as if products were exact.
+    printed_product: f64 = 1e-3;
+    /// Where nothing else makes progress products are made this much more accurate.
+    sharper: f64 = 0.3;
+    /// Pairs kept in the surrogate at most. Most problems end with fewer than 60 in a load step. Bars a thousand times as
+    /// long as high, whose slip creeps from end to end, take 165 and 241 products with 240 or 500 pairs, and 765 or no end with
+    /// 120.
+    pairs: usize = 240;
+    /// A problem on the surrogate is solved to this part of the present error: products tell no more.
+    solved: f64 = 0.03;
+    /// Newton steps for it at most; most take 1 to 6, bodies that have to find their place up to 30.
+    newton_steps: usize = 60;
+    /// Its merit has to fall by this part of what Newton's model promises (Armijo): without, it may go in circles.
+    fall: f64 = 1e-3;
+    /// It has to fall against the largest of so many steps before (Grippo, Lampariello and Lucidi 1986): sets that
+    /// change make it go up and down.
+    memory: usize = 4;
+    /// A step is halved so many times at most: where 1/64 of it leads nowhere, another direction has to be found.
+    halvings: usize = 6;
+    /// Under Coulomb's law an error may grow by this much in a step before a point nearer by is taken: sets that change make
+    /// it go up and down.
+    growth: f64 = 2.0;
+    /// An error below this part of the least so far is progress.
+    progress: f64 = 0.9;
+    /// Under Coulomb's law, steps without progress before steps are made shorter; after three times as many the best point
+    /// is gone back to. Bodies that find their place take up to 12 of them.
+    fruitless: usize = 15;
+    /// Under given bounds, steps that lower neither q nor the error before the best point is gone back to; under any law, so
+    /// many steps that do not lower the error ask for more accurate products by PCG.
+    denied: usize = 4;
+    /// What the rest of the gradient could still move a pressure by at the end, in ε times the largest pressure, if nothing
+    /// but the unknowns under the contact moved: a third of what is promised, as other unknowns move as well.
+    forces: f64 = 1000.0;
+    /// Steps of conjugate gradients for what the gradient could still move: 100 of them find the same in all cases measured.
+    force_steps: usize = 10;
+    /// Forces that close less than this multiple of what rounding leaves of a gap are no contact.
+    touching: f64 = 10.0;
+    /// Final checks that may fail although the goal was met.
+    checks: usize = 5;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_is_changed_by_its_name() {
+        let numbers = Numbers::default();
+        for name in Numbers::NAMES {
+            assert_ne!(numbers.times(name, 2.0), numbers, "{name}");
+            assert_eq!(numbers.times(name, 1.0), numbers, "{name}");
+        }
+        assert_eq!(numbers.times("denied", 0.6).denied, 2);
+        assert_eq!(numbers.times("nothing of the kind", 2.0), numbers);
+    }
+}

@@ -1,0 +1,404 @@
+//! What each number of the method is worth: all problems of a corpus with each of them halved and doubled.
+//!
+//! The corpus: the templates of `examples/` on both paths, the plane ones also by Algorithm ISSNM as printed; cases A, B and
+//! C on both paths; long bars, beams and a plate with Coulomb friction, on the factor, the longest beam by PCG as well; random
+//! problems of the campaign on both paths. PCG runs on the CPU. `docs/constants.md` has the table.
+//!
+//! `cargo test --release --test campaign -- --ignored --nocapture ablation` takes half an hour. Environment:
+//!
+//! - `ABLATION_ONLY`: names of numbers with commas between (`none`: the first line of the table alone);
+//! - `ABLATION_SEEDS`: how many random problems (300);
+//! - `ABLATION_CASES`: more case files, with commas between, solved on both paths.
+
+use super::common::cases::Trial;
+use super::common::runs::name_of;
+use super::{number, problem, settings};
+use signorini::case::{AnyBuild, Build, Case};
+use signorini::contact::Space;
+use signorini::dual::DualOperator as _;
+use signorini::engine::{Engine, Options, Place, Stiffness};
+use signorini::mesh::Kind;
+use signorini::mesh::structured::SolidShape;
+use signorini::problem::ContactProblem;
+use signorini::quasistatic::{self, Load, Settings, State};
+use signorini::reference::{self, CASE_A, CASE_B, CASE_C, Geometry};
+use signorini::ssnm::{Method, Numbers, Status};
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Duration;
+
+const BOTH: &[Stiffness] = &[Stiffness::Cholesky, Stiffness::Pcg];
+const FACTOR: &[Stiffness] = &[Stiffness::Cholesky];
+
+/// A bar on a floor with μ = 1, pulled and pushed at its end.
+const BAR: &str = r#"
+[mesh.rectangle]
+size = [50, 1]
+cells = [200, 4]
+[[material]]
+young = 1e5
+poisson = 0.3
+[steps]
+factors = [1, 1, 1, 1, 1, 1]
+[[traction]]
+boundary = "top"
+pressure = 100
+[[support]]
+boundary = "left"
+x = 0.1
+factors = [0.5, 1, 0, -1, 0, 1]
+[[contact]]
+boundary = "bottom"
+obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }
+friction = { coulomb = 1 }
+"#;
+/// One that slip creeps along from end to end.
+const LONG_BAR: &str = r#"
+[mesh.rectangle]
+size = [200, 1]
+cells = [400, 2]
+[[material]]
+young = 1e5
+poisson = 0.3
+[[traction]]
+boundary = "top"
+pressure = 100
+[[support]]
+boundary = "left"
+x = 0.05
+[[contact]]
+boundary = "bottom"
+obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }
+friction = { coulomb = 0.5 }
+"#;
+/// A clamped beam that is bent down to a floor.
+const BEAM: &str = r#"
+[mesh.rectangle]
+size = [50, 1]
+cells = [200, 4]
+[[material]]
+young = 1e5
+poisson = 0.3
+[[support]]
+boundary = "left"
+x = 0
+y = 0
+[[traction]]
+boundary = "top"
+pressure = 1
+[[contact]]
+boundary = "bottom"
+obstacle = { half_plane = { point = [0, -0.3], normal = [0, 1] } }
+friction = { coulomb = 0.5 }
+"#;
+/// A thin plate likewise.
+const PLATE: &str = r#"
+[mesh.box]
+size = [20, 20, 0.2]
+cells = [20, 20, 2]
+[[material]]
+young = 1e5
+poisson = 0.3
+[[support]]
+boundary = "left"
+x = 0
+y = 0
+z = 0
+[[traction]]
+boundary = "top"
+pressure = 0.01
+x = 0.002
+[[contact]]
+boundary = "bottom"
+obstacle = { half_space = { point = [0, 0, -0.05], normal = [0, 0, 1] } }
+friction = { coulomb = 0.5 }
+"#;
+
+/// Solved with so many products and V-cycles, or not, for this reason.
+type Outcome = Result<[usize; 2], &'static str>;
+/// A problem with its loads, to be solved with other settings.
+type Solve = Box<dyn Fn(Stiffness, &Settings) -> Outcome>;
+
+struct Entry {
+    name: String,
+    /// On the factor or by PCG.
+    paths: &'static [Stiffness],
+    method: Method,
+    settings: Settings<'static>,
+    solve: Solve,
+}
+
+/// All load steps.
+fn solve<const D: usize>(
+    problem: &ContactProblem<D>,
+    loads: &[Load],
+    stiffness: Stiffness,
+    settings: &Settings,
+) -> Outcome {
+    let options = Options {
+        place: Place::Cpu,
+        stiffness,
+        ..Options::default()
+    };
+    let mut engine = Engine::new(problem, options, |_| {}).map_err(|_| "no engine")?;
+    let memory = RefCell::default();
+    let mut settings = *settings;
+    settings.ssnm.memory = Some(&memory);
+    let mut state = State::at_rest(problem);
+    let mut products = 0;
+    for load in loads {
+        let go_on = |_: quasistatic::Event| ControlFlow::Continue(());
+        let made = quasistatic::solve_step(problem, load, &state, &mut engine, &settings, go_on)
+            .map_err(|_| "error")?;
+        products += made.n_a();
+        if made.status != Status::Converged {
+            return Err(name_of(made.status));
+        }
+        state = made.state(load);
+    }
+    let cycles = engine.costs().map_or(0, |costs| costs.solves.iterations);
+    Ok([products, cycles])
+}
+
+fn plain<const D: usize>(problem: ContactProblem<D>, loads: Vec<Load>) -> Solve {
+    Box::new(move |stiffness, settings| solve(&problem, &loads, stiffness, settings))
+}
+
+fn loads<const D: usize>(case: &Case, build: &Build<D>) -> Vec<Load>
+where
+    Kind: Space<D>,
+{
+    let step = |number| {
+        let step = case.step(build, number).unwrap_or_else(|e| panic!("{e}"));
+        step.map_or_else(|| Load::of(&build.problem), |step| step.load)
+    };
+    (0..case.n_steps()).map(step).collect()
+}
+
+fn of_case(case: &Case, name: &str, paths: &'static [Stiffness]) -> Entry {
+    let solve = match case.build_any().unwrap_or_else(|e| panic!("{name}: {e}")) {
+        AnyBuild::Plane(build) => {
+            let loads = loads(case, &build);
+            plain(build.problem, loads)
+        }
+        AnyBuild::Space(build) => {
+            let loads = loads(case, &build);
+            plain(build.problem, loads)
+        }
+    };
+    Entry {
+        name: name.to_owned(),
+        paths,
+        method: Method::Multisecant,
+        settings: case.settings(),
+        solve,
+    }
+}
+
+fn corpus() -> Vec<Entry> {
+    let read = |file: &str| {
+        Case::read(Path::new(file), &[]).unwrap_or_else(|error| panic!("{file}: {error}"))
+    };
+    let mut all = Vec::new();
+    for name in [
+        "press",
+        "stack",
+        "dovetail",
+        "shear",
+        "roller",
+        "cylinder",
+        "shrink-fit",
+        "brake",
+        "ball-joint",
+        "bracket-3d",
+        "ball",
+        "matrices/block",
+    ] {
+        all.push(of_case(&read(&format!("examples/{name}.toml")), name, BOTH));
+    }
+    for name in ["press", "stack", "dovetail", "roller", "cylinder"] {
+        let mut entry = of_case(&read(&format!("examples/{name}.toml")), name, FACTOR);
+        entry.name += ", as printed";
+        entry.method = Method::Inexact;
+        all.push(entry);
+    }
+    let long = |text: &str| {
+        text.replace("[50, 1]", "[100, 1]")
+            .replace("[200, 4]", "[400, 4]")
+    };
+    for (name, text, paths) in [
+        ("bar", BAR.to_owned(), FACTOR),
+        ("long bar", LONG_BAR.to_owned(), FACTOR),
+        ("beam", BEAM.to_owned(), FACTOR),
+        ("long beam", long(BEAM), BOTH),
+        ("plate", PLATE.to_owned(), FACTOR),
+    ] {
+        let case = Case::parse(Path::new("tests/case.toml"), text, &[]);
+        let case = case.unwrap_or_else(|error| panic!("{name}: {error}"));
+        all.push(of_case(&case, name, paths));
+    }
+    for file in std::env::var("ABLATION_CASES")
+        .iter()
+        .flat_map(|files| files.split(','))
+    {
+        all.push(of_case(&read(file), file, BOTH));
+    }
+    let mut add = |name: &str, solve: Solve| {
+        all.push(Entry {
+            name: name.to_owned(),
+            paths: BOTH,
+            method: Method::Multisecant,
+            settings: Settings::default(),
+            solve,
+        });
+    };
+    for (name, geometry, case) in [
+        ("case A", Geometry::OneBody, &CASE_A),
+        ("case B", Geometry::TwoBodies, &CASE_B),
+    ] {
+        let mesh = reference::mesh(geometry, 13);
+        let made = reference::problem(geometry, &mesh, case);
+        let made = made.unwrap_or_else(|error| panic!("{error}"));
+        let load = Load::of(&made);
+        add(name, plain(made, vec![load]));
+    }
+    let made = CASE_C.problem(8, SolidShape::Hexahedron);
+    let made = made.unwrap_or_else(|error| panic!("{error}"));
+    let load = Load::of(&made);
+    add("case C", plain(made, vec![load]));
+    all
+}
+
+/// What a corpus has come to: sums over what is solved, and what is not, on each path.
+#[derive(Default)]
+struct Sums {
+    products: [usize; 2],
+    cycles: usize,
+    unsolved: BTreeMap<String, usize>,
+}
+
+impl Sums {
+    fn add(&mut self, path: Stiffness, name: &str, outcome: Outcome) {
+        let place = usize::from(path == Stiffness::Pcg);
+        match outcome {
+            Ok([products, cycles]) => {
+                self.products[place] += products;
+                self.cycles += cycles;
+            }
+            Err(reason) => {
+                let path = ["factor", "PCG"][place];
+                *self
+                    .unsolved
+                    .entry(format!("{name} {reason} ({path})"))
+                    .or_default() += 1;
+            }
+        }
+    }
+
+    /// A cell for each sum, as it is or as a change in percent.
+    fn cells(&self, base: Option<&Self>) -> String {
+        let sums = |s: &Self| [s.products[0], s.products[1], s.cycles];
+        let cells = sums(self)
+            .into_iter()
+            .enumerate()
+            .map(|(i, now)| match base {
+                None => format!("{now} | "),
+                Some(base) => {
+                    let change = 100.0 * (now as f64 / sums(base)[i] as f64 - 1.0);
+                    format!("{change:+.1} | ")
+                }
+            });
+        cells.collect()
+    }
+
+    fn words(&self, base: Option<&Self>) -> String {
+        let count = |of: &Self, what: &str| of.unsolved.get(what).copied().unwrap_or(0);
+        let before = |what: &str| base.map_or(0, |base| count(base, what));
+        let mut all: Vec<&String> = self.unsolved.keys().collect();
+        all.extend(base.iter().flat_map(|base| base.unsolved.keys()));
+        all.sort();
+        all.dedup();
+        let changed = all
+            .into_iter()
+            .filter(|what| count(self, what) != before(what));
+        let words: Vec<String> = changed
+            .map(|what| match (before(what), count(self, what)) {
+                (0, 1) => what.clone(),
+                (0, now) => format!("{now} {what}"),
+                (before, now) => format!("{now} {what}, not {before}"),
+            })
+            .collect();
+        words.join("; ")
+    }
+}
+
+fn run(corpus: &[Entry], trials: &[Trial], numbers: Numbers) -> [Sums; 2] {
+    let with = |settings: &Settings<'static>, method: Method, seconds: u64| {
+        let mut settings = *settings;
+        settings.ssnm.numbers = numbers;
+        settings.ssnm.method = method;
+        settings.ssnm.time_limit = Some(Duration::from_secs(seconds));
+        settings
+    };
+    let [mut cases, mut random] = [Sums::default(), Sums::default()];
+    for entry in corpus {
+        for &path in entry.paths {
+            let outcome = (entry.solve)(path, &with(&entry.settings, entry.method, 60));
+            cases.add(path, &entry.name, outcome);
+        }
+    }
+    for trial in trials {
+        for &path in BOTH {
+            let settings = with(&settings(super::TOLERANCE), Method::Multisecant, 20);
+            random.add(
+                path,
+                "random",
+                solve(&trial.problem, &trial.loads, path, &settings),
+            );
+        }
+    }
+    [cases, random]
+}
+
+#[test]
+#[ignore = "half an hour"]
+fn ablation() {
+    let corpus = corpus();
+    let seeds = number("ABLATION_SEEDS").unwrap_or(300);
+    let trials: Vec<Trial> = (1..=seeds)
+        .filter_map(|seed| problem(seed).ok())
+        .map(|problem| problem.trial)
+        .collect();
+    let only = std::env::var("ABLATION_ONLY").ok();
+    let chosen = |name: &&&str| {
+        only.as_ref()
+            .is_none_or(|only| only.split(',').any(|o| o == **name))
+    };
+    let base = run(&corpus, &trials, Numbers::default());
+    println!(
+        "| number | times | factor | PCG | V-cycles | random, factor | PCG | V-cycles | unsolved |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
+    let line = |name: &str, factor: &str, sums: &[Sums; 2], base: Option<&[Sums; 2]>| {
+        let [cases, random] = sums;
+        let words = [
+            cases.words(base.map(|b| &b[0])),
+            random.words(base.map(|b| &b[1])),
+        ];
+        println!(
+            "| {name} | {factor} | {}{}{} |",
+            cases.cells(base.map(|b| &b[0])),
+            random.cells(base.map(|b| &b[1])),
+            words.join(" ").trim()
+        );
+    };
+    line("as they are", "1", &base, None);
+    for name in Numbers::NAMES.iter().filter(chosen) {
+        for factor in [0.5, 2.0] {
+            let made = run(&corpus, &trials, Numbers::default().times(name, factor));
+            line(name, &factor.to_string(), &made, Some(&base));
+        }
+    }
+}
