@@ -258,7 +258,8 @@ impl Path {
     }
 }
 
-/// Solves the problem on each path; `before` hears which comes next. `speeds` has those of the same problem.
+/// Solves the problem on each path; `before` hears which comes next. `speeds` has those of the same problem. (One text: a path
+/// has to be set up, timed and let go before the next one takes its memory.)
 pub fn solve_on<const D: usize>(
     paths: &[Path],
     k: usize,

@@ -13,6 +13,7 @@ mod element;
 mod hexahedron;
 mod loads;
 mod quad;
+mod shape;
 mod stress;
 mod surface;
 #[cfg(test)]

@@ -11,6 +11,7 @@ mod file;
 pub mod gmsh;
 mod groups;
 mod plane;
+mod read;
 mod solid;
 pub mod structured;
 #[cfg(test)]
@@ -19,9 +20,10 @@ pub(crate) mod vector;
 mod vtu;
 
 pub use element::{Element, Facet, Kind, Topology, facet, facet_nodes};
-pub use file::{FileError, has_cell_arrays, read};
+pub use file::FileError;
 pub use gmsh::write::msh;
 pub(crate) use groups::Groups;
+pub use read::{has_cell_arrays, read};
 pub(crate) use vector::bounds;
 use vector::minus;
 

@@ -10,7 +10,8 @@
 //!
 //! **As printed** (`step`): each outer step predicts the active sets from λ − ρr (Step 2), minimises q
 //! with the inactive multipliers on their bounds by conjugate gradients (Step 3), and measures the
-//! reduced gradient (10) at the projection of the result (Step 3.4).
+//! reduced gradient (10) at the projection of the result (Step 3.4). λ goes on from that projection, with the inactive
+//! multipliers on the bounds of the next sets.
 //!
 //! | of the paper | where |
 //! |---|---|
@@ -40,6 +41,10 @@
 //! - **Coulomb's law.** Where g = μλν the tangential multipliers of slipping nodes follow the normal ones in
 //!   each Newton step, and the error (10) is that with g = μλν of the same point (`docs/coulomb.md`). Nothing is minimised
 //!   then: of the points on the chord the one of least error is taken.
+//! - **The stop** is err ≤ ε times the largest of three errors: err⁰, what the forces do to their own nodes, and the rounding
+//!   of r divided by ε (`check`, Step 1). Beside it forces have to be as accurate as ε asks (`goal`), and the optimality
+//!   conditions are checked against K.
+//! - **Numbers** that are neither the paper's nor the user's stand in one table (`numbers`).
 //! - **Safeguards.** Under given bounds q falls in each step on the surrogate, by the exact minimum on the chord; the
 //!   algorithms as printed are made to converge by projected gradient steps (`safeguard`).
 
@@ -62,6 +67,8 @@ mod solution;
 mod step;
 mod subproblem;
 mod surrogate;
+#[cfg(test)]
+mod tests;
 
 pub use numbers::Numbers;
 pub use point::project;
@@ -71,7 +78,7 @@ pub use solution::{Cause, Info, Solution, SolveError, Status, Step};
 
 use crate::dual::{DualError, DualOperator, conditions};
 use crate::problem::ContactProblem;
-use goal::Goal;
+use check::End;
 use scaling::Scaled;
 use setup::{SetUp, Start};
 use std::ops::ControlFlow;
@@ -131,26 +138,19 @@ pub fn solve<const D: usize, K>(
         lambda,
         history,
     };
-    let (mut status, u, mut kkt) = match newton.end(&mut way.point, outcome) {
+    let ended = newton.end(&mut way, outcome);
+    let lambda = newton.unscaled(&way.point).0;
+    let End {
+        mut status,
+        u,
+        mut kkt,
+        err_relative,
+    } = match ended {
         Ok(ended) => ended,
-        Err(error) => {
-            let lambda = newton.unscaled(&way.point).0;
-            return Err(failed(error, lambda, way.history));
-        }
+        Err(error) => return Err(failed(error, lambda, way.history)),
     };
-
     let bounds = newton.law.bounds(&way.point.lambda);
     let sets = Sets::at_solution(&way.point.lambda, &way.point.r, newton.alpha(), &bounds);
-    let err_relative = newton.relative(&mut way.point, way.err0);
-    let (lambda, r) = newton.unscaled(&way.point);
-    // However it came about: what meets all conditions is a solution.
-    if status == Status::Stagnated
-        && err_relative <= settings.tolerance
-        && kkt.max() <= MET * settings.tolerance
-        && Goal::new(settings.tolerance, settings.numbers).forces_met(held, &lambda, &r)
-    {
-        status = Status::Converged;
-    }
     if !imbalance.is_empty() {
         kkt = match conditions(problem, &mut newton.products.dual, &u, &lambda) {
             Ok(kkt) => kkt,

@@ -28,6 +28,7 @@
 //! Weights Mᵢⱼ/Dᵢ add up to 1, so that the contact forces of a pair add up to nothing. Rows may depend on each other where
 //! several parts of the other boundary lie under one facet; forces are unique even so.
 
+mod flat;
 mod hull;
 mod places;
 mod polygons;
@@ -367,7 +368,7 @@ fn add_to(entries: &mut Vec<(u32, f64)>, node: u32, value: f64) {
     }
 }
 
-/// The integrals over one facet of the first boundary.
+/// The integrals over one facet of the first boundary. (One text: all of them are sums over the same points, made once.)
 fn integrate<const D: usize>(
     here: &Here<D>,
     near: &[Near<D>],

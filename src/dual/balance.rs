@@ -164,7 +164,8 @@ impl Balance {
         sums
     }
 
-    /// The point of Λₑ next to x, or the one of Λ whose imbalance is least; `project` is P_Λ on a contact node.
+    /// The point of Λₑ next to x, or the one of Λ whose imbalance is least; `project` is P_Λ on a contact node. (One text:
+    /// passes, their Newton steps and the line search of those work on the same few vectors.)
     pub fn nearest<const D: usize>(
         &self,
         x: &[f64],

@@ -1,6 +1,7 @@
 //! The stiffness matrix, pattern first and row by row.
 
-use super::element::{Element, Elements, Point, Visit};
+use super::element::{Elements, Visit};
+use super::shape::{Element, Point};
 use super::{Body, Unknowns};
 use crate::mesh::vector::{dot, minus};
 use crate::mesh::{self, Kind, Mesh, Topology};

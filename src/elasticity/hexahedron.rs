@@ -1,6 +1,6 @@
 //! The trilinear hexahedron with 2 × 2 × 2 Gauss points.
 
-use super::element::{Element, GAUSS, Point};
+use super::shape::{Element, GAUSS, Point};
 use super::surface::line_points;
 
 pub(super) struct Hexahedron;

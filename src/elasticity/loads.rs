@@ -1,6 +1,7 @@
 //! Loads: nodal forces from what acts on boundaries and in bodies.
 
-use super::element::{Element, Elements, Visit};
+use super::element::{Elements, Visit};
+use super::shape::Element;
 use super::surface::FacetPoint;
 use super::{Body, Field};
 use crate::mesh::{self, Facet, Kind, facet_nodes};

@@ -1,6 +1,6 @@
 //! The bilinear quadrilateral with 2 × 2 Gauss points.
 
-use super::element::{Element, GAUSS, Point};
+use super::shape::{Element, GAUSS, Point};
 
 pub(crate) struct Quad;
 

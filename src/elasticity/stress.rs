@@ -1,6 +1,7 @@
 //! Stress recovery.
 
-use super::element::{Element, Elements, Visit};
+use super::element::{Elements, Visit};
+use super::shape::Element;
 use super::{Body, Material, Plane};
 use crate::mesh::{self, Kind};
 

@@ -1,6 +1,7 @@
 mod solid;
 
-use super::element::{Element, Visit};
+use super::element::Visit;
+use super::shape::Element;
 use super::*;
 use crate::mesh;
 use approx::assert_relative_eq;

@@ -1,6 +1,6 @@
 //! The 4-node tetrahedron: linear shape functions, constant gradients.
 
-use super::element::{Element, Point};
+use super::shape::{Element, Point};
 use crate::mesh::vector::{cross, dot, minus};
 
 pub(super) struct Tetrahedron;

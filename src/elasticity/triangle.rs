@@ -1,6 +1,6 @@
 //! The 3-node triangle: linear shape functions, constant gradients.
 
-use super::element::{Element, Point};
+use super::shape::{Element, Point};
 
 pub(super) struct Triangle;
 

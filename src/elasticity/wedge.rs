@@ -1,6 +1,6 @@
 //! The 6-node wedge, linear in its triangles and along its axis, with 3 × 2 points.
 
-use super::element::{Element, GAUSS, Point};
+use super::shape::{Element, GAUSS, Point};
 use super::surface::{line_points, triangle_points};
 
 pub(super) struct Wedge;

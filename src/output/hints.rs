@@ -18,7 +18,7 @@ fn rim<const D: usize>(nodes: usize) -> usize {
     }
 }
 
-/// In the order of the contacts.
+/// In the order of the contacts. (One text: a paragraph for each hint.)
 pub(super) fn hints<const D: usize>(
     elastic: &Elastic<D>,
     data: &StepData<D>,

@@ -18,6 +18,14 @@ pub(super) enum Ended {
     NotYet,
 }
 
+/// How a solve has ended, and at which error relative to what that is measured by.
+pub(super) struct End {
+    pub status: Status,
+    pub u: Vec<f64>,
+    pub kkt: Kkt,
+    pub err_relative: f64,
+}
+
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Step 1: whether err ≤ ε err⁰, and more than that: pressures as accurate as ε asks for, and conditions that hold
     /// against K.
@@ -149,9 +157,35 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         conditions(self.problem, &mut self.products.dual, u, &lambda)
     }
 
-    /// How a solve has ended, with u and the optimality conditions: those of the final check or, where there was none,
-    /// as far as they are known. Whoever has asked to stop does not wait for more than a picture.
+    /// How a solve has ended.
     pub fn end(
+        &mut self,
+        way: &mut Way<D>,
+        outcome: Result<Status, DualError>,
+    ) -> Result<End, DualError> {
+        let (mut status, u, kkt) = self.last_check(&mut way.point, outcome)?;
+        let err_relative = self.relative(&mut way.point, way.err0);
+        // However it came about: what meets all conditions is a solution.
+        if status == Status::Stagnated
+            && err_relative <= self.tolerance
+            && kkt.max() <= MET * self.tolerance
+        {
+            let (lambda, r) = self.unscaled(&way.point);
+            if Goal::new(self.tolerance, self.numbers).forces_met(self.problem, &lambda, &r) {
+                status = Status::Converged;
+            }
+        }
+        Ok(End {
+            status,
+            u,
+            kkt,
+            err_relative,
+        })
+    }
+
+    /// The status, with u and the optimality conditions: those of the final check or, where there was none,
+    /// as far as they are known. Whoever has asked to stop does not wait for more than ε.
+    fn last_check(
         &mut self,
         point: &mut Point,
         outcome: Result<Status, DualError>,

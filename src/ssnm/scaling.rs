@@ -83,6 +83,12 @@ impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
         self.factor(row_of::<D>(self.buffer.len() / D, node, 1))
     }
 
+    /// The operator itself.
+    #[cfg(test)]
+    pub fn inner(&self) -> &O {
+        self.dual
+    }
+
     /// ĝ.
     pub fn slip_bound<const D: usize>(&self, g: &[f64]) -> Vec<f64> {
         (g.iter().enumerate())

@@ -382,7 +382,8 @@ impl<B: Backend> Pcg<B> {
 
     /// CG for the right-hand side in `r`; the result is in `x`, also where the run has stalled.
     ///
-    /// With `gather`, y = M x comes along with each look at the progress.
+    /// With `gather`, y = M x comes along with each look at the progress. (One text: where a run stops is decided on what
+    /// the last looks have shown, which nothing else needs.)
     pub(crate) fn run(
         &mut self,
         goals: Run,

@@ -57,8 +57,8 @@ friction = { coulomb = 1 }
 /// One that slip creeps along from end to end.
 const LONG_BAR: &str = r#"
 [mesh.rectangle]
-size = [200, 1]
-cells = [400, 2]
+size = [600, 1]
+cells = [600, 1]
 [[material]]
 young = 1e5
 poisson = 0.3
@@ -219,7 +219,7 @@ fn corpus() -> Vec<Entry> {
         all.push(of_case(&read(&format!("examples/{name}.toml")), name, BOTH));
     }
     for name in ["press", "stack", "dovetail", "roller", "cylinder"] {
-        let mut entry = of_case(&read(&format!("examples/{name}.toml")), name, FACTOR);
+        let mut entry = of_case(&read(&format!("examples/{name}.toml")), name, BOTH);
         entry.name += ", as printed";
         entry.method = Method::Inexact;
         all.push(entry);
@@ -271,70 +271,62 @@ fn corpus() -> Vec<Entry> {
     all
 }
 
-/// What a corpus has come to: sums over what is solved, and what is not, on each path.
+/// What has come of each problem, and on which path.
 #[derive(Default)]
-struct Sums {
-    products: [usize; 2],
-    cycles: usize,
-    unsolved: BTreeMap<String, usize>,
-}
+struct Outcomes(Vec<(Stiffness, String, Outcome)>);
 
-impl Sums {
-    fn add(&mut self, path: Stiffness, name: &str, outcome: Outcome) {
-        let place = usize::from(path == Stiffness::Pcg);
-        match outcome {
-            Ok([products, cycles]) => {
-                self.products[place] += products;
-                self.cycles += cycles;
-            }
-            Err(reason) => {
-                let path = ["factor", "PCG"][place];
-                *self
-                    .unsolved
-                    .entry(format!("{name} {reason} ({path})"))
-                    .or_default() += 1;
+impl Outcomes {
+    /// Products on the factor, by PCG, and V-cycles: of what is solved here and there, here and there.
+    fn sums(&self, base: &Self) -> [[usize; 3]; 2] {
+        let mut sums = [[0; 3]; 2];
+        for ((path, _, here), (_, _, there)) in self.0.iter().zip(&base.0) {
+            let (Ok(here), Ok(there)) = (here, there) else {
+                continue;
+            };
+            for (sums, [products, cycles]) in sums.iter_mut().zip([here, there]) {
+                sums[usize::from(*path == Stiffness::Pcg)] += products;
+                sums[2] += cycles;
             }
         }
+        sums
     }
 
     /// A cell for each sum, as it is or as a change in percent.
     fn cells(&self, base: Option<&Self>) -> String {
-        let sums = |s: &Self| [s.products[0], s.products[1], s.cycles];
-        let cells = sums(self)
-            .into_iter()
-            .enumerate()
-            .map(|(i, now)| match base {
-                None => format!("{now} | "),
-                Some(base) => {
-                    let change = 100.0 * (now as f64 / sums(base)[i] as f64 - 1.0);
-                    format!("{change:+.1} | ")
-                }
-            });
+        let [here, there] = self.sums(base.unwrap_or(self));
+        let cells = here.iter().zip(there).map(|(&now, before)| match base {
+            None => format!("{now} | "),
+            Some(_) => {
+                let change = 100.0 * (now as f64 / before as f64 - 1.0);
+                format!("{change:+.1} | ")
+            }
+        });
         cells.collect()
     }
 
+    /// What is not solved, each with how many; only what is solved there, if that is given, and the other way round.
     fn words(&self, base: Option<&Self>) -> String {
-        let count = |of: &Self, what: &str| of.unsolved.get(what).copied().unwrap_or(0);
-        let before = |what: &str| base.map_or(0, |base| count(base, what));
-        let mut all: Vec<&String> = self.unsolved.keys().collect();
-        all.extend(base.iter().flat_map(|base| base.unsolved.keys()));
-        all.sort();
-        all.dedup();
-        let changed = all
-            .into_iter()
-            .filter(|what| count(self, what) != before(what));
-        let words: Vec<String> = changed
-            .map(|what| match (before(what), count(self, what)) {
-                (0, 1) => what.clone(),
-                (0, now) => format!("{now} {what}"),
-                (before, now) => format!("{now} {what}, not {before}"),
+        let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+        for (i, (path, name, outcome)) in self.0.iter().enumerate() {
+            let path = ["factor", "PCG"][usize::from(*path == Stiffness::Pcg)];
+            let word = match (outcome, base.map(|base| &base.0[i].2)) {
+                (Err(reason), None | Some(Ok(_))) => *reason,
+                (Ok(_), Some(Err(_))) => "is solved",
+                _ => continue,
+            };
+            *counts.entry(format!("{name} {word} ({path})")).or_default() += 1;
+        }
+        let words: Vec<String> = (counts.into_iter())
+            .map(|(what, count)| match count {
+                1 => what,
+                count => format!("{count} {what}"),
             })
             .collect();
         words.join("; ")
     }
 }
 
-fn run(corpus: &[Entry], trials: &[Trial], numbers: Numbers) -> [Sums; 2] {
+fn run(corpus: &[Entry], trials: &[Trial], numbers: Numbers) -> [Outcomes; 2] {
     let with = |settings: &Settings<'static>, method: Method, seconds: u64| {
         let mut settings = *settings;
         settings.ssnm.numbers = numbers;
@@ -342,21 +334,18 @@ fn run(corpus: &[Entry], trials: &[Trial], numbers: Numbers) -> [Sums; 2] {
         settings.ssnm.time_limit = Some(Duration::from_secs(seconds));
         settings
     };
-    let [mut cases, mut random] = [Sums::default(), Sums::default()];
+    let [mut cases, mut random] = [Outcomes::default(), Outcomes::default()];
     for entry in corpus {
         for &path in entry.paths {
-            let outcome = (entry.solve)(path, &with(&entry.settings, entry.method, 60));
-            cases.add(path, &entry.name, outcome);
+            let outcome = (entry.solve)(path, &with(&entry.settings, entry.method, 20));
+            cases.0.push((path, entry.name.clone(), outcome));
         }
     }
     for trial in trials {
         for &path in BOTH {
-            let settings = with(&settings(super::TOLERANCE), Method::Multisecant, 20);
-            random.add(
-                path,
-                "random",
-                solve(&trial.problem, &trial.loads, path, &settings),
-            );
+            let settings = with(&settings(super::TOLERANCE), Method::Multisecant, 5);
+            let outcome = solve(&trial.problem, &trial.loads, path, &settings);
+            random.0.push((path, "random".to_owned(), outcome));
         }
     }
     [cases, random]
@@ -381,7 +370,7 @@ fn ablation() {
         "| number | times | factor | PCG | V-cycles | random, factor | PCG | V-cycles | unsolved |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
-    let line = |name: &str, factor: &str, sums: &[Sums; 2], base: Option<&[Sums; 2]>| {
+    let line = |name: &str, factor: &str, sums: &[Outcomes; 2], base: Option<&[Outcomes; 2]>| {
         let [cases, random] = sums;
         let words = [
             cases.words(base.map(|b| &b[0])),

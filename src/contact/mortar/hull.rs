@@ -1,6 +1,6 @@
 //! Convex hulls of what is covered of a facet, and their barycentric functions.
 
-use super::polygons::{Flat, area, edges, turn};
+use super::flat::{Flat, area, edges, turn};
 use crate::mesh::vector::{length, minus};
 
 /// How far a hull may lie within what it stands for, in its own least width: a round spot gets some dozen vertices and

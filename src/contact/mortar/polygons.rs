@@ -6,6 +6,7 @@
 //! long as quadrilaterals are.
 
 use super::super::frame;
+use super::flat::{Flat, area, edges, turn};
 use super::hull::Hull;
 use super::{Beam, Cover, Here, Meeting, Near, SAME, SAME_OF_WIDTH, Site};
 use crate::elasticity::{Quad, triangle_points};
@@ -13,22 +14,10 @@ use crate::mesh::Groups;
 use crate::mesh::vector::{cross, dot, length, minus, unit};
 use std::f64::consts::PI;
 
-pub(super) type Flat = [f64; 2];
 type Polygon = Vec<Flat>;
 
 /// Polygons below this part of the area of the smaller one of both facets are rounding.
 const NOTHING: f64 = 1e-9;
-
-/// What is cut off at the corner p of a and b: twice the area of the triangle.
-pub(super) fn turn(p: Flat, a: Flat, b: Flat) -> f64 {
-    (a[0] - p[0]) * (b[1] - p[1]) - (a[1] - p[1]) * (b[0] - p[0])
-}
-
-/// The area of a polygon, counter-clockwise.
-pub(super) fn area(polygon: &[Flat]) -> f64 {
-    let fan = polygon.windows(2).skip(1);
-    0.5 * fan.map(|ab| turn(polygon[0], ab[0], ab[1])).sum::<f64>()
-}
 
 /// The mean of the corners.
 fn middle(polygon: &[Flat]) -> Flat {
@@ -51,12 +40,6 @@ fn left_of(polygon: &[Flat], a: Flat, b: Flat) -> Polygon {
         }
     }
     part
-}
-
-/// The edges of a polygon.
-pub(super) fn edges(polygon: &[Flat]) -> impl Iterator<Item = (Flat, Flat)> {
-    let next = polygon.iter().cycle().skip(1);
-    polygon.iter().copied().zip(next.copied())
 }
 
 /// The part of a polygon within a convex one; nothing if that is no more than `least`.
@@ -218,7 +201,8 @@ struct Piece {
     other: usize,
 }
 
-/// What connected parts of the others cover of a facet.
+/// What connected parts of the others cover of a facet: they are projected, clipped, cut where they lie over each other, and
+/// joined, each step on the polygons of the one before.
 pub(super) fn covers(here: &Here<3>, near: &[Near<3>], distance: f64) -> Vec<Cover<3>> {
     let plane = Plane::of(here);
     let own = plane.see(&here.corners[..here.len]);

@@ -140,6 +140,7 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// What a keyword begins: a line of the match for each that is known.
     fn keyword(&mut self, k: &Keyword<'a>) -> Result<Block<'a>> {
         let refuse = |what: &str| Err(Failure::line(k.line, format!("*{}: {what}", k.name)));
         let option = |name| k.option(name).filter(|value| !value.is_empty());

@@ -19,7 +19,8 @@ pub(super) const ROUNDING: f64 = 0.1;
 
 impl<B: Backend> Pcg<B> {
     /// Lowers the error of x in K x = b by CG in low precision inside f64; `terms` is the norm of what b is the difference
-    /// of, which residuals are relative to. Where it stalls, x is what it has reached.
+    /// of, which residuals are relative to. Where it stalls, x is what it has reached. (One text: a loop of corrections, each
+    /// as accurate as those before have shown that it has to be.)
     pub(crate) fn refine(
         &mut self,
         b: &[f64],

@@ -1,0 +1,29 @@
+//! Which reader a mesh file goes to.
+
+use super::file::FileError;
+use super::{AnyMesh, abaqus, gmsh, vtu};
+use std::path::Path;
+
+/// Whether a file is called like those of VTK, whose regions a cell array tells.
+pub fn has_cell_arrays(path: &Path) -> bool {
+    extension(path) == "vtu"
+}
+
+fn extension(path: &Path) -> String {
+    let extension = path.extension().unwrap_or_default();
+    extension.to_string_lossy().to_lowercase()
+}
+
+/// Reads a mesh, of the dimension that its elements have: an Abaqus input file (`.inp`), an unstructured grid of VTK
+/// (`.vtu`), or else one of Gmsh. Coordinates are multiplied by `scale`; `groups` names the cell array of a grid that
+/// tells its regions and boundaries.
+///
+/// # Errors
+/// If the file cannot be read: with the line at fault, as far as it has lines.
+pub fn read(path: &Path, scale: f64, groups: Option<&str>) -> Result<AnyMesh, FileError> {
+    match extension(path).as_str() {
+        "inp" => abaqus::read(path, scale),
+        "vtu" => vtu::read(path, scale, groups),
+        _ => gmsh::read(path, scale),
+    }
+}

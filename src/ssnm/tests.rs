@@ -1,0 +1,314 @@
+//! Small problems made by hand, for what the pieces of the method say of each other: products, scaling, points, laws, the
+//! final check.
+
+use super::law::Law;
+use super::point::Point;
+use super::products::Products;
+use super::scaling::Scaled;
+use super::*;
+use crate::control::{Accuracy, Costs, Followed, Stop};
+use crate::dual::{DirectDual, DualError};
+use crate::problem::{ContactData, LoadCase};
+use crate::sparse::{BlockCsr, Csr};
+use std::ops::ControlFlow;
+
+/// Nodes on springs of their own stiffness, tied to their neighbours by some of stiffness 1, and pressed onto the ground: the
+/// first unknown of each is its normal one.
+fn row_of_nodes(own: &[f64], bound: f64) -> ContactProblem {
+    let m = own.len();
+    let ties = (1..m).flat_map(|i| [(i - 1, i), (i, i - 1)]);
+    let tie = |i: usize| (usize::from(i > 0) + usize::from(i + 1 < m)) as f64;
+    let normal = (0..m).map(|i| (2 * i, 2 * i, own[i] + tie(i)));
+    let tangential = (0..m).map(|i| (2 * i + 1, 2 * i + 1, own[i]));
+    let entries = (normal.chain(tangential)).chain(ties.map(|(i, j)| (2 * i, 2 * j, -1.0)));
+    let rows = |first: usize| Csr::from_triplets(m, 2 * m, (0..m).map(|i| (i, 2 * i + first, 1.0)));
+    ContactProblem::new(ContactData {
+        stiffness: BlockCsr::from_triplets(2 * m, 2 * m, entries),
+        load: (0..2 * m).map(|i| 1.0 + (i % 3) as f64).collect(),
+        normal: rows(0),
+        tangential: rows(1),
+        gap: (0..m).map(|i| 0.1 * (i % 2) as f64).collect(),
+        slip_bound: vec![bound; m],
+        coordinates: None,
+    })
+    .unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn factor(problem: &ContactProblem) -> DirectDual {
+    DirectDual::new(problem).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// An operator whose products are longer than they should be, by a part, and that may pass for one that iterates.
+struct Off {
+    of: DirectDual,
+    by: f64,
+    iterates: Option<Followed>,
+    /// What the last request was for.
+    asked: Option<Accuracy>,
+}
+
+impl DualOperator for Off {
+    fn size(&self) -> (usize, usize) {
+        self.of.size()
+    }
+
+    fn apply(
+        &mut self,
+        p: &[f64],
+        y: &mut [f64],
+        accuracy: Accuracy,
+        stop: &Stop,
+    ) -> Result<(), DualError> {
+        self.asked = Some(accuracy);
+        self.of.apply(p, y, accuracy, stop)?;
+        y.iter_mut().for_each(|y| *y *= 1.0 + self.by);
+        Ok(())
+    }
+
+    fn right_hand_side(
+        &mut self,
+        load: &LoadCase,
+        b: &mut [f64],
+        accuracy: Accuracy,
+        stop: &Stop,
+    ) -> Result<(), DualError> {
+        self.of.right_hand_side(load, b, accuracy, stop)
+    }
+
+    fn gradient(
+        &mut self,
+        _load: &LoadCase,
+        _lambda: &[f64],
+        r: &mut [f64],
+        _along: f64,
+        accuracy: Accuracy,
+        _stop: &Stop,
+    ) -> Result<Option<Followed>, DualError> {
+        self.asked = Some(accuracy);
+        r.fill(1.0);
+        Ok(self.iterates)
+    }
+
+    fn displacement(
+        &mut self,
+        load: &LoadCase,
+        lambda: &[f64],
+        residual: f64,
+        stop: &Stop,
+    ) -> Result<Vec<f64>, DualError> {
+        self.of.displacement(load, lambda, residual, stop)
+    }
+
+    fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
+        self.of.stiffness_times(u, s)
+    }
+
+    fn costs(&self) -> Option<Costs> {
+        self.iterates.map(|_| Costs::default())
+    }
+}
+
+fn solved(problem: &ContactProblem, dual: &mut impl DualOperator, settings: &Settings) -> Solution {
+    solve(problem, dual, settings, |_| ControlFlow::Continue(()))
+        .unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The final check reads K: products that are off by a twentieth cost steps, not the answer.
+#[test]
+fn wrong_products_are_found_out() {
+    let problem = row_of_nodes(&[1.0, 2.0, 0.5, 1.0, 3.0, 1.0], 0.7);
+    let right = solved(&problem, &mut factor(&problem), &Settings::default());
+    assert_eq!(right.status, Status::Converged);
+    for method in [Method::Multisecant, Method::Inexact, Method::Exact] {
+        let mut off = Off {
+            of: factor(&problem),
+            by: 0.05,
+            iterates: None,
+            asked: None,
+        };
+        let settings = Settings {
+            method,
+            ..Settings::default()
+        };
+        let found = solved(&problem, &mut off, &settings);
+        assert_eq!(found.status, Status::Converged, "{method:?}");
+        assert!(found.info.kkt.max() <= 1e-5, "{method:?}");
+        for (a, b) in found.lambda.iter().zip(&right.lambda) {
+            assert!((a - b).abs() < 1e-5, "{method:?}: {a} {b}");
+        }
+    }
+}
+
+/// What cannot be reached is no solution.
+#[test]
+fn a_goal_below_rounding_ends_without_one() {
+    let problem = row_of_nodes(&[1.0, 1e-9, 1.0, 1e9], 0.3);
+    let settings = Settings {
+        tolerance: 1e-300,
+        ..Settings::default()
+    };
+    let found = solved(&problem, &mut factor(&problem), &settings);
+    // Or it is met to the last bit.
+    assert!(
+        found.status == Status::Stagnated || found.info.kkt.max() == 0.0,
+        "{:?}",
+        found.info
+    );
+}
+
+#[test]
+fn products_are_as_accurate_as_the_error_needs_them() {
+    let problem = row_of_nodes(&[1.0, 2.0], 0.5);
+    let settings = Settings::default();
+    let mut off = Off {
+        of: factor(&problem),
+        by: 0.0,
+        iterates: Some(Followed {
+            change: 0.5,
+            remaining: 0.01,
+            slow: false,
+        }),
+        asked: None,
+    };
+    let energy = |absolute: f64, relative: f64| Some(Accuracy::Energy { absolute, relative });
+    let dual = Scaled::new(&problem, &mut off, 0.5);
+    // √σ_max = 2 is what a change of u in energy may do to r.
+    let mut products = Products::new(dual, problem.load_case(), &settings, Stop::default(), 4.0);
+    assert_eq!((products.part(), products.are_exact()), (0.1, false));
+    let lambda = [0.0; 4];
+    let made = |made: Result<Option<Vec<f64>>, DualError>| made.unwrap_or_else(|e| panic!("{e}"));
+    // A tenth of an error of 3.
+    let r = made(products.afresh(&lambda, 0.0, 3.0, &[1.0, 1.0, 1.0, 0.0]));
+    assert_eq!(r, Some(vec![1.0; 4]));
+    assert_eq!(products.dual.inner().asked, energy(0.1 * 3.0 / 2.0, 0.0));
+    // It has moved by 1 where u has moved by 0.5: the next one by 2 for 1, and 0.01 that remain are 0.02.
+    assert!(products.is_enough(0.11) && !products.is_enough(0.09));
+    made(products.afresh(&lambda, 0.0, 3.0, &[1.0; 4]));
+    assert_eq!(products.dual.inner().asked, energy(0.1 * 3.0 / 2.0, 0.0));
+    // Sharper products, and an r as much more accurate, as far as the tolerance.
+    assert!(products.sharpen(1e-6) && (products.part() - 0.03).abs() < 1e-15);
+    products
+        .apply(&[1.0; 4])
+        .unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(
+        (products.n_a, products.dual.inner().asked),
+        (1, energy(0.0, products.part()))
+    );
+    made(products.afresh(&lambda, 0.0, 3.0, &[1.0; 4]));
+    let Some(Accuracy::Energy { absolute, .. }) = products.dual.inner().asked else {
+        panic!("it was asked for an error in energy");
+    };
+    assert!((absolute - 0.03 * 3.0 / 2.0).abs() < 1e-15);
+    assert!((0..20).any(|_| !products.sharpen(1e-6)) && products.part() > 2e-7);
+    // A factor is exact from the first product on.
+    let mut exact = factor(&problem);
+    let dual = Scaled::new(&problem, &mut exact, 0.5);
+    let mut products = Products::new(dual, problem.load_case(), &settings, Stop::default(), 4.0);
+    assert_eq!((products.part(), products.sharpen(1e-6)), (0.0, false));
+    assert_eq!(made(products.afresh(&lambda, 0.0, 3.0, &lambda)), None);
+    assert!(products.are_exact());
+}
+
+/// In powers of two, by the root of how much softer or stiffer than the median a node is, and not at all within a factor of
+/// four, on the dot included.
+#[test]
+fn multipliers_are_scaled_where_stiffness_varies() {
+    let own = [1.0, 1.0, 1.0, 4.0, 0.25, 100.0, 1e-6];
+    let m = own.len();
+    let entries = (0..2 * m).map(|i| (i, i, own[i / 2]));
+    let rows = |first: usize| Csr::from_triplets(m, 2 * m, (0..m).map(|i| (i, 2 * i + first, 1.0)));
+    let problem: ContactProblem = ContactProblem::new(ContactData {
+        stiffness: BlockCsr::from_triplets(2 * m, 2 * m, entries),
+        load: vec![1.0; 2 * m],
+        normal: rows(0),
+        tangential: rows(1),
+        gap: vec![0.0; m],
+        slip_bound: vec![6.0; m],
+        coordinates: None,
+    })
+    .unwrap_or_else(|error| panic!("{error}"));
+    let mut dual = factor(&problem);
+    let mut scaled = Scaled::new(&problem, &mut dual, Numbers::default().scaling);
+    let expected = [1.0, 1.0, 1.0, 1.0, 1.0, 8.0, 1.0 / 512.0];
+    for (i, s) in expected.iter().enumerate() {
+        assert_eq!((scaled.factor(i), scaled.factor(m + i)), (*s, *s), "{i}");
+    }
+    let law = Law::new(&problem, &scaled);
+    assert_eq!(law.bound(5, 0.0), 6.0 / 8.0);
+    // Â = S A S, and back and forth is exact.
+    let mut y = vec![0.0; 2 * m];
+    let accuracy = Accuracy::Residual(0.0);
+    scaled
+        .apply(&vec![1.0; 2 * m], &mut y, accuracy, &Stop::default())
+        .unwrap_or_else(|error| panic!("{error}"));
+    for (i, s) in expected.iter().enumerate() {
+        assert!(
+            (y[i] - s * s / own[i]).abs() < 1e-12 * y[i],
+            "{i}: {}",
+            y[i]
+        );
+    }
+    let mut x = vec![0.1; 2 * m];
+    scaled.times(&mut x);
+    scaled.divide(&mut x);
+    assert_eq!(x, vec![0.1; 2 * m]);
+}
+
+/// q(λ) = ½ λᵀAλ − λᵀb with A = diag(2, 4), b = (2, 4), on the way from 0 to (2, 0).
+#[test]
+fn q_is_known_on_a_chord() {
+    let point = |lambda: [f64; 2]| Point {
+        r: vec![2.0 * lambda[0] - 2.0, 4.0 * lambda[1] - 4.0],
+        lambda: lambda.to_vec(),
+        motion: Vec::new(),
+    };
+    let q = |l: [f64; 2]| l[0] * l[0] + 2.0 * l[1] * l[1] - 2.0 * l[0] - 4.0 * l[1];
+    let (start, end) = (point([0.0, 0.0]), point([3.0, 0.5]));
+    assert!((start.q_change(&end) - q([3.0, 0.5])).abs() < 1e-15);
+    assert!(start.q_rounding(&end) > 0.0 && start.q_rounding(&end) < 1e-13);
+    // Slope −8, curvature 19.
+    let part = start.lowest_part(&end);
+    assert!((part - 8.0 / 19.0).abs() < 1e-15);
+    let there = start.towards(&end, part);
+    assert!(start.q_change(&there) < start.q_change(&start.towards(&end, part + 0.01)));
+    assert!(start.q_change(&there) < start.q_change(&start.towards(&end, part - 0.01)));
+    assert_eq!(start.lowest_part(&start.towards(&end, 0.1)), 1.0);
+    assert_eq!(start.lowest_part(&point([-1.0, 0.0])), 0.0);
+}
+
+/// The derivative of a node's solution, and that it is one, for each law, apart, sticking and slipping.
+fn laws_of_a_node<const D: usize>() {
+    let numbers = crate::dual::scatter(60 * D);
+    for law in [
+        Law::with(1, 0.0, 0.0),
+        Law::with(1, 0.6, 0.0),
+        Law::with(1, 0.0, 0.4),
+    ] {
+        for z in numbers.chunks(D) {
+            let z: [f64; D] = std::array::from_fn(|a| 2.0 * z[a]);
+            let (end, derivative) = law.solve::<D>(0, z);
+            let length = end[1..].iter().map(|t| t * t).sum::<f64>().sqrt();
+            assert_eq!(end[0], z[0].max(0.0));
+            assert!(length <= law.bound(0, end[0]) * (1.0 + 1e-15));
+            for b in 0..D {
+                let step = 1e-6;
+                let at = |sign: f64| {
+                    let mut there = z;
+                    there[b] += sign * step;
+                    law.solve::<D>(0, there).0
+                };
+                let (above, below) = (at(1.0), at(-1.0));
+                for a in 0..D {
+                    let slope = (above[a] - below[a]) / (2.0 * step);
+                    assert!((slope - derivative[a][b]).abs() < 1e-5, "{z:?}: {a}, {b}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_node_is_solved_exactly() {
+    laws_of_a_node::<2>();
+    laws_of_a_node::<3>();
+}
