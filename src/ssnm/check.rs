@@ -66,8 +66,11 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         }
         // Forces that rounding has left where nothing touches are gone after a projected gradient step; no gap tells
         // whether it was made.
-        let mut end = way.point.clone();
-        end.lambda = self.settle(&mut end, self.rho());
+        let step = self.step_from(&way.point, self.rho());
+        let end = Point {
+            lambda: step.end,
+            ..step.start
+        };
         if !self.meets(goal, &end, way.err) {
             return Ok(Ended::With(Status::Stagnated));
         }

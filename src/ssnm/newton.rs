@@ -1,7 +1,7 @@
 //! The state that all outer steps share, and the error of a point.
 
 use super::law::Law;
-use super::point::{Point, distance, settle};
+use super::point::{GradientStep, Point, distance, gradient_step};
 use super::products::Products;
 use super::sets::Sets;
 use super::solution::Step;
@@ -69,7 +69,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     /// The same, and takes this α at the point.
     pub fn settle_error(&self, point: &mut Point) -> f64 {
-        let end = self.settle(point, self.rho());
+        let GradientStep { end, start } = self.step_from(point, self.rho());
+        *point = start;
         distance(&point.lambda, &end) / self.rho()
     }
 
@@ -95,8 +96,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     /// The same for another ρ.
     pub fn error_with(&self, point: &Point, rho: f64) -> f64 {
-        let end = self.settle(&mut point.clone(), rho);
-        distance(&point.lambda, &end) / rho
+        distance(&point.lambda, &self.step_from(point, rho).end) / rho
     }
 
     /// err relative to what it is measured by.
@@ -126,11 +126,11 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         0.5 * ROUNDING * norm(&terms)
     }
 
-    /// Chooses α at a point such that a projected gradient step of length ρ from there keeps the bodies in
-    /// balance; returns where that step ends.
-    pub fn settle(&self, point: &mut Point, rho: f64) -> Vec<f64> {
+    /// A projected gradient step of length ρ from a point, with the α that keeps the bodies in balance on it. The point
+    /// stays as it is.
+    pub fn step_from(&self, point: &Point, rho: f64) -> GradientStep {
         let g = self.bounds(&point.lambda).into_owned();
-        settle::<D>(point, rho, &g, self.balance.as_deref())
+        gradient_step::<D>(point, rho, &g, self.balance.as_deref())
     }
 
     /// The slip bounds at λ: under Coulomb's law those of the nearest point that obeys it.

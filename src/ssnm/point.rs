@@ -2,7 +2,7 @@
 
 use crate::constraint::{Disc, at, put};
 use crate::dual::balance::Balance;
-use crate::sparse::{difference, norm, norm_max};
+use crate::sparse::{add_times, difference, norm, norm_max};
 
 /// λ with its gradient r = Aλ − b − Gᵀα.
 #[derive(Clone)]
@@ -74,40 +74,46 @@ pub fn project<const D: usize>(lambda: &mut [f64], g: &[f64]) {
     }
 }
 
-/// Chooses α such that a projected gradient step of length ρ keeps the bodies in balance; returns its end.
-pub(super) fn settle<const D: usize>(
-    point: &mut Point,
+/// A projected gradient step that keeps the bodies in balance.
+pub(super) struct GradientStep {
+    /// Where it ends.
+    pub end: Vec<f64>,
+    /// Where it starts from, with the α that it takes for that.
+    pub start: Point,
+}
+
+/// That of length ρ from a point, under the bounds g. What α nothing moves stays that of the point.
+pub(super) fn gradient_step<const D: usize>(
+    point: &Point,
     rho: f64,
     g: &[f64],
     balance: Option<&Balance>,
-) -> Vec<f64> {
+) -> GradientStep {
     let step = |point: &Point| -> Vec<f64> {
         (point.lambda.iter().zip(&point.r))
             .map(|(l, r)| l - rho * r)
             .collect()
     };
+    let mut start = point.clone();
     let Some(balance) = balance else {
         let mut end = step(point);
         project::<D>(&mut end, g);
-        return end;
+        return GradientStep { end, start };
     };
-    let settled = |point: &mut Point| -> (Vec<f64>, f64) {
-        let near = balance.nearest(&step(point), |i, z: [f64; D]| Disc { g: g[i] }.nearest(z));
+    let mut once = || {
+        let near = balance.nearest(&step(&start), |i, z: [f64; D]| Disc { g: g[i] }.nearest(z));
         let forces = balance.spread(&near.eta);
-        for (r, force) in point.r.iter_mut().zip(&forces) {
-            *r -= force / rho;
-        }
-        for (a, eta) in (point.motion.iter_mut()).zip(balance.coefficients(&near.eta)) {
-            *a += eta / rho;
-        }
+        add_times(-1.0 / rho, &forces, &mut start.r);
+        let moved = balance.coefficients(&near.eta);
+        add_times(1.0 / rho, &moved, &mut start.motion);
         (near.lambda, norm_max(&forces))
     };
-    let (end, forces) = settled(point);
+    let (mut end, forces) = once();
     // What is found as the difference of larger forces is found once more from where they have led.
-    match forces <= norm_max(&end) {
-        true => end,
-        false => settled(point).0,
+    if !(forces <= norm_max(&end)) {
+        end = once().0;
     }
+    GradientStep { end, start }
 }
 
 /// ‖a − b‖.

@@ -4,7 +4,7 @@ use super::check::Ended;
 use super::face::Face;
 use super::goal::Goal;
 use super::newton::{Newton, Way};
-use super::point::Point;
+use super::point::{GradientStep, Point};
 use super::safeguard::{Plan, Safeguard};
 use super::sets::Sets;
 use super::{EXACT, Method, Settings, Status, Step};
@@ -88,7 +88,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         target: f64,
     ) -> Result<(Sets<D>, usize), DualError> {
         // Step 2.
-        let end = self.settle(point, rho);
+        let GradientStep { end, start } = self.step_from(point, rho);
+        *point = start;
         let sets = self.predict(point, rho);
         // Step 3.2: inactive multipliers on their bounds.
         let mut start = point.lambda.clone();
@@ -140,7 +141,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         target: f64,
     ) -> Result<(Sets<D>, usize), DualError> {
         self.gradient_step(point)?;
-        self.settle(point, self.alpha());
+        *point = self.step_from(point, self.alpha()).start;
         let sets = Sets::binding(&point.lambda, &point.r, &self.law.bounds(&point.lambda));
         let face = Face::new(sets.clone(), &self.law, self.balance.as_ref());
         let mut end = point.clone();
@@ -156,9 +157,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     fn gradient_step(&mut self, point: &mut Point) -> Result<(), DualError> {
         let start = point.clone();
         loop {
-            *point = start.clone();
-            let end = self.settle(point, self.alpha());
-            self.move_to(point, end)?;
+            let step = self.step_from(&start, self.alpha());
+            *point = step.start;
+            self.move_to(point, step.end)?;
             // Written so that NaN ends it, as a step that has become one of rounding does.
             if !(start.q_change(point) > start.q_rounding(point)) {
                 break;

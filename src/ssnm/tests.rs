@@ -38,10 +38,12 @@ fn factor(problem: &ContactProblem) -> DirectDual {
     DirectDual::new(problem).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// An operator whose products are longer than they should be, by a part, and that may pass for one that iterates.
+/// An operator whose products and displacements are longer than they should be, by a part, and that may pass for one that
+/// iterates.
 struct Off {
     of: DirectDual,
     by: f64,
+    displaced: f64,
     iterates: Option<Followed>,
     /// What the last request was for.
     asked: Option<Accuracy>,
@@ -96,7 +98,9 @@ impl DualOperator for Off {
         residual: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
-        self.of.displacement(load, lambda, residual, stop)
+        let mut u = self.of.displacement(load, lambda, residual, stop)?;
+        u.iter_mut().for_each(|u| *u *= 1.0 + self.displaced);
+        Ok(u)
     }
 
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
@@ -123,6 +127,7 @@ fn wrong_products_are_found_out() {
         let mut off = Off {
             of: factor(&problem),
             by: 0.05,
+            displaced: 0.0,
             iterates: None,
             asked: None,
         };
@@ -136,6 +141,27 @@ fn wrong_products_are_found_out() {
         for (a, b) in found.lambda.iter().zip(&right.lambda) {
             assert!((a - b).abs() < 1e-5, "{method:?}: {a} {b}");
         }
+    }
+}
+
+/// No step can mend a u that is not in equilibrium.
+#[test]
+fn what_k_denies_is_no_solution() {
+    let problem = row_of_nodes(&[1.0, 2.0, 0.5], 0.7);
+    for (displaced, expected) in [(1e-7, Status::Converged), (1e-4, Status::Stagnated)] {
+        let mut off = Off {
+            of: factor(&problem),
+            by: 0.0,
+            displaced,
+            iterates: None,
+            asked: None,
+        };
+        let found = solved(&problem, &mut off, &Settings::default());
+        assert_eq!(found.status, expected, "{displaced:e}");
+        assert!(
+            (found.info.kkt.equilibrium / displaced - 1.0).abs() < 0.5,
+            "{displaced:e}"
+        );
     }
 }
 
@@ -163,6 +189,7 @@ fn products_are_as_accurate_as_the_error_needs_them() {
     let mut off = Off {
         of: factor(&problem),
         by: 0.0,
+        displaced: 0.0,
         iterates: Some(Followed {
             change: 0.5,
             remaining: 0.01,
