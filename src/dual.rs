@@ -57,7 +57,7 @@ impl From<PcgError> for DualError {
 /// accuracy asked for, and end with [`DualError::Stopped`] once `stop` says so.
 ///
 /// # Example
-/// A K that is only a closure: a chain of springs between two walls, whose inverse is known, and whose third and sixth
+/// A K whose inverse is only a closure: a chain of springs between two walls, whose inverse is known, and whose third and sixth
 /// links may move by 0.1 until they meet something. The problem is told no more of K than its diagonal.
 ///
 /// ```
@@ -139,9 +139,9 @@ impl From<PcgError> for DualError {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait DualOperator {
-    /// Rows of K, and of B (2m), of the problem that it was made for.
+    /// Rows of K, and of B (D m, 2m in the plane), of the problem that it was made for.
     fn size(&self) -> (usize, usize);
-    /// y = A p; both have length 2m, normal part first. Where bodies can move as a whole, p has to leave them in
+    /// y = A p; both are as long as B has rows, normal part first. Where bodies can move as a whole, p has to leave them in
     /// balance (G p = 0), and y is known but for a motion Gᵀα.
     fn apply(
         &mut self,

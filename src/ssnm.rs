@@ -17,7 +17,7 @@
 //! |---|---|
 //! | Algorithms SSNM, ISSNM: the loop, Step 3.1 | `step` (`Newton::run_as_printed`) |
 //! | Step 1 | `check` (`Newton::step_1`), the final check with it |
-//! | Step 2: 𝒜ν, ℐν, 𝒜τ, ℐτ⁺, ℐτ⁻ | `sets` (`Sets::predict`), node by node in `constraint` |
+//! | Step 2: 𝒜ν, ℐν, 𝒜τ, ℐτ⁺, ℐτ⁻ | `sets` (`Sets::predict`), node by node in `constraint`; on the surrogate within `law` (`Law::solve`) |
 //! | Step 3.2, P_Λ after 3.3 | `step` (`Newton::newton_step`) |
 //! | Step 3.3: CGM, the problem (11) | `inner` (`minimise`) |
 //! | Step 3.4: err, (10) | `newton` (`Newton::error`) |
@@ -25,7 +25,7 @@
 //! | q (8) and its gradient r (9) | `point` (`Point::q_change`), `products` |
 //! | λ⁰, err⁰, ρ = β/σ_max | `setup` |
 //!
-//! What goes beyond the text of the paper changes no limit:
+//! What goes beyond the text of the paper has the same solutions, but for Coulomb's law, which the paper has not:
 //!
 //! - **Discs.** In space λτ of a node that slips moves along the tangent of its circle. Complementarity there is
 //!   rτ + κλτ = 0, so that (11) becomes min ½ zᵀ(A + diag κ)z + zᵀr over one tangent per slipping node (`face`), κ costs no
@@ -45,7 +45,8 @@
 //!   of r divided by ε (`check`, Step 1). Beside it forces have to be as accurate as ε asks (`goal`), and the optimality
 //!   conditions are checked against K.
 //! - **Numbers** that are neither the paper's nor the user's stand in one table (`numbers`).
-//! - **Safeguards.** Under given bounds q falls in each step on the surrogate, by the exact minimum on the chord; the
+//! - **Safeguards.** Under given bounds q falls in each step on the surrogate as far as products are exact, by the minimum
+//!   on the chord; the
 //!   algorithms as printed are made to converge by projected gradient steps (`safeguard`).
 
 mod check;
@@ -150,7 +151,12 @@ pub fn solve<const D: usize, K>(
         Err(error) => return Err(failed(error, lambda, way.history)),
     };
     let bounds = newton.law.bounds(&way.point.lambda);
-    let sets = Sets::at_solution(&way.point.lambda, &way.point.r, newton.alpha(), &bounds);
+    let sets = Sets::at_solution(
+        &way.point.lambda,
+        &way.point.r,
+        newton.gradient_length(),
+        &bounds,
+    );
     if !imbalance.is_empty() {
         kkt = match conditions(problem, &mut newton.products.dual, &u, &lambda) {
             Ok(kkt) => kkt,

@@ -4,7 +4,7 @@
 //! earlier, larger load:
 //!
 //! - lengths to the largest deformation, which is u without the mean rigid motion of each connected body, or
-//!   if that is larger to what a contact force does to its own node at least (Σ Bᵢⱼ²/Kⱼⱼ · λᵢ);
+//!   if that is larger to what a contact force would do to its own node alone (Σ Bᵢⱼ²/Kⱼⱼ · λᵢ);
 //! - forces to those that act: the larger of ‖f‖ (without what prescribed displacements add) and ‖Bᵀλ‖.
 //!
 //! A difference that is no more than the rounding of its terms (32 units in the last place) counts as none: f64

@@ -130,8 +130,8 @@ impl<const D: usize> System<D> {
         &self.diagonal
     }
 
-    /// How far a multiplier moves its own contact node at least, per force: Σⱼ Bᵢⱼ²/Kⱼⱼ ≤ Aᵢᵢ, length D m; 0 for
-    /// an empty row.
+    /// How far a multiplier would move its own contact node, per force, if nothing moved but each of the unknowns that it acts
+    /// on by itself: Σⱼ Bᵢⱼ²/Kⱼⱼ (at most Aᵢᵢ where it acts on one), length D m; 0 for an empty row.
     pub(crate) fn compliance(&self) -> &[f64] {
         &self.compliance
     }

@@ -38,7 +38,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 /// - Under Coulomb's law, where on a node that slips in the direction s λτ = sμλν, Zᵀ A F is not symmetric: with qᵢᵀqⱼ = 0 it
 ///   makes ‖Zᵀr‖ least (generalised conjugate residuals: Eisenstat, Elman and Schultz 1983).
 ///
-/// Where circles curve, A is A + diag κ, and the residual is preconditioned.
+/// Where circles curve, A is A + diag κ, and the residual is preconditioned. It also ends where a direction or its image has
+/// nothing new, and after somewhat more than twice as many iterations as there are free multipliers. Returns their number.
 fn minimise<const D: usize, E>(
     point: &mut Point,
     face: &Face<D>,

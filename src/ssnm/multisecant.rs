@@ -196,7 +196,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     fn record(&self, way: &mut Way<D>, proposal: &Proposal) -> Step {
         way.err0 = self.measure(&way.first);
         let Point { lambda, r, .. } = &way.point;
-        let sets = Sets::at_solution(lambda, r, self.alpha(), &self.law.bounds(lambda));
+        let sets = Sets::at_solution(lambda, r, self.gradient_length(), &self.law.bounds(lambda));
         let made = Step {
             iter: way.history.len() + 1,
             inner: proposal.steps,

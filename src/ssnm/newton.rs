@@ -57,7 +57,7 @@ pub(super) struct Way<const D: usize> {
     pub sets: Option<Sets<D>>,
     /// The steps made.
     pub history: Vec<Step>,
-    /// Steps and products where err ≤ ε err⁰ held first.
+    /// Steps and products where the error was small enough first.
     pub first_met: Option<(usize, usize)>,
 }
 
@@ -76,12 +76,12 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     /// ρ = β/σ_max.
     pub fn rho(&self) -> f64 {
-        self.beta * self.alpha()
+        self.beta * self.gradient_length()
     }
 
     /// 1/σ_max: the length of projected gradient steps. Without contact, or with a B that K makes infinitely stiff, any
     /// will do.
-    pub fn alpha(&self) -> f64 {
+    pub fn gradient_length(&self) -> f64 {
         match self.sigma {
             sigma if sigma > 0.0 => 1.0 / sigma,
             _ => 1.0,
@@ -108,7 +108,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         err / err0.max(self.own_motion(&point.lambda))
     }
 
-    /// ‖(Σⱼ Bᵢⱼ²/Kⱼⱼ λᵢ)ᵢ‖: what the forces do to their own nodes at least. An err below this times ε is good
+    /// ‖(Σⱼ Bᵢⱼ²/Kⱼⱼ λᵢ)ᵢ‖: what each force would do to its own node if nothing else moved. An err below this times ε is good
     /// enough however small err⁰ is.
     pub fn own_motion(&self, lambda: &[f64]) -> f64 {
         let own: Vec<f64> = (self.problem.compliance().iter().zip(lambda))

@@ -54,9 +54,8 @@ impl RoundToKind<usize> for f64 {
 }
 
 numbers! {
-    /// A multiplier is scaled by the root of how much softer or stiffer than the median its own nodes are, to this power of it.
-    /// A quarter, half or all of it: half makes the diagonal of A even; rounding must not decide what becomes of corners,
-    /// which are a factor of four stiffer on the dot.
+    /// A multiplier is scaled by (median compliance / own compliance) to this power: half makes the diagonal of A even.
+    /// Somewhat less, as rounding must not decide what becomes of corners, which are a factor of four stiffer on the dot.
     scaling: f64 = 0.5 * (1.0 - 1e-9);
     /// The error of a product by PCG relative to √(pᵀAp), in the norm of A, and the part of the present error that r may be
     /// off by. Case B to 1e-4 takes 9 products of two V-cycles each with 0.05, 0.1 and 0.2, and does not converge with 0.3,
@@ -65,11 +64,11 @@ numbers! {
     product: f64 = 0.1;
     /// The same for the conjugate gradients of Algorithm ISSNM as printed, which work on as if products were exact.
     printed_product: f64 = 1e-3;
-    /// Where nothing else makes progress products are made this much more accurate.
+    /// Products, where nothing else makes progress, and a final check, after one that has failed, are made this much more
+    /// accurate: by an iteration or two of PCG. Twice or half of it makes no difference.
     sharper: f64 = 0.3;
-    /// Pairs kept in the surrogate at most. Most problems end with fewer than 60 in a load step. Bars a thousand times as
-    /// long as high, whose slip creeps from end to end, take 165 and 241 products with 240 or 500 pairs, and 765 or no end with
-    /// 120.
+    /// Pairs kept in the surrogate at most. Most problems end with fewer than 60 in a load step; a bar of 600 by 1, whose slip
+    /// creeps from end to end, takes 209 products, and some 30 more with half as many pairs.
     pairs: usize = 240;
     /// A problem on the surrogate is solved to this part of the present error: products tell no more.
     solved: f64 = 0.03;
@@ -82,16 +81,16 @@ numbers! {
     memory: usize = 4;
     /// A step is halved so many times at most: where 1/64 of it leads nowhere, another direction has to be found.
     halvings: usize = 6;
-    /// Under Coulomb's law an error may grow by this much in a step before a point nearer by is taken: sets that change make
-    /// it go up and down.
+    /// Where q does not tell, under Coulomb's law above all, an error may grow by this much in a step before a point nearer by
+    /// is taken: sets that change make it go up and down.
     growth: f64 = 2.0;
     /// An error below this part of the least so far is progress.
     progress: f64 = 0.9;
-    /// Under Coulomb's law, steps without progress before steps are made shorter; after three times as many the best point
-    /// is gone back to. Bodies that find their place take up to 12 of them.
+    /// Steps without progress before steps are made shorter; under Coulomb's law the best point is gone back to after three
+    /// times as many. Bodies that find their place take up to 12 of them.
     fruitless: usize = 15;
-    /// Under given bounds, steps that lower neither q nor the error before the best point is gone back to; under any law, so
-    /// many steps that do not lower the error ask for more accurate products by PCG.
+    /// Steps in a row that do not lower the error before products by PCG are made more accurate; under given bounds also before
+    /// the best point is gone back to, if the last one has not lowered q either.
     denied: usize = 4;
     /// What the rest of the gradient could still move a pressure by at the end, in ε times the largest pressure, if nothing
     /// but the unknowns under the contact moved: a third of what is promised, as other unknowns move as well.

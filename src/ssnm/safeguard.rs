@@ -117,8 +117,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     ) -> Result<Option<Status>, DualError> {
         let safeguarded = way.history.last().is_some_and(|step| step.safeguarded);
         let lost = safeguard.best.q_change(&way.point);
-        let error = self.error_with(&safeguard.best, self.alpha());
-        safeguard.note(lost, 0.5 * self.alpha() * error.powi(2), way.err);
+        let error = self.error_with(&safeguard.best, self.gradient_length());
+        safeguard.note(lost, 0.5 * self.gradient_length() * error.powi(2), way.err);
         let gained = -safeguard.first.q_change(&safeguard.best);
         let better = match safeguard.is_coulomb {
             true => way.err < safeguard.best_err,
@@ -141,7 +141,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         if safeguard.is_coulomb || (safeguarded && safeguard.fruitless > 0) {
             return Ok(Some(Status::Stagnated));
         }
-        safeguard.act(way.err, self.alpha());
+        safeguard.act(way.err, self.gradient_length());
         Ok(None)
     }
 }

@@ -105,7 +105,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         };
         let mut offsets = problem.load_case().offsets();
         dual.times(&mut offsets);
-        // A lower bound of the entries of diag(A): the first product tells more.
+        // A guess of the entries of diag(A), as if nothing but their own unknowns moved: the first product tells more.
         let mean = mean(problem.compliance().iter().enumerate().map(|(i, c)| {
             let factor = dual.factor(i);
             c * factor * factor

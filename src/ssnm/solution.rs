@@ -11,7 +11,8 @@ use crate::problem::Kkt;
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Status {
-    /// err ≤ ε err⁰, and the optimality conditions checked in f64 against K are met to 10 ε.
+    /// err ≤ ε err⁰ (or ε of what the forces do to their own nodes, or rounding), the nodal forces are as accurate as ε asks,
+    /// and the optimality conditions checked in f64 against K are met to 10 ε.
     Converged,
     /// `max_iterations` reached.
     IterationLimit,
@@ -43,8 +44,8 @@ impl From<Stopped> for Status {
 pub struct SolveError {
     /// What went wrong.
     pub cause: Cause,
-    /// λ after the last outer step: a start for another solve ([`super::Settings::initial`]). Empty where there was no
-    /// first one.
+    /// The best λ reached: a start for another solve ([`super::Settings::initial`]). Empty where the operator or a setting
+    /// does not fit.
     pub lambda: Vec<f64>,
     /// The outer steps made.
     pub history: Vec<Step>,
@@ -115,7 +116,7 @@ pub struct Info {
     pub iter: usize,
     /// Products with A inside the method.
     pub n_a: usize,
-    /// `iter` and `n_a` where err ≤ ε err⁰ held first: the paper's stopping test, before the optimality
+    /// `iter` and `n_a` where the error was small enough first: the paper's stopping test, before the optimality
     /// conditions were checked.
     pub first_met: Option<(usize, usize)>,
     /// Products spent on the estimate of σ_max, which only the algorithms as printed make beforehand.
@@ -126,7 +127,8 @@ pub struct Info {
     pub sigma_max: f64,
     /// err⁰, not relative to anything.
     pub first_error: f64,
-    /// err / err⁰ at the end.
+    /// err at the end relative to err⁰ or, if that is larger, to what the forces do to their own nodes; 0 where it is
+    /// rounding.
     pub err_relative: f64,
     /// The optimality conditions at the end.
     pub kkt: Kkt,

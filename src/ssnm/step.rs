@@ -141,7 +141,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         target: f64,
     ) -> Result<(Sets<D>, usize), DualError> {
         self.gradient_step(point)?;
-        *point = self.step_from(point, self.alpha()).start;
+        *point = self.step_from(point, self.gradient_length()).start;
         let sets = Sets::binding(&point.lambda, &point.r, &self.law.bounds(&point.lambda));
         let face = Face::new(sets.clone(), &self.law, self.balance.as_ref());
         let mut end = point.clone();
@@ -157,7 +157,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     fn gradient_step(&mut self, point: &mut Point) -> Result<(), DualError> {
         let start = point.clone();
         loop {
-            let step = self.step_from(&start, self.alpha());
+            let step = self.step_from(&start, self.gradient_length());
             *point = step.start;
             self.move_to(point, step.end)?;
             // Written so that NaN ends it, as a step that has become one of rounding does.
