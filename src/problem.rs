@@ -226,7 +226,10 @@ impl<const D: usize, K> ContactProblem<D, K> {
         Ok(self.under(LoadCase::new(load, gap, slip_origin, slip_bound)))
     }
 
-    /// The same system under another load case, whose vectors have the lengths of this one's.
+    /// The same system under another load case.
+    ///
+    /// # Panics
+    /// If one of its vectors has another length than before.
     pub(crate) fn under(&self, case: LoadCase) -> Self
     where
         K: Clone,
@@ -235,7 +238,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
             let [a, b, c] = [&case.gap, &case.slip_origin, &case.slip_bound].map(Vec::len);
             [case.force.len(), a, b, c]
         };
-        debug_assert_eq!(lengths(&case), lengths(&self.case));
+        assert_eq!(lengths(&case), lengths(&self.case));
         Self {
             case,
             ..self.clone()

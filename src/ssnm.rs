@@ -46,8 +46,7 @@
 //!   conditions are checked against K.
 //! - **Numbers** that are neither the paper's nor the user's stand in one table (`numbers`).
 //! - **Safeguards.** Under given bounds q falls in each step on the surrogate as far as products are exact, by the minimum
-//!   on the chord; the
-//!   algorithms as printed are made to converge by projected gradient steps (`safeguard`).
+//!   on the chord; the algorithms as printed are made to converge by projected gradient steps (`safeguard`).
 
 mod check;
 mod face;
