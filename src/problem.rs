@@ -140,6 +140,17 @@ impl<const D: usize, K> ContactProblem<D, K> {
         }
     }
 
+    /// The same problem for a K with springs on all motions of bodies as a whole: none is free.
+    pub(crate) fn supported(&self) -> Self
+    where
+        K: Clone,
+    {
+        Self {
+            system: Arc::new(self.system.supported()),
+            ..self.clone()
+        }
+    }
+
     /// Gives contact nodes Coulomb's law: where μᵢ > 0 the slip bound is μᵢλν,i and `slip_bound` says nothing.
     ///
     /// # Errors

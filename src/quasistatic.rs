@@ -5,19 +5,22 @@
 //! before: the history is in the origin of slip alone, so that nothing of an earlier, larger load is left in
 //! the load or the gap of a small one.
 //!
-//! **Coulomb friction** is part of the Newton steps (`ssnm`). As no function falls along them, they may fail;
-//! then rounds with frozen slip bounds (`rounds`) go on from the best point, and the coupled step is tried once more where
+//! **Coulomb friction** is part of the Newton steps (`ssnm`). As no function falls along them, they may fail.
+//! Then bodies that only contact holds are put on weak springs (`springs`), which tell whether anything holds them, and
+//! rounds with frozen slip bounds (`rounds`) go on from the best point, and the coupled step is tried once more where
 //! they settle.
 
 mod rounds;
+mod springs;
 
 use crate::dual::{DualOperator, conditions};
 use crate::problem::{ContactProblem, Elsewhere, Kkt, LoadCase, System};
 use crate::sparse::{difference, norm, norm_max};
 use crate::ssnm::{
-    self, Cause, Info, Memory, Sets, SettingsError, Solution, SolveError, Status, Step,
+    self, Cause, Info, Memory, Numbers, Sets, SettingsError, Solution, SolveError, Status, Step,
 };
 use rounds::Rounds;
+use springs::{OnSprings, Springs, WEAK};
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -136,6 +139,8 @@ pub struct Round {
     pub round: usize,
     /// Whether slip bounds were frozen under Coulomb's law, and for each solve anew.
     pub frozen: bool,
+    /// Whether bodies that only contact holds were on weak springs, under Coulomb's law.
+    pub on_springs: bool,
     /// max |μλν − g| / max μλν; 0 where no bounds were frozen.
     pub friction_change: f64,
     /// The tolerance of the solve.
@@ -160,6 +165,9 @@ pub struct NotHeld {
     pub body: usize,
     /// Which way the loads push it, in words.
     pub motion: String,
+    /// No forces within the friction law balance it. Otherwise some do, but contact and friction do not come to them: on
+    /// springs, however weak, it drifts, or slip bounds that have settled do not hold it.
+    pub proven: bool,
 }
 
 /// The end of a step.
@@ -334,13 +342,31 @@ where
         let tolerance = self.settings.ssnm.tolerance;
         let has_coulomb = self.lawful.has_coulomb();
         let coupled = self.settings.coupled;
+        let is_free = has_coulomb && !self.lawful.free_bodies().is_empty();
         let mut from = start.lambda.clone();
         if coupled || !has_coulomb {
-            let solution = self.solve(None, &from, tolerance)?;
+            // Where springs can be asked, that is cheaper than patience.
+            let mut numbers = self.settings.ssnm.numbers;
+            if is_free {
+                numbers.patience = numbers.fruitless;
+            }
+            let solution = self.attempt(None, None, &from, tolerance, numbers)?;
             if !has_coulomb || !has_given_up(solution.status) {
                 return Ok((solution, None));
             }
             from = solution.lambda;
+            if is_free {
+                match self.on_springs(&from)? {
+                    Springs::Break => {}
+                    Springs::Bear(solution) => return Ok((solution, None)),
+                    Springs::Idle(lambda) => from = lambda,
+                }
+                let solution = self.solve(None, &from, tolerance)?;
+                if !has_given_up(solution.status) {
+                    return Ok((solution, None));
+                }
+                from = solution.lambda;
+            }
         }
         let mut rounds = Rounds::new(self, &from);
         let solution = rounds.make(self)?;
@@ -391,6 +417,18 @@ where
         initial: &[f64],
         tolerance: f64,
     ) -> Result<Solution<D>, SolveError> {
+        self.attempt(frozen, None, initial, tolerance, self.settings.ssnm.numbers)
+    }
+
+    /// The same, on springs if they are stiff at all.
+    fn attempt(
+        &mut self,
+        frozen: Option<&[f64]>,
+        springs: Option<f64>,
+        initial: &[f64],
+        tolerance: f64,
+        numbers: Numbers,
+    ) -> Result<Solution<D>, SolveError> {
         let mut case = self.lawful.load_case().clone();
         if let Some(bounds) = frozen {
             case.slip_bound = bounds.to_vec();
@@ -398,26 +436,33 @@ where
         }
         let problem = self.lawful.under(case);
         let ssnm = &self.settings.ssnm;
+        let mut settings = ssnm::Settings {
+            tolerance,
+            numbers,
+            initial: Some(initial).filter(|l| l.iter().all(|v| v.is_finite())),
+            place: Some(&self.place),
+            memory: Some(self.memory),
+            time_limit: ssnm
+                .time_limit
+                .map(|limit| limit.saturating_sub(self.begin.elapsed())),
+            ..*ssnm
+        };
         let (observer, stopped) = (&mut self.observer, &mut self.stopped);
-        let solution = ssnm::solve(
-            &problem,
-            self.dual,
-            &ssnm::Settings {
-                tolerance,
-                initial: Some(initial).filter(|l| l.iter().all(|v| v.is_finite())),
-                place: Some(&self.place),
-                memory: Some(self.memory),
-                time_limit: ssnm
-                    .time_limit
-                    .map(|limit| limit.saturating_sub(self.begin.elapsed())),
-                ..*ssnm
-            },
-            |step| {
-                let flow = observer(Event::Newton(step));
-                *stopped |= flow.is_break();
-                flow
-            },
-        )?;
+        let watch = |step: &Step| {
+            let flow = observer(Event::Newton(step));
+            *stopped |= flow.is_break();
+            flow
+        };
+        let solution = match springs {
+            None => ssnm::solve(&problem, self.dual, &settings, watch)?,
+            Some(stiffness) => {
+                // Another A, and bodies that are not free.
+                (settings.memory, settings.place) = (None, None);
+                let mut dual = OnSprings::new(self.dual, &problem, stiffness);
+                let on_springs = dual.problem(&self.place);
+                ssnm::solve(&on_springs, &mut dual, &settings, watch)?
+            }
+        };
         let friction_change = frozen.map_or(0.0, |bounds| {
             let law = self.lawful.bounds(&solution.lambda);
             self.relative(&solution.lambda, &difference(&law, bounds))
@@ -425,15 +470,57 @@ where
         self.made.push(Round {
             round: self.made.len() + 1,
             frozen: frozen.is_some(),
+            on_springs: springs.is_some(),
             friction_change,
             tolerance,
             info: solution.info.clone(),
         });
-        if frozen.is_some() || (problem.has_coulomb() && has_given_up(solution.status)) {
+        let goes_on = problem.has_coulomb() && has_given_up(solution.status);
+        if frozen.is_some() || springs.is_some() || goes_on {
             let made = self.made.last().expect("just pushed");
             self.stopped |= (self.observer)(Event::Round(made)).is_break();
         }
         Ok(solution)
+    }
+
+    /// The step on weak springs, from where it has given up.
+    fn on_springs(&mut self, lambda: &[f64]) -> Result<Springs<D>, SolveError> {
+        let own = self.lawful.compliance().iter().zip(lambda);
+        let work: f64 = own.map(|(c, l)| c * l * l).sum();
+        let load = norm(&self.lawful.free_bodies().resultants(self.lawful.load()));
+        let stiffness = load * load / (WEAK * work);
+        if !(stiffness.is_normal() && stiffness > 0.0) {
+            return Ok(Springs::Break);
+        }
+        let ssnm::Settings {
+            tolerance, numbers, ..
+        } = self.settings.ssnm;
+        let solution = self.attempt(None, Some(stiffness), lambda, tolerance, numbers)?;
+        if solution.status != Status::Converged {
+            return Ok(Springs::Break);
+        }
+        let mut forces = self.lawful.load().to_vec();
+        let b = self.lawful.contact_matrix();
+        b.mul_transpose_add(-1.0, &solution.lambda, &mut forces);
+        let free = self.lawful.free_bodies();
+        let borne = free.resultants(&forces);
+        if norm(&borne).powi(2) <= stiffness * work {
+            return Ok(Springs::Idle(solution.lambda));
+        }
+        // Back to where the bodies were.
+        let mut u = solution.u;
+        let back: Vec<f64> = borne.iter().map(|force| -force / stiffness).collect();
+        free.add_motion(&back, &mut u);
+        let mut info = solution.info;
+        info.kkt = conditions(&self.lawful, self.dual, &u, &solution.lambda)?;
+        Ok(Springs::Bear(Solution {
+            status: Status::NotHeld,
+            u,
+            driven: borne.clone(),
+            imbalance: borne,
+            info,
+            ..solution
+        }))
     }
 
     /// The end of the step with a solution, and the bounds that were frozen for it.
@@ -442,7 +529,8 @@ where
         let mut slip = vec![0.0; origin.len()];
         self.lawful.tangential().mul(&solution.u, &mut slip);
         (slip.iter_mut().zip(origin)).for_each(|(s, o)| *s -= o);
-        let not_held = pushed(&self.lawful, &solution);
+        let proven = (self.made.last()).is_some_and(|last| !last.on_springs && !last.frozen);
+        let not_held = pushed(&self.lawful, &solution, proven);
         StepSolution {
             status: solution.status,
             slip_bound: frozen.unwrap_or_else(|| self.lawful.bounds(&solution.lambda).into_owned()),
@@ -458,7 +546,11 @@ where
 }
 
 /// The bodies that an imbalance pushes, and which way they go.
-fn pushed<const D: usize>(system: &System<D>, solution: &Solution<D>) -> Vec<NotHeld> {
+fn pushed<const D: usize>(
+    system: &System<D>,
+    solution: &Solution<D>,
+    proven: bool,
+) -> Vec<NotHeld> {
     let (imbalance, free) = (&solution.imbalance, system.free_bodies());
     if imbalance.is_empty() {
         return Vec::new();
@@ -470,6 +562,7 @@ fn pushed<const D: usize>(system: &System<D>, solution: &Solution<D>) -> Vec<Not
         .map(|(body, (_, (free, motion)))| NotHeld {
             body,
             motion: free.describe(motion),
+            proven,
         })
         .collect()
 }

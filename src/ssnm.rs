@@ -116,7 +116,7 @@ pub fn solve<const D: usize, K>(
     let dual = Scaled::new(problem, dual, settings.numbers.scaling);
     let start = Start::new(problem, &dual);
     let (imbalance, driven) = (start.imbalance.clone(), start.driven.clone());
-    // What no contact can balance of the load is left out of it.
+    // What no contact can balance of the load is left out of it, so that there is a u under the rest.
     let held = &problem.under(start.held(problem));
     let SetUp {
         mut newton,
@@ -127,6 +127,9 @@ pub fn solve<const D: usize, K>(
     } = SetUp::new(held, dual, start, settings, begin);
 
     let outcome = outcome.and_then(|()| match settings.method {
+        // Known before the first step. The rest of the load is on the edge of what can be balanced, often by forces that
+        // no contact comes to: its solution would say nothing more.
+        _ if !imbalance.is_empty() => Ok(Status::NotHeld),
         Method::Multisecant => newton.run_multisecant(&mut way, settings, &mut observer),
         _ => newton.run_as_printed(&mut way, settings, &mut observer),
     });
@@ -161,11 +164,8 @@ pub fn solve<const D: usize, K>(
             Ok(kkt) => kkt,
             Err(error) => return Err(failed(error, lambda, way.history)),
         };
-        // What no λ ∈ Λ balances is known before the first step, however far the rest was solved.
-        if matches!(
-            status,
-            Status::Converged | Status::Stagnated | Status::IterationLimit
-        ) {
+        // A product that could not be made changes nothing about that.
+        if status == Status::Stagnated {
             status = Status::NotHeld;
         }
     }

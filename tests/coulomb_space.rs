@@ -681,8 +681,9 @@ fn what_slides_is_not_held() {
         let run = Run::new(model, Stiffness::Cholesky, &Settings::default());
         let step = run.last();
         assert_eq!(step.status, Status::NotHeld);
-        assert!(step.n_a() <= 150, "{}", step.n_a());
-        assert_eq!(step.not_held.len(), 1);
+        // One for the gradient there, and no step.
+        assert!(step.n_a() <= 1 && step.iter() == 0, "{}", step.n_a());
+        assert!(step.not_held.len() == 1 && step.not_held[0].proven);
         step.not_held[0].motion.clone()
     };
     let slides = not_held(cube(4, 0.3, 1.5, 0.0));
@@ -694,6 +695,37 @@ fn what_slides_is_not_held() {
     assert!(tips.ends_with("along (0.000, 1.000, 0.000)"), "{tips}");
     let turns = not_held(cube(4, 0.1, 0.0, 6.0));
     assert!(turns.contains("along (0.000, 0.000, 1.000)"), "{turns}");
+}
+
+/// A cube turned about the vertical: forces on its corners alone would hold a twist of 4.24 μ, the pressures that there are
+/// hold 2.3 μ or so (a uniform one 2.296). Between the two there is no proof, but an answer.
+#[test]
+fn what_turns_beyond_its_friction_is_not_held() {
+    for stiffness in [Stiffness::Cholesky, Stiffness::Pcg] {
+        let turned = |twist: f64| {
+            let run = Run::new(cube(4, 0.3, 0.0, twist), stiffness, &Settings::default());
+            let step = run.last();
+            (step.status, step.not_held.clone(), step.n_a())
+        };
+        let (status, _, held) = turned(2.2);
+        assert_eq!(status, Status::Converged);
+        for twist in [2.4, 3.0, 4.2] {
+            let (status, bodies, products) = turned(twist);
+            assert_eq!(status, Status::NotHeld, "{twist}");
+            let [body] = &bodies[..] else {
+                panic!("{bodies:?}");
+            };
+            assert!(!body.proven);
+            let axis = "rotates about the axis through (5.0000e-1, 5.0000e-1, ";
+            assert!(body.motion.starts_with(axis), "{}", body.motion);
+            // By PCG the coupled steps have more accurate products first.
+            let most = if stiffness == Stiffness::Pcg { 12 } else { 8 };
+            assert!(products <= most * held, "{products} against {held}");
+        }
+        let (status, bodies, _) = turned(4.4);
+        assert_eq!(status, Status::NotHeld);
+        assert!(bodies[0].proven);
+    }
 }
 
 /// A block balanced on the top of a rigid ball: nothing turns it, on either path.

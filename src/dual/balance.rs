@@ -10,7 +10,7 @@ use crate::constraint::{NodeSets, Projected, at, put, row_of};
 use crate::dense::{pseudo_inverse, symmetric_eigen};
 use crate::problem::FreeBodies;
 use crate::rounding::{DEPENDENT, ROUNDING};
-use crate::sparse::{Csr, add_times, norm_max};
+use crate::sparse::{Csr, add_times, dot, norm_max};
 use faer::Mat;
 use std::array::from_fn;
 use std::rc::Rc;
@@ -59,6 +59,40 @@ pub(crate) struct Nearest {
     pub motion: Vec<f64>,
     /// Whether they are.
     pub balanced: bool,
+}
+
+/// An η on the way to the nearest point.
+struct Trial<const D: usize> {
+    eta: Vec<f64>,
+    /// x + Gᵀη.
+    z: Vec<f64>,
+    /// P_Λ(z).
+    lambda: Vec<f64>,
+    /// What λ is a sum of: Σ |P'||z|. Of a node on the edge of its cone far more than λ, where nothing holds a body.
+    terms: Vec<f64>,
+    /// P' at z, node by node.
+    derivatives: Vec<[[f64; D]; D]>,
+}
+
+impl<const D: usize> Trial<D> {
+    fn at(eta: Vec<f64>, z: Vec<f64>, project: impl Fn(usize, [f64; D]) -> Projected<D>) -> Self {
+        let (mut lambda, mut terms) = (vec![0.0; z.len()], vec![0.0; z.len()]);
+        let derivatives = (0..z.len() / D).map(|i| {
+            let here: [f64; D] = at(&z, i);
+            let (end, derivative) = project(i, here);
+            put(&mut lambda, i, end);
+            let sizes = derivative.map(|row| (0..D).map(|a| (row[a] * here[a]).abs()).sum());
+            put(&mut terms, i, sizes);
+            derivative
+        });
+        Self {
+            derivatives: derivatives.collect(),
+            eta,
+            lambda,
+            terms,
+            z,
+        }
+    }
 }
 
 impl Balance {
@@ -164,66 +198,21 @@ impl Balance {
         sums
     }
 
-    /// The point of Λₑ next to x, or the one of Λ whose imbalance is least; `project` is P_Λ on a contact node. (One text:
-    /// passes, their Newton steps and the line search of those work on the same few vectors.)
+    /// The point of Λₑ next to x, or the one of Λ whose imbalance is least; `project` is P_Λ on a contact node.
     pub fn nearest<const D: usize>(
         &self,
         x: &[f64],
         project: impl Fn(usize, [f64; D]) -> Projected<D>,
     ) -> Nearest {
-        let (k, m) = (self.count(), x.len() / D);
-        // P_Λ and its derivative.
-        let all = |z: &[f64]| {
-            let (mut lambda, mut derivatives) = (vec![0.0; z.len()], Vec::with_capacity(m));
-            for i in 0..m {
-                let (end, derivative) = project(i, at(z, i));
-                put(&mut lambda, i, end);
-                derivatives.push(derivative);
-            }
-            (lambda, derivatives)
-        };
-        let mut eta = vec![0.0; k];
-        let mut z = x.to_vec();
-        let (mut lambda, mut derivatives) = all(&z);
+        let k = self.count();
+        let mut now = Trial::at(vec![0.0; k], x.to_vec(), &project);
         let acting = norm_max(&self.rounding(&vec![0.0; x.len()]));
         let curvature = self.curvature * (acting / norm_max(x).max(acting)).max(ROUNDING);
         let mut before = f64::INFINITY;
         loop {
-            let anchor = eta.clone();
-            for _ in 0..STEPS {
-                let mut slope = self.excess(&lambda);
-                for j in 0..k {
-                    slope[j] += curvature * (eta[j] - anchor[j]);
-                }
-                let rounding = self.rounding(&lambda);
-                if (0..k).all(|j| slope[j].abs() <= ROUNDING * rounding[j]) {
-                    break;
-                }
-                let direction = self.newton_direction(&derivatives, &slope, curvature);
-                let along = self.spread(&direction);
-                let rise = |t: f64| {
-                    let mut sum = 0.0;
-                    for i in 0..m {
-                        let (from, step): ([f64; D], [f64; D]) = (at(&z, i), at(&along, i));
-                        let (end, _) = project(i, from_fn(|a| from[a] + t * step[a]));
-                        sum += (0..D).map(|a| step[a] * end[a]).sum::<f64>();
-                    }
-                    for j in 0..k {
-                        let far = eta[j] + t * direction[j] - anchor[j];
-                        sum += direction[j] * (curvature * far - self.e[j]);
-                    }
-                    sum
-                };
-                let t = where_it_turns(rise);
-                if !(t > 0.0) {
-                    break;
-                }
-                add_times(t, &along, &mut z);
-                (lambda, derivatives) = all(&z);
-                add_times(t, &direction, &mut eta);
-            }
-            let left = self.excess(&lambda);
-            let rounding = self.rounding(&lambda);
+            now = self.pass(now, curvature, &project);
+            let left = self.excess(&now.lambda);
+            let rounding = self.rounding(&now.lambda);
             if (0..k).all(|j| left[j].abs() <= ROUNDING * rounding[j]) {
                 break;
             }
@@ -235,6 +224,9 @@ impl Balance {
             }
             before = size;
         }
+        let Trial {
+            eta, mut lambda, ..
+        } = now;
         // Where nothing loads the bodies, forces below the rounding of x are none.
         if self.e.iter().all(|&e| e == 0.0) && norm_max(&lambda) <= ROUNDING * norm_max(x) {
             lambda.fill(0.0);
@@ -252,6 +244,46 @@ impl Balance {
             eta,
             balanced,
         }
+    }
+
+    /// Where φ, curved by that much more around the η it starts from, is least.
+    fn pass<const D: usize>(
+        &self,
+        mut now: Trial<D>,
+        curvature: f64,
+        project: impl Fn(usize, [f64; D]) -> Projected<D>,
+    ) -> Trial<D> {
+        let anchor = now.eta.clone();
+        let slope_at = |trial: &Trial<D>| {
+            let mut slope = self.excess(&trial.lambda);
+            for ((slope, eta), anchor) in slope.iter_mut().zip(&trial.eta).zip(&anchor) {
+                *slope += curvature * (eta - anchor);
+            }
+            slope
+        };
+        let mut slope = slope_at(&now);
+        for _ in 0..STEPS {
+            let rounding = self.rounding(&now.terms);
+            if (slope.iter().zip(&rounding)).all(|(s, r)| s.abs() <= ROUNDING * r) {
+                break;
+            }
+            let direction = self.newton_direction(&now.derivatives, &slope, curvature);
+            let along = self.spread(&direction);
+            let mut trial = None;
+            let t = where_it_turns(dot(&direction, &slope), |t| {
+                let (mut eta, mut z) = (now.eta.clone(), now.z.clone());
+                add_times(t, &direction, &mut eta);
+                add_times(t, &along, &mut z);
+                let there = trial.insert(Trial::at(eta, z, &project));
+                slope = slope_at(there);
+                dot(&direction, &slope)
+            });
+            match trial {
+                Some(there) if t > 0.0 => now = there,
+                _ => break,
+            }
+        }
+        now
     }
 
     /// What is left of the imbalance of the nearest forces, as a motion: they would resist any that they could be larger
@@ -493,9 +525,8 @@ fn times(matrix: &Mat<f64>, x: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Where a function that rises from a negative value at 0 comes near zero.
-fn where_it_turns(rise: impl Fn(f64) -> f64) -> f64 {
-    let first = rise(0.0);
+/// Where a function that rises from `first` < 0 at 0 comes near zero; the last place that it is asked for.
+fn where_it_turns(first: f64, mut rise: impl FnMut(f64) -> f64) -> f64 {
     if !(first < 0.0) {
         return 0.0;
     }

@@ -78,6 +78,8 @@ pub struct NotHeldReport {
     pub body: String,
     /// Which way the loads push it.
     pub motion: String,
+    /// Whether that is proven: [`crate::quasistatic::NotHeld::proven`].
+    pub proven: bool,
 }
 
 /// A load step in the report.
@@ -87,7 +89,7 @@ pub struct StepReport {
     pub factor: f64,
     /// How it ended.
     pub status: Status,
-    /// Solves in it: more than one where Coulomb's law took rounds with frozen slip bounds.
+    /// Solves in it: more than one where coupled steps did not get on under Coulomb's law.
     pub rounds: usize,
     /// max |μλν − g| / max μλν of the last solve; 0 where no slip bounds were frozen.
     pub friction_change: f64,
@@ -280,6 +282,7 @@ impl Report {
                 .map(|one| NotHeldReport {
                     body: build.free_body_name(one.body),
                     motion: one.motion.clone(),
+                    proven: one.proven,
                 })
                 .collect(),
             iter: solution.iter(),

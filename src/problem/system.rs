@@ -120,6 +120,14 @@ impl<const D: usize> System<D> {
         &self.free
     }
 
+    /// The same with springs on all motions of bodies as a whole: none is free.
+    pub(super) fn supported(&self) -> Self {
+        Self {
+            free: FreeBodies::default(),
+            ..self.clone()
+        }
+    }
+
     /// The points that each D unknowns belong to, if known.
     pub fn coordinates(&self) -> Option<&[[f64; D]]> {
         self.coordinates.as_deref()

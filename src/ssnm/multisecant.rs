@@ -107,7 +107,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 return Ok(Status::Interrupted);
             }
             let stuck = match self.law.is_coulomb() {
-                true => progress.fruitless >= 3 * numbers.fruitless,
+                true => progress.fruitless >= numbers.patience,
                 false => progress.fruitless >= numbers.denied && !lowers_q,
             };
             if stuck && self.is_at_the_end(way, &mut progress)? {

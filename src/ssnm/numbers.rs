@@ -86,9 +86,10 @@ numbers! {
     growth: f64 = 2.0;
     /// An error below this part of the least so far is progress.
     progress: f64 = 0.9;
-    /// Steps without progress before steps are made shorter; under Coulomb's law the best point is gone back to after three
-    /// times as many. Bodies that find their place take up to 12 of them.
+    /// Steps without progress before steps are made shorter. Bodies that find their place take up to 12 of them.
     fruitless: usize = 15;
+    /// Steps without progress under Coulomb's law before the best point is gone back to.
+    patience: usize = 45;
     /// Steps in a row that do not lower the error before products by PCG are made more accurate; under given bounds also before
     /// the best point is gone back to, if the last one has not lowered q either.
     denied: usize = 4;

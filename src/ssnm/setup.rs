@@ -103,6 +103,8 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             deadline: (settings.time_limit).and_then(|limit| begin.checked_add(limit)),
             interrupt: settings.interrupt,
         };
+        // Forces that do not balance the bodies are no start from which to go anywhere.
+        let initial = settings.initial.filter(|_| start.imbalance.is_empty());
         let mut offsets = problem.load_case().offsets();
         dual.times(&mut offsets);
         // A guess of the entries of diag(A), as if nothing but their own unknowns moved: the first product tells more.
@@ -148,7 +150,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         let mut n_a_sigma = 0;
         let outcome = newton.find_sigma(settings).and_then(|products| {
             n_a_sigma = products;
-            newton.start(&mut way, settings.initial)
+            newton.start(&mut way, initial)
         });
         way.err0 = newton.measure(&way.first);
         Self {

@@ -19,8 +19,9 @@ pub enum Status {
     /// No progress any more: the tolerance is below what f64, or PCG, can give here, or under Coulomb's law no step
     /// lowers the error.
     Stagnated,
-    /// Contact and friction cannot balance the loads on a body that can move as a whole: no static solution
-    /// exists. λ balances them as far as it goes ([`Solution::imbalance`]).
+    /// Contact and friction do not balance the loads on a body that can move as a whole: no forces within the law do, or,
+    /// under Coulomb's law, none that contact comes to ([`crate::quasistatic::NotHeld::proven`]). λ balances them as
+    /// far as it goes ([`Solution::imbalance`]), and no outer steps are made where the former is so.
     NotHeld,
     /// `time_limit` reached.
     TimeLimit,

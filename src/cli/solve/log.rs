@@ -147,9 +147,11 @@ impl Log {
                 "solve {k}: slip bounds frozen, in the end off by {:.2e}; {cost}",
                 round.friction_change
             );
+        } else if round.on_springs {
+            eprintln!("solve {k}: bodies that only contact holds on weak springs; {cost}");
         } else {
             eprintln!(
-                "solve {k}: coupled steps do not get on, least err {:.2e}; {cost}; next with frozen slip bounds",
+                "solve {k}: coupled steps do not get on, least err {:.2e}; {cost}",
                 info.err_relative
             );
         }

@@ -9,8 +9,12 @@ pub fn text(report: &Report, files: &[PathBuf]) -> String {
     let mut lines = vec![describe(report.status).to_owned()];
     let last = report.steps.last();
     for one in last.iter().flat_map(|step| &step.not_held) {
+        let why = match one.proven {
+            true => "no forces within the friction law balance it",
+            false => "forces that balance it exist, but contact and friction do not come to them",
+        };
         lines.push(format!(
-            "  {} {}: add a [[support]], friction, or change the load",
+            "  {} {}: {why}; add a [[support]], friction, or change the load",
             one.body, one.motion
         ));
     }
@@ -65,7 +69,7 @@ fn rounds(step: &StepReport, n_steps: usize) -> Option<String> {
         n => format!(" in the last of {n} load steps"),
     };
     let end = if step.friction_change == 0.0 {
-        "rounds with frozen slip bounds between them helped".to_owned()
+        "weak springs or frozen slip bounds between them helped".to_owned()
     } else {
         format!("frozen slip bounds are off by {:.1e}", step.friction_change)
     };

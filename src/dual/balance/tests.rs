@@ -75,6 +75,22 @@ fn a_tiny_arm_is_an_arm() {
     }
 }
 
+/// A frictionless slope of 1e-4 carries a push by forces 1e4 times as large: what the tangential ones would be says nothing of
+/// the rounding of those.
+#[test]
+fn a_gentle_slope_without_friction_holds() {
+    for slope in [1e-2, 1e-4, 1e-6] {
+        let m = 3;
+        let rows = (0..m).flat_map(|i| [(i, 0, slope), (m + i, 0, 1.0)]);
+        let g = Csr::from_triplets(2 * m, 1, rows);
+        let mut balance = Balance::from_parts(&g, &[0.02], vec![1.0], vec![0]);
+        let least = balance.least(|_, z| interval(0.0, z));
+        assert!(least.balanced, "{slope}: {:?}", least.imbalance);
+        let force = 0.02 / slope / m as f64;
+        assert!((least.lambda[0] / force - 1.0).abs() < 1e-6, "{slope}");
+    }
+}
+
 #[test]
 fn what_cannot_be_balanced_is_told() {
     let m = 7;
