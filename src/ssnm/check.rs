@@ -88,7 +88,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Whether a point meets the goal, in the units of the problem.
     fn meets(&self, goal: &Goal, point: &Point, err: f64) -> bool {
         let (lambda, r) = self.unscaled(point);
-        goal.met(self.problem, &lambda, &r, err)
+        goal.met(self.problem, &lambda, &r, &self.sums, err)
     }
 
     /// The final check of a point that meets the goal: u from K⁻¹, and the optimality conditions against K.
@@ -103,7 +103,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let kkt = self.optimality(point, &u)?;
         goal.err = goal.err.max(self.rounding(point));
         let (lambda, r) = self.unscaled(point);
-        let forces = goal.forces_met(self.problem, &lambda, &r);
+        let forces = goal.forces_met(self.problem, &lambda, &r, &self.sums);
         // Equilibrium does not depend on λ: no further step can mend it. A goal that was met again and
         // again and still fails the check is at the limit of rounding.
         let status = if err <= goal.err * (1.0 + 1e-6) && forces && kkt.max() <= MET * tolerance {
@@ -174,7 +174,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             && kkt.max() <= MET * self.tolerance
         {
             let (lambda, r) = self.unscaled(&way.point);
-            if Goal::new(self.tolerance, self.numbers).forces_met(self.problem, &lambda, &r) {
+            let goal = Goal::new(self.tolerance, self.numbers);
+            if goal.forces_met(self.problem, &lambda, &r, &self.sums) {
                 status = Status::Converged;
             }
         }

@@ -92,18 +92,23 @@ impl Law {
         }
     }
 
-    /// Balances the bodies to rounding by the multipliers of nodes that bear forces, where those can: a force on a node with
+    /// Balances the bodies to rounding by the multipliers that bear forces, where those can: a force on a node with
     /// a gap, however small, is work that no step can take back.
     pub fn balance<const D: usize>(&self, lambda: &mut Vec<f64>, balance: &Balance) {
         if balance.holds(lambda) {
             return;
         }
-        let bears: Vec<bool> = (0..lambda.len() / D)
-            .map(|i| at::<D>(lambda, i).iter().any(|&v| v != 0.0))
-            .collect();
-        let near = balance.nearest(lambda, |i, z: [f64; D]| match bears[i] {
-            true => self.nearest(i, z),
-            false => ([0.0; D], [[0.0; D]; D]),
+        let before = lambda.clone();
+        let near = balance.nearest(lambda, |i, mut z: [f64; D]| {
+            let bears: [f64; D] = at(&before, i);
+            if bears.iter().all(|&v| v == 0.0) {
+                return ([0.0; D], [[0.0; D]; D]);
+            }
+            // Given bounds let a node rub that nothing presses.
+            if bears[0] == 0.0 {
+                z[0] = 0.0;
+            }
+            self.nearest(i, z)
         });
         if near.balanced {
             *lambda = near.lambda;
