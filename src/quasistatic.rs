@@ -13,6 +13,7 @@
 mod rounds;
 mod springs;
 
+use crate::dual::balance::BALANCED;
 use crate::dual::{DualOperator, conditions};
 use crate::problem::{ContactProblem, Elsewhere, Kkt, LoadCase, System};
 use crate::sparse::{difference, norm, norm_max};
@@ -344,6 +345,7 @@ where
         let coupled = self.settings.coupled;
         let is_free = has_coulomb && !self.lawful.free_bodies().is_empty();
         let mut from = start.lambda.clone();
+        let mut is_held = false;
         if coupled || !has_coulomb {
             // Where springs can be asked, that is cheaper than patience.
             let mut numbers = self.settings.ssnm.numbers;
@@ -359,7 +361,7 @@ where
                 match self.on_springs(&from)? {
                     Springs::Break => {}
                     Springs::Bear(solution) => return Ok((solution, None)),
-                    Springs::Idle(lambda) => from = lambda,
+                    Springs::Idle(lambda) => (from, is_held) = (lambda, true),
                 }
                 let solution = self.solve(None, &from, tolerance)?;
                 if !has_given_up(solution.status) {
@@ -369,7 +371,13 @@ where
             }
         }
         let mut rounds = Rounds::new(self, &from);
-        let solution = rounds.make(self)?;
+        let mut solution = rounds.make(self)?;
+        if is_held && solution.status == Status::NotHeld {
+            // Bounds that do not hold the body are not those of where springs hardly notice it.
+            solution.status = Status::Stagnated;
+            solution.imbalance.clear();
+            solution.driven.clear();
+        }
         if !coupled || solution.status != Status::Converged {
             return Ok((solution, Some(rounds.bounds)));
         }
@@ -487,9 +495,11 @@ where
     fn on_springs(&mut self, lambda: &[f64]) -> Result<Springs<D>, SolveError> {
         let own = self.lawful.compliance().iter().zip(lambda);
         let work: f64 = own.map(|(c, l)| c * l * l).sum();
-        let load = norm(&self.lawful.free_bodies().resultants(self.lawful.load()));
+        let (free, force) = (self.lawful.free_bodies(), self.lawful.load());
+        let (load, acting) = (norm(&free.resultants(force)), norm(&free.sizes(force)));
         let stiffness = load * load / (WEAK * work);
-        if !(stiffness.is_normal() && stiffness > 0.0) {
+        // What nothing pushes does not drift.
+        if !(load > BALANCED * acting && stiffness.is_normal()) {
             return Ok(Springs::Break);
         }
         let ssnm::Settings {

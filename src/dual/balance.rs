@@ -22,7 +22,7 @@ pub(crate) const CURVATURE: f64 = 1e-8;
 /// Steps of Newton's method in a pass at most, and of its line search: random bodies take up to 40 of the former.
 const STEPS: usize = 200;
 /// Forces that balance up to this part of those that act do balance: loads and normals of meshes are no better.
-const BALANCED: f64 = 1e-10;
+pub(crate) const BALANCED: f64 = 1e-10;
 /// The slope at the end of a line search, relative to that at its start.
 const SEARCHED: f64 = 1e-2;
 

@@ -55,13 +55,21 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     }
 
     /// What an error says that is too small to tell.
-    fn below_rounding(&mut self, way: &mut Way<D>, goal: &Goal) -> Result<Ended, DualError> {
+    fn below_rounding(&mut self, way: &mut Way<D>, goal: &mut Goal) -> Result<Ended, DualError> {
         if way.err > self.rounding(&way.point) {
             return Ok(Ended::NotYet);
         }
         self.make_exact(&mut way.point)?;
         way.err = self.settle_error(&mut way.point);
-        if way.err > self.rounding(&way.point) || self.meets(goal, &way.point, way.err) {
+        if way.err > self.rounding(&way.point) {
+            // An error that steps take away and u has again and again is that of u.
+            goal.checks += 1;
+            return Ok(match goal.checks > self.numbers.checks {
+                true => Ended::With(Status::Stagnated),
+                false => Ended::Again,
+            });
+        }
+        if self.meets(goal, &way.point, way.err) {
             return Ok(Ended::Again);
         }
         // Forces that rounding has left where nothing touches are gone after a projected gradient step; no gap tells
@@ -88,7 +96,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Whether a point meets the goal, in the units of the problem.
     fn meets(&self, goal: &Goal, point: &Point, err: f64) -> bool {
         let (lambda, r) = self.unscaled(point);
-        goal.met(self.problem, &lambda, &r, &self.sums, err)
+        goal.met(self.problem, &lambda, &r, self.reach, err)
     }
 
     /// The final check of a point that meets the goal: u from K⁻¹, and the optimality conditions against K.
@@ -103,7 +111,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let kkt = self.optimality(point, &u)?;
         goal.err = goal.err.max(self.rounding(point));
         let (lambda, r) = self.unscaled(point);
-        let forces = goal.forces_met(self.problem, &lambda, &r, &self.sums);
+        let forces = goal.forces_met(self.problem, &lambda, &r, self.reach);
         // Equilibrium does not depend on λ: no further step can mend it. A goal that was met again and
         // again and still fails the check is at the limit of rounding.
         let status = if err <= goal.err * (1.0 + 1e-6) && forces && kkt.max() <= MET * tolerance {
@@ -175,7 +183,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         {
             let (lambda, r) = self.unscaled(&way.point);
             let goal = Goal::new(self.tolerance, self.numbers);
-            if goal.forces_met(self.problem, &lambda, &r, &self.sums) {
+            if goal.forces_met(self.problem, &lambda, &r, self.reach) {
                 status = Status::Converged;
             }
         }

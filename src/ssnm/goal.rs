@@ -35,17 +35,17 @@ impl Goal {
         }
     }
 
-    /// Whether a point with gradient r and error err meets it; `sums` as [`Goal::forces_met`] has them. Written so that NaN
+    /// Whether a point with gradient r and error err meets it; `reach` as [`Goal::forces_met`] has it. Written so that NaN
     /// never passes.
     pub fn met<const D: usize, K>(
         &self,
         problem: &ContactProblem<D, K>,
         lambda: &[f64],
         r: &[f64],
-        sums: &[f64],
+        reach: f64,
         err: f64,
     ) -> bool {
-        if !(err <= self.err) || !self.forces_met(problem, lambda, r, sums) {
+        if !(err <= self.err) || !self.forces_met(problem, lambda, r, reach) {
             return false;
         }
         if self.checks == 0 {
@@ -73,14 +73,13 @@ impl Goal {
     /// Gaps r in what ought to be closed are closed by forces δ with (B D⁻¹ Bᵀ) δ = −r, D the diagonal of K, as if nothing but
     /// the unknowns under the contact moved: neighbours that meet the same unknowns share them, and a fine mesh on a coarse soft
     /// one has patterns of force that only its own unknowns resist. No gap is known better than to the rounding of what it is the
-    /// difference of, and a force that closes less is none: of B u where that is the sum of |B||u| = `sums` (empty: not known), which may
-    /// be far larger where unknowns cancel.
+    /// difference of, and a force that closes less is none: of displacements up to `reach`, whatever is left of them in B u.
     pub fn forces_met<const D: usize, K>(
         &self,
         problem: &ContactProblem<D, K>,
         lambda: &[f64],
         r: &[f64],
-        sums: &[f64],
+        reach: f64,
     ) -> bool {
         let Numbers {
             forces, touching, ..
@@ -91,21 +90,17 @@ impl Goal {
             .iter()
             .zip(r)
             .map(|(c, r)| c.abs().max((c - r).abs()));
-        let reach = terms.fold(problem.load_case().reach(), f64::max);
-        let rounding: Vec<f64> = (0..r.len())
-            .map(|row| ROUNDING * reach.max(sums.get(row).copied().unwrap_or(0.0)))
-            .collect();
+        let reach = reach.max(problem.load_case().reach());
+        let rounding = ROUNDING * terms.fold(reach, f64::max);
         let nodes = || bounds.iter().map(|&g| Disc { g }).enumerate();
         // The gap that each node would close by itself, as far as its law lets it.
         let mut missing = vec![0.0; r.len()];
         for (i, disc) in nodes() {
-            let [node, slope, c, rounding] =
-                [lambda, r, compliance, &rounding].map(|x| at::<D>(x, i));
-            let alone: [f64; D] =
-                from_fn(|a| match c[a] > 0.0 && !(slope[a].abs() <= rounding[a]) {
-                    true => node[a] - slope[a] / c[a],
-                    false => node[a],
-                });
+            let [node, slope, c] = [lambda, r, compliance].map(|x| at::<D>(x, i));
+            let alone: [f64; D] = from_fn(|a| match c[a] > 0.0 && !(slope[a].abs() <= rounding) {
+                true => node[a] - slope[a] / c[a],
+                false => node[a],
+            });
             // NaN must not pass, and a projection would hide it.
             if alone.iter().any(|v| v.is_nan()) {
                 return false;
@@ -118,14 +113,13 @@ impl Goal {
         let (mut pressure, mut traction) = (0.0_f64, 0.0_f64);
         let mut off = 0.0_f64;
         for (i, disc) in nodes() {
-            let [node, more, c, rounding] =
-                [lambda, &closing, compliance, &rounding].map(|x| at::<D>(x, i));
+            let [node, more, c] = [lambda, &closing, compliance].map(|x| at::<D>(x, i));
             let met: [f64; D] = disc.project(from_fn(|a| node[a] + more[a]));
             for a in 0..D {
-                if c[a] * node[a].abs() > touching * rounding[a] {
+                if c[a] * node[a].abs() > touching * rounding {
                     let largest = if a == 0 { &mut pressure } else { &mut traction };
                     *largest = largest.max(node[a].abs() / areas[i]);
-                    off = off.max(rounding[a] / c[a] / areas[i]);
+                    off = off.max(rounding / c[a] / areas[i]);
                 }
                 let moved = (met[a] - node[a]).abs() / areas[i];
                 if moved.is_nan() || more[a].is_nan() {
@@ -241,7 +235,7 @@ mod tests {
         lambda[4..].fill(0.0);
         let met = |lambda: &[f64], r: [f64; 4]| {
             let r = [r, [0.0; 4]].concat();
-            goal.forces_met(&problem, lambda, &r, &[])
+            goal.forces_met(&problem, lambda, &r, 0.0)
         };
         assert!(met(&lambda, [0.0; 4]));
         // 0.9e-3 of the largest pressure, and 1.1e-3, where 1e-3 is asked for: together, then against each other.
@@ -261,13 +255,13 @@ mod tests {
         for (size, expected) in [(1e-8, true), (1e-6, false), (1.0, true)] {
             let lambda: Vec<f64> = lambda.iter().map(|l| size * l).collect();
             assert_eq!(
-                goal.forces_met(&far, &lambda, &[0.0; 8], &[]),
+                goal.forces_met(&far, &lambda, &[0.0; 8], 0.0),
                 expected,
                 "{size:e}"
             );
-            // So is it where B u is what is left of terms of that size.
+            // So is it where B u is what is left of displacements of that size.
             assert_eq!(
-                goal.forces_met(&near, &lambda, &[0.0; 8], &[1e9; 8]),
+                goal.forces_met(&near, &lambda, &[0.0; 8], 1e9),
                 expected,
                 "{size:e}"
             );

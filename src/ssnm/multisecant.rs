@@ -87,7 +87,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 way.point = progress.best;
                 return Err(error);
             }
+            // What is left of an error below rounding lowers q by chance.
             let lowers_q = !self.law.is_coulomb()
+                && way.err > self.rounding(&before)
                 && before.q_change(&way.point) < -before.q_rounding(&way.point);
             let err = self.settle_error(&mut way.point);
             denied = match err > numbers.progress * way.err {
@@ -100,7 +102,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             }
             way.err = err;
             let made = self.record(way, &proposal);
-            let is_lower = way.err <= numbers.progress * progress.least;
+            let is_lower = way.err < numbers.progress * progress.least;
             progress.note(&way.point, way.err, is_lower, lowers_q);
             if observer(&made).is_break() {
                 way.point = progress.best;
@@ -222,7 +224,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let sharper = self.products.sharpen(self.tolerance);
         self.make_exact(&mut way.point)?;
         way.err = self.settle_error(&mut way.point);
-        let leads_on = sharper || way.err <= 0.5 * progress.refreshed;
+        // Less than nothing is not to be had.
+        let leads_on = sharper || way.err < 0.5 * progress.refreshed;
         *progress = Progress {
             refreshed: way.err,
             ..Progress::new(&way.point, way.err)

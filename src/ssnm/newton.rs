@@ -40,8 +40,8 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub check_accuracy: f64,
     /// ε.
     pub tolerance: f64,
-    /// |B||u|: what the entries of B u were sums of when u was last seen; empty before.
-    pub sums: Vec<f64>,
+    /// The largest displacement when u was last seen, but for motions as a whole; 0 before.
+    pub reach: f64,
     /// Where bodies that can move as a whole are, as far as nothing moves them: coefficients of their motions.
     pub place: Option<&'a [f64]>,
 }
@@ -257,10 +257,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Replaces r by what the displacement says: c − Bu.
     pub fn take_from(&mut self, u: &[f64], point: &mut Point) {
         let problem = self.problem;
-        self.sums = vec![0.0; point.r.len()];
-        for (i, j, v) in problem.contact_matrix().triplets() {
-            self.sums[i] += (v * u[j]).abs();
-        }
+        self.reach = norm_max(u);
         let (rn, rt) = point.r.split_at_mut(problem.m());
         problem.normal().mul(u, rn);
         problem.tangential().mul(u, rt);

@@ -126,7 +126,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             checked: None,
             check_accuracy: settings.tolerance,
             tolerance: settings.tolerance,
-            sums: Vec::new(),
+            reach: 0.0,
             place: settings.place,
             offsets,
         };
