@@ -728,6 +728,44 @@ fn what_turns_beyond_its_friction_is_not_held() {
     }
 }
 
+/// A column guided along one side, that comes down on a slope with one corner: under a given bound its other nodes rub there
+/// without any pressure, and balancing it must not press them.
+#[test]
+fn nodes_rub_without_pressure_on_a_slope() {
+    for slope in [[-0.139, 0.188], [0.27, 0.21], [0.1, -0.3]] {
+        let corner = slope.map(|s: f64| if s < 0.0 { 1.0 } else { 0.0 });
+        let plane = Obstacle::HalfPlane {
+            point: [corner[0], 2.0 * corner[1], 0.0],
+            normal: [slope[0], slope[1], 1.0],
+        };
+        let mesh = block(
+            [0.0; 3],
+            [1.0, 2.0, 4.0],
+            [1, 2, 4],
+            SolidShape::Hexahedron,
+            "body",
+            "",
+        );
+        let model = body(mesh, 0.3)
+            .support(Support::on("front").x(0.0).y(0.0))
+            .traction(
+                Traction::on("top")
+                    .x(-1e3)
+                    .z(|x: Vector| -4e5 * (1.0 + 0.5 * (6.0 * x[0]).sin())),
+            )
+            .contact(Pair::obstacle("bottom", plane).tresca(4e4));
+        let run = Run::new(model, Stiffness::Cholesky, &Settings::default());
+        let step = run.last();
+        assert_eq!(step.status, Status::Converged, "{slope:?}");
+        assert!(step.iter() <= 12, "{}", step.iter());
+        let m = step.slip_bound.len();
+        let rubs = |i: usize| {
+            step.lambda[i] == 0.0 && step.lambda[m + 2 * i].hypot(step.lambda[m + 2 * i + 1]) > 0.0
+        };
+        assert!((0..m).any(rubs), "{slope:?}");
+    }
+}
+
 /// A block balanced on the top of a rigid ball: nothing turns it, on either path.
 #[test]
 fn a_block_on_a_ball_stays_upright() {

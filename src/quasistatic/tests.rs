@@ -154,3 +154,89 @@ fn what_does_not_fit_is_an_error() {
     let text = error.expect_err("it is wrong").to_string();
     assert_eq!(text, "initial must have 2 entries, it has 3");
 }
+
+/// Springs on the motions of a block: the operator is that of K + k R Rᵀ, and rests where it was put.
+#[test]
+fn a_block_on_springs() {
+    use crate::contact::Obstacle;
+    use crate::dense;
+    use crate::elasticity::Material;
+    use crate::mesh::structured::{CellShape, rectangle};
+    use crate::model::{Model, Pair};
+    use faer::Mat;
+
+    let mesh = rectangle([0.0; 2], [2.0, 1.0], [4, 2], CellShape::Quad, "body", "");
+    let ground = Obstacle::HalfPlane {
+        point: [0.0; 2],
+        normal: [0.0, 1.0],
+    };
+    let material = Material {
+        young: 10.0,
+        poisson: 0.3,
+        density: 0.0,
+    };
+    let built = Model::on(mesh)
+        .material(material)
+        .contact(Pair::obstacle("bottom", ground).coulomb(0.3))
+        .build()
+        .unwrap_or_else(|error| panic!("{error}"));
+    let problem = built.problem.elsewhere();
+    let (free, b) = (problem.free_bodies(), problem.contact_matrix());
+    let (n, stiffness) = (problem.n_rows(), 0.01);
+    assert_eq!(free.n_motions(), 3);
+    let motions: Vec<Vec<f64>> = (0..3)
+        .map(|j| {
+            let mut motion = vec![0.0; n];
+            let unit: Vec<f64> = (0..3).map(|k| f64::from(u8::from(j == k))).collect();
+            free.add_motion(&unit, &mut motion);
+            motion
+        })
+        .collect();
+    let mut k = Mat::from_fn(n, n, |i, j| {
+        stiffness * motions.iter().map(|r| r[i] * r[j]).sum::<f64>()
+    });
+    for i in 0..n / 2 {
+        let (cols, blocks) = built.problem.stiffness().row(i);
+        for (&j, block) in cols.iter().zip(blocks) {
+            for (a, row) in block.iter().enumerate() {
+                for (c, v) in row.iter().enumerate() {
+                    k[(2 * i + a, 2 * j as usize + c)] += v;
+                }
+            }
+        }
+    }
+    let close = |found: &[f64], expected: &[f64]| {
+        let size = norm_max(expected);
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-9 * size, "{found} {expected}");
+        }
+    };
+    let mut dual = direct(&built.problem);
+    let mut on_springs = OnSprings::new(&mut dual, &problem, stiffness);
+    let p: Vec<f64> = (0..b.n_rows()).map(|i| (i as f64).sin()).collect();
+    let mut forces = vec![0.0; n];
+    b.mul_transpose_add(1.0, &p, &mut forces);
+    let (mut found, mut expected) = (vec![0.0; p.len()], vec![0.0; p.len()]);
+    let exact = Accuracy::Residual(1e-12);
+    on_springs
+        .apply(&p, &mut found, exact, &Stop::default())
+        .unwrap_or_else(|error| panic!("{error}"));
+    let u = dense::solve(k.clone(), &forces);
+    b.mul(&u, &mut expected);
+    close(&found, &expected);
+    // K u of what it finds are the forces again.
+    let product = on_springs.stiffness_times(&u, &u);
+    close(
+        &product.unwrap_or_else(|error| panic!("{error}"))[0],
+        &forces,
+    );
+    // Without any load, it stays in its place.
+    let place = [0.3, -0.2, 0.1];
+    let rests = on_springs.problem(&place);
+    assert!(rests.free_bodies().is_empty());
+    let case = rests.load_case().clone();
+    let u = on_springs.displacement(&case, &vec![0.0; p.len()], 0.0, &Stop::default());
+    let mut there = vec![0.0; n];
+    free.add_motion(&place, &mut there);
+    close(&u.unwrap_or_else(|error| panic!("{error}")), &there);
+}
