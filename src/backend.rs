@@ -348,6 +348,19 @@ pub trait Backend {
         d: &mut Self::LevelVector,
         x_next: &mut Self::LevelVector,
     );
+    /// A smoothing step from a residual r where D⁻¹ is a matrix, with a block for each node of a patch:
+    /// d = c₁ d + c₂ D⁻¹ r, x += d; without c₁ the first one, d = c₂ D⁻¹ r, x = d.
+    #[allow(clippy::too_many_arguments, reason = "one fused pass over this data")]
+    fn smooth_patches(
+        &mut self,
+        state: &Self::State,
+        patches: &Self::LevelMatrix,
+        c1: Option<Self::Stored>,
+        c2: Self::Stored,
+        r: &Self::LevelVector,
+        d: &mut Self::LevelVector,
+        x: &mut Self::LevelVector,
+    );
     /// A product with a matrix of a level, y made of it as `product` says; `b` is read for a residual only.
     fn level_multiply(
         &mut self,

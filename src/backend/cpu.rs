@@ -341,6 +341,21 @@ impl<S: Real> Backend for Cpu<S> {
         }
     }
 
+    fn smooth_patches(
+        &mut self,
+        state: &State,
+        patches: &BlockMatrix<S>,
+        c1: Option<S>,
+        c2: S,
+        r: &Vec<S>,
+        d: &mut Vec<S>,
+        x: &mut Vec<S>,
+    ) {
+        if !state.done {
+            levels::smooth_patches(patches, c1, c2, r, d, x);
+        }
+    }
+
     fn level_multiply(
         &mut self,
         state: &State,

@@ -569,6 +569,26 @@ impl Backend for Gpu {
         }
     }
 
+    fn smooth_patches(
+        &mut self,
+        state: &State,
+        patches: &LevelMatrix,
+        c1: Option<f32>,
+        c2: f32,
+        r: &LevelVector,
+        d: &mut LevelVector,
+        x: &mut LevelVector,
+    ) {
+        let flags = flag_if(c1.is_none(), flag::FIRST);
+        let steps = [c1.unwrap_or(0.0), c2];
+        let params = Params {
+            flags,
+            steps,
+            ..Params::default()
+        };
+        self.smooth_by_patches(state, &patches.0, params, &r.0, &d.0, &x.0);
+    }
+
     fn level_multiply(
         &mut self,
         state: &State,

@@ -18,8 +18,10 @@
 mod aggregation;
 mod coarse;
 mod cycle;
+mod patches;
 mod product;
 mod prolongation;
+mod setup;
 mod smoother;
 #[cfg(test)]
 mod tests;
@@ -28,8 +30,6 @@ pub use cycle::Multigrid;
 
 use crate::sparse::BlockCsr;
 use crate::sparse::stored::{BlockMatrix, Dense, Real, power_of_two_below, store};
-use aggregation::{Aggregates, NONE, aggregate, strength};
-use prolongation::{Modes, decoupled, rigid_body_modes, smoothed, take_out_held, tentative};
 use std::fmt;
 
 /// Settings of the hierarchy; those of [`Settings::of_dimension`] were measured, see the tests. The default is that of
@@ -41,6 +41,14 @@ pub struct Settings {
     pub theta: f64,
     /// θ on the levels below the finest.
     pub coarse_theta: f64,
+    /// θ on all levels where there are no coordinates.
+    pub theta_without_points: f64,
+    /// Strong neighbours are closer than this times the geometric mean of the distances of the closest of either.
+    pub reach: f64,
+    /// Weights of the smoothing steps of the prolongation, in units of 4/3 over the spectral radius; 0 for no step.
+    pub weights: [f64; 2],
+    /// Whether the smoother works on patches.
+    pub patches: bool,
     /// Whether the nodes with the most strong neighbours found their aggregates first. Their aggregates are larger, and
     /// there are fewer; otherwise nodes take turns by their number.
     pub busiest_first: bool,
@@ -61,6 +69,10 @@ impl Default for Settings {
         Self {
             theta: 0.38,
             coarse_theta: 0.35,
+            theta_without_points: 0.38,
+            reach: f64::INFINITY,
+            weights: [1.0, 0.0],
+            patches: false,
             busiest_first: false,
             degree: 2,
             alpha: 10.0,
@@ -78,6 +90,11 @@ impl Settings {
         match dimension {
             3 => Self {
                 theta: 0.2,
+                coarse_theta: 0.25,
+                theta_without_points: 0.4,
+                reach: 3.0,
+                weights: [0.85, 2.3],
+                patches: true,
                 busiest_first: true,
                 dense_part: 0.1,
                 ..Self::default()
@@ -86,19 +103,6 @@ impl Settings {
         }
     }
 }
-
-/// Safety factor on the estimate of λ_max(D⁻¹A), which comes from below and was found up to 10 % short.
-/// The smoother of degree 2 reduces the error up to about 1.1 times the end of its interval, so that the
-/// cycle stays positive definite where this factor is not enough.
-const RADIUS_MARGIN: f64 = 1.1;
-/// A level that has fewer unknowns by less than this factor is not worth having.
-const LEAST_REDUCTION: f64 = 1.5;
-/// A coarse unknown with less than this part of the stiffness under it moves freely.
-const FREE_LIMIT: f64 = 1e-13;
-/// Degree of the smoother on a coarsest level that is too large for an inverse.
-const COARSE_DEGREE: usize = 16;
-/// Its α.
-const COARSE_ALPHA: f64 = 300.0;
 
 /// Why there is no hierarchy for K.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -155,10 +159,37 @@ pub struct Level<S> {
 pub struct Smoother<S> {
     /// A, with square blocks.
     pub(crate) matrix: BlockMatrix<S>,
-    /// The blocks of D⁻¹, row by row.
-    pub(crate) inverse_diagonal: Vec<S>,
+    /// D⁻¹.
+    pub(crate) inverse: Inverse<S>,
     /// (c₁, c₂) of each step d ← c₁ d + c₂ D⁻¹(b − A x), x ← x + d; the first c₁ is 0.
     pub(crate) steps: Vec<[S; 2]>,
+}
+
+/// The inverse of what the smoother takes for A.
+#[derive(Clone, Debug)]
+pub enum Inverse<S> {
+    /// That of the blocks of the nodes, row by row.
+    Diagonal {
+        /// Rows of a block.
+        block: usize,
+        /// Entries.
+        values: Vec<S>,
+    },
+    /// That of the blocks of disjoint patches of nodes: a row has a block for each node of its patch.
+    Patches(BlockMatrix<S>),
+}
+
+impl<S> Inverse<S> {
+    /// Bytes of the indices and values.
+    fn bytes(&self) -> usize
+    where
+        S: Real,
+    {
+        match self {
+            Self::Diagonal { values, .. } => size_of_val(&values[..]),
+            Self::Patches(patches) => patches.bytes(),
+        }
+    }
 }
 
 /// What is done on the coarsest level.
@@ -220,10 +251,10 @@ impl<S: Real> Hierarchy<S> {
                 found: points.len(),
                 expected: n,
             }),
-            None => Self::build::<D, D>(k, None, settings),
+            None => setup::build::<D, D, S>(k, None, settings),
             Some(_) => match D {
-                2 => Self::build::<D, 3>(k, coordinates, settings),
-                3 => Self::build::<D, 6>(k, coordinates, settings),
+                2 => setup::build::<D, 3, S>(k, coordinates, settings),
+                3 => setup::build::<D, 6, S>(k, coordinates, settings),
                 _ => Err(AmgError::Shape),
             },
         }
@@ -242,47 +273,6 @@ impl<S: Real> Hierarchy<S> {
             },
             scale,
         })
-    }
-
-    /// The hierarchy with M modes.
-    fn build<const D: usize, const M: usize>(
-        k: &BlockCsr<D>,
-        coordinates: Option<&[[f64; D]]>,
-        settings: &Settings,
-    ) -> Result<Self, AmgError> {
-        let scale = scale_of(k)?;
-        let modes = rigid_body_modes::<D, M>(k.n_block_rows(), coordinates);
-        let mut levels = Vec::new();
-        // Unknowns of which an inverse has as many entries as it may.
-        let entries = (D * D * k.n_blocks()) as f64;
-        let settings = &Settings {
-            dense_limit: (settings.dense_limit)
-                .min((settings.dense_part * entries).sqrt() as usize),
-            ..*settings
-        };
-        let mut step = coarsen::<D, M, S>(k, modes, scale, settings.theta, settings)?;
-        loop {
-            match step {
-                Step::Last(coarse) => {
-                    return Ok(Self {
-                        levels,
-                        coarse,
-                        scale,
-                    });
-                }
-                Step::Coarser {
-                    level,
-                    matrix,
-                    modes,
-                } => {
-                    levels.push(*level);
-                    step =
-                        coarsen::<M, M, S>(&matrix, modes, scale, settings.coarse_theta, settings)
-                            // Only the blocks of K can be named to the user.
-                            .map_err(|_| AmgError::Singular)?;
-                }
-            }
-        }
     }
 
     /// Whether all rigid motions are represented on the coarser levels; without rotations the cycle misses
@@ -305,7 +295,7 @@ impl<S: Real> Hierarchy<S> {
         let smoothed = |smoother: &Smoother<S>| LevelSize {
             unknowns: smoother.matrix.n_rows(),
             entries: smoother.matrix.values().len(),
-            bytes: smoother.matrix.bytes() + size_of_val(&smoother.inverse_diagonal[..]),
+            bytes: smoother.matrix.bytes() + smoother.inverse.bytes(),
         };
         let mut sizes: Vec<LevelSize> = (self.levels.iter())
             .map(|level| {
@@ -336,13 +326,17 @@ impl<S: Real> Hierarchy<S> {
     pub fn cycle_bytes(&self) -> usize {
         let vector = |n: usize| n * size_of::<S>();
         // The first step reads D⁻¹ and b and writes d and x; the others read A, D⁻¹, b, x, d and write
-        // d and the new x.
+        // d and the new x. With patches they write the residual and read it again, and x.
         let smoothing = |smoother: &Smoother<S>, steps: usize, from_zero: bool| {
             let n = vector(smoother.matrix.n_rows());
-            let diagonal = size_of_val(&smoother.inverse_diagonal[..]);
+            let inverse = smoother.inverse.bytes();
             let others = steps - usize::from(from_zero);
-            others * (smoother.matrix.bytes() + diagonal + 5 * n)
-                + usize::from(from_zero) * (diagonal + 3 * n)
+            let vectors = match smoother.inverse {
+                Inverse::Diagonal { .. } => 5,
+                Inverse::Patches(_) => 8,
+            };
+            others * (smoother.matrix.bytes() + inverse + vectors * n)
+                + usize::from(from_zero) * (inverse + 3 * n)
         };
         let levels: usize = (self.levels.iter())
             .map(|level| {
@@ -413,128 +407,5 @@ fn scale_of<const D: usize>(k: &BlockCsr<D>) -> Result<f64, AmgError> {
         Ok(power_of_two_below(largest).recip())
     } else {
         Err(AmgError::NotPositiveDefinite { node: 0, block: D })
-    }
-}
-
-/// What coarsening one level gave.
-enum Step<const M: usize, S> {
-    /// A smoothed level, and the matrix and the modes of the one below.
-    Coarser {
-        level: Box<Level<S>>,
-        matrix: BlockCsr<M>,
-        modes: Vec<Modes<M, M>>,
-    },
-    /// The level is the coarsest.
-    Last(Coarse<S>),
-}
-
-/// Makes the level of `a` and the matrix below it, or finishes with `a`.
-fn coarsen<const B: usize, const M: usize, S: Real>(
-    a: &BlockCsr<B>,
-    mut modes: Vec<Modes<B, M>>,
-    scale: f64,
-    theta: f64,
-    settings: &Settings,
-) -> Result<Step<M, S>, AmgError> {
-    let n = a.n_rows();
-    if n <= settings.dense_limit {
-        return Ok(Step::Last(Coarse::Inverse(coarse::inverse(a, scale)?)));
-    }
-    let inverse_diagonal = smoother::inverse_diagonal(a)
-        .map_err(|node| AmgError::NotPositiveDefinite { node, block: B })?;
-    let decoupled = decoupled(a);
-    for (mode, decoupled) in modes.iter_mut().zip(&decoupled) {
-        for c in 0..B {
-            if decoupled[c] {
-                mode[c] = [0.0; M];
-            }
-        }
-    }
-    take_out_held(a, &mut modes);
-    let aggregates = {
-        let strength = strength(a, theta);
-        aggregate(a, &strength, settings.busiest_first, |i| {
-            decoupled[i] == [true; B]
-        })
-    };
-    let stalled = (aggregates.count * M) as f64 * LEAST_REDUCTION > n as f64;
-    if (stalled || aggregates.count == 0) && n <= settings.stalled_dense_limit {
-        return Ok(Step::Last(Coarse::Inverse(coarse::inverse(a, scale)?)));
-    }
-    let stored = BlockMatrix::new(a, scale);
-    let stored_inverse = store(inverse_diagonal.as_flattened().as_flattened(), 1.0 / scale);
-    let radius = RADIUS_MARGIN * smoother::spectral_radius::<B, S>(&stored, &stored_inverse);
-    // Written so that NaN is refused. An indefinite K may show here, and singular ones on the coarsest
-    // level.
-    if !(radius > 0.0) {
-        return Err(AmgError::Singular);
-    }
-    let smoother = |degree: usize, alpha: f64| Smoother {
-        matrix: stored,
-        inverse_diagonal: stored_inverse,
-        steps: smoother::chebyshev(degree, radius / alpha, radius)
-            .into_iter()
-            .map(|step| step.map(S::from_f64))
-            .collect(),
-    };
-    if stalled || aggregates.count == 0 {
-        return Ok(Step::Last(Coarse::Smoothed(smoother(
-            COARSE_DEGREE,
-            COARSE_ALPHA,
-        ))));
-    }
-    let tentative = tentative(&modes, &aggregates);
-    let omega = 4.0 / 3.0 / radius;
-    let p = smoothed(a, &inverse_diagonal, omega, &aggregates, &tentative.q);
-    let r = product::transpose(&p);
-    let mut matrix = product::galerkin(&r, a, &p);
-    if has_free_modes(a, &matrix, &aggregates, &tentative.coarse) {
-        return Err(AmgError::Singular);
-    }
-    hold_missing(&mut matrix, &tentative.coarse, 1.0 / scale);
-    let level = Box::new(Level {
-        smoother: smoother(settings.degree, settings.alpha),
-        prolongation: BlockMatrix::new(&p, 1.0),
-        restriction: BlockMatrix::new(&r, 1.0),
-    });
-    Ok(Step::Coarser {
-        level,
-        matrix,
-        modes: tentative.coarse,
-    })
-}
-
-/// Whether a coarse unknown moves without energy, up to rounding: a body without supports has shrunk to
-/// one aggregate.
-fn has_free_modes<const B: usize, const M: usize>(
-    a: &BlockCsr<B>,
-    coarse: &BlockCsr<M>,
-    aggregates: &Aggregates,
-    modes: &[Modes<M, M>],
-) -> bool {
-    let mut largest = vec![0.0_f64; aggregates.count];
-    for (&aggregate, diagonal) in (aggregates.of_node.iter()).zip(a.diagonal().chunks(B)) {
-        if aggregate != NONE {
-            let largest = &mut largest[aggregate as usize];
-            *largest = diagonal.iter().fold(*largest, |m, &v| m.max(v));
-        }
-    }
-    let energies = coarse.diagonal();
-    (0..aggregates.count).any(|i| {
-        (0..M).any(|c| modes[i][c][c] > 0.0 && !(energies[i * M + c] > FREE_LIMIT * largest[i]))
-    })
-}
-
-/// Gives coarse unknowns that do not exist (a zero row in their modes) a diagonal entry of their own, so
-/// that the coarse matrix is not singular.
-fn hold_missing<const M: usize>(a: &mut BlockCsr<M>, modes: &[Modes<M, M>], value: f64) {
-    for (i, mode) in modes.iter().enumerate() {
-        for c in 0..M {
-            if mode[c][c] == 0.0
-                && let Some(block) = a.block_mut(i, i)
-            {
-                block[c][c] = value;
-            }
-        }
     }
 }

@@ -137,6 +137,55 @@ pub(super) fn smooth<S: Real>(
     );
 }
 
+/// d ← c₁ d + c₂ D⁻¹ r, x += d with D⁻¹ as a matrix; without c₁ d = c₂ D⁻¹ r, x = d.
+pub(super) fn smooth_patches<S: Real>(
+    patches: &BlockMatrix<S>,
+    c1: Option<S>,
+    c2: S,
+    r: &[S],
+    d: &mut [S],
+    x: &mut [S],
+) {
+    fn kernel<const B: usize, const C: usize, S: Real>(
+        patches: &BlockMatrix<S>,
+        c1: Option<S>,
+        c2: S,
+        r: &[S],
+        d: &mut [S],
+        x: &mut [S],
+    ) {
+        let (patches, r) = (patches.view::<B, B>(), r.as_chunks::<B>().0);
+        (d.par_chunks_mut(ROWS_PER_TASK * B))
+            .zip(x.par_chunks_mut(ROWS_PER_TASK * B))
+            .enumerate()
+            .for_each(|(task, (d, x))| {
+                Arch::new().dispatch(|| {
+                    let rows = (d.as_chunks_mut::<B>().0.iter_mut()).zip(x.as_chunks_mut::<B>().0);
+                    for (i, (d, x)) in (task * ROWS_PER_TASK..).zip(rows) {
+                        let z = patches.row_times(i, r);
+                        for c in 0..B {
+                            match c1 {
+                                Some(c1) => {
+                                    d[c] = c1 * d[c] + c2 * z[c];
+                                    x[c] += d[c];
+                                }
+                                None => {
+                                    d[c] = c2 * z[c];
+                                    x[c] = d[c];
+                                }
+                            }
+                        }
+                    }
+                });
+            });
+    }
+    with_shape!(
+        patches.block(),
+        [[2, 2], [3, 3], [6, 6]],
+        kernel(patches, c1, c2, r, d, x)
+    );
+}
+
 /// y of M x: see [`Product`].
 pub(super) fn multiply<S: Real>(
     m: &BlockMatrix<S>,

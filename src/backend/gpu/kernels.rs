@@ -90,6 +90,7 @@ pub(super) enum Kernel {
     Multiply(Scalar, Shape),
     Smooth(Shape),
     Diagonal(Shape),
+    Patches(Shape),
 }
 
 impl Kernel {
@@ -108,6 +109,7 @@ impl Kernel {
             Self::Multiply(..) => "multiply",
             Self::Smooth(_) => "smooth",
             Self::Diagonal(_) => "diagonal",
+            Self::Patches(_) => "patches",
         }
     }
 
@@ -126,6 +128,7 @@ impl Kernel {
             Self::Multiply(..) => include_str!("../../../shaders/multiply.wgsl"),
             Self::Smooth(_) => include_str!("../../../shaders/smooth.wgsl"),
             Self::Diagonal(_) => include_str!("../../../shaders/diagonal.wgsl"),
+            Self::Patches(_) => include_str!("../../../shaders/patches.wgsl"),
         }
     }
 
@@ -156,6 +159,12 @@ impl Kernel {
                     + &["d", "x_next"].map(|name| store(name, shape.rows)).concat()
                     + SMOOTHER
             }
+            Self::Patches(shape) => {
+                types(shape, Scalar::Single)
+                    + &product(shape, shape.group(Scalar::Single, precision))
+                    + &["d", "y"].map(|name| load(name, shape.rows)).concat()
+                    + &["d", "y"].map(|name| store(name, shape.rows)).concat()
+            }
             _ => String::new(),
         }
     }
@@ -164,7 +173,12 @@ impl Kernel {
     fn reduces(self) -> bool {
         !matches!(
             self,
-            Self::Rows | Self::Add | Self::Dense | Self::Smooth(_) | Self::Diagonal(_)
+            Self::Rows
+                | Self::Add
+                | Self::Dense
+                | Self::Smooth(_)
+                | Self::Diagonal(_)
+                | Self::Patches(_)
         )
     }
 
@@ -411,7 +425,7 @@ mod tests {
                 Multiply(Scalar::Single, shape),
             ]);
             if shape.rows == shape.columns {
-                all.extend([Smooth(shape), Diagonal(shape)]);
+                all.extend([Smooth(shape), Diagonal(shape), Patches(shape)]);
             }
         }
         all

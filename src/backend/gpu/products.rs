@@ -87,4 +87,38 @@ impl Gpu {
             );
         }
     }
+
+    /// The dispatches of a smoothing step from the residual r where D⁻¹ is a matrix.
+    pub(super) fn smooth_by_patches(
+        &mut self,
+        state: &State,
+        patches: &Blocks,
+        params: Params,
+        r: &Vector,
+        d: &Vector,
+        x: &Vector,
+    ) {
+        for vector in [r, d, x] {
+            assert_eq!(vector.len, patches.n_rows);
+        }
+        for part in &patches.parts {
+            let params = Params {
+                count: part.count,
+                first: part.first,
+                columns: part.columns,
+                flags: params.flags | if part.adds { flag::ADD } else { 0 },
+                ..params
+            };
+            let buffers = [
+                &state.next,
+                &part.structure,
+                &part.values,
+                &r.segments[part.column_segment].data,
+                &d.segments[part.row_segment].data,
+                &x.segments[part.row_segment].data,
+            ];
+            let kernel = Kernel::Patches(patches.shape);
+            self.dispatch(kernel, params, &buffers, part.groups, part.bytes);
+        }
+    }
 }

@@ -7,34 +7,118 @@ use std::cmp::Reverse;
 /// Marks a node without aggregate.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Disjoint groups of nodes; each becomes one node of the coarser level.
+/// Disjoint groups of nodes. Aggregates are such, each of which becomes one node of the coarser level, and the patches
+/// of the smoother.
 #[derive(Clone, Debug)]
-pub(super) struct Aggregates {
-    /// The aggregate of each node, or [`NONE`].
+pub(super) struct Groups {
+    /// The group of each node, or [`NONE`].
     pub of_node: Vec<u32>,
-    /// Number of aggregates.
+    /// Number of groups.
     pub count: usize,
 }
 
-/// A block that is positive to more than this part of its norm is no bond (see [`strength`]).
+impl Groups {
+    /// The nodes of each group, in their order: `members[start[i]..start[i + 1]]`.
+    pub fn members(&self) -> (Vec<usize>, Vec<u32>) {
+        let mut start = vec![0; self.count + 1];
+        for &group in self.of_node.iter().filter(|&&i| i != NONE) {
+            start[group as usize + 1] += 1;
+        }
+        for i in 0..self.count {
+            start[i + 1] += start[i];
+        }
+        let mut next = start.clone();
+        let mut members = vec![0; start[self.count]];
+        for (node, &group) in self.of_node.iter().enumerate() {
+            if group != NONE {
+                members[next[group as usize]] = node as u32;
+                next[group as usize] += 1;
+            }
+        }
+        (start, members)
+    }
+}
+
+/// The neighbours of each node, with how strongly it is tied to them, by their number.
+#[derive(Clone, Debug)]
+pub(super) struct Graph {
+    start: Vec<usize>,
+    neighbours: Vec<(u32, f32)>,
+}
+
+impl Graph {
+    /// The neighbours of node i.
+    pub fn of(&self, i: usize) -> &[(u32, f32)] {
+        &self.neighbours[self.start[i]..self.start[i + 1]]
+    }
+
+    /// Nodes.
+    pub fn len(&self) -> usize {
+        self.start.len() - 1
+    }
+
+    /// The graph that `row` gives for n nodes, in parallel.
+    fn collect(n: usize, row: impl Fn(usize, &mut Vec<(u32, f32)>) + Sync) -> Self {
+        let parts: Vec<(Vec<usize>, Vec<(u32, f32)>)> = (0..n.div_ceil(ROWS_PER_TASK))
+            .into_par_iter()
+            .map(|task| {
+                let (mut ends, mut neighbours) = (Vec::new(), Vec::new());
+                for i in task * ROWS_PER_TASK..((task + 1) * ROWS_PER_TASK).min(n) {
+                    row(i, &mut neighbours);
+                    ends.push(neighbours.len());
+                }
+                (ends, neighbours)
+            })
+            .collect();
+        let mut graph = Self {
+            start: vec![0],
+            neighbours: Vec::with_capacity(parts.iter().map(|part| part.1.len()).sum()),
+        };
+        for (ends, neighbours) in parts {
+            let before = graph.neighbours.len();
+            graph.start.extend(ends.into_iter().map(|end| before + end));
+            graph.neighbours.extend(neighbours);
+        }
+        graph
+    }
+
+    /// The same of the neighbours for which `keep` holds.
+    fn filtered(&self, keep: impl Fn(usize, u32, f32) -> bool + Sync) -> Self {
+        Self::collect(self.len(), |i, row| {
+            row.extend(self.of(i).iter().filter(|&&(j, tie)| keep(i, j, tie)));
+        })
+    }
+
+    /// The strongest tie of each node, 0 where there is none.
+    pub fn strongest(&self) -> Vec<f32> {
+        (0..self.len())
+            .map(|i| {
+                self.of(i)
+                    .iter()
+                    .fold(0.0, |most: f32, &(_, tie)| most.max(tie))
+            })
+            .collect()
+    }
+}
+
+/// A block that is positive to more than this part of its norm is no bond (see [`ties`]).
 const POSITIVE_PART: f64 = 0.5;
 
-/// The strength of each stored block, 0 for the weak ones.
+/// How strongly nodes are tied.
 ///
 /// A block is measured as Sᵢⱼ = Dᵢ^−½ Aᵢⱼ Dⱼ^−½ with D the scalar diagonal, so that neither the materials
-/// nor the unit of a component matter. It is strong if ‖Sᵢⱼ‖_F exceeds `theta` times the geometric mean of
-/// the largest such norms in rows i and j, and if it is no mass-like block with a large positive trace:
+/// nor the unit of a component matter; the tie is ‖Sᵢⱼ‖_F. A mass-like block with a large positive trace is none:
 /// those stand between nodes that do *not* hold each other, such as the far nodes of a flat bilinear
 /// element, and aggregates across them would represent no smooth error.
-pub(super) fn strength<const B: usize>(a: &BlockCsr<B>, theta: f64) -> Vec<f32> {
+pub(super) fn ties<const B: usize>(a: &BlockCsr<B>) -> Graph {
     let weight: Vec<f64> = (a.diagonal().into_par_iter())
         .with_min_len(ROWS_PER_TASK)
         .map(|v| 1.0 / v.sqrt())
         .collect();
     let weight = weight.as_chunks::<B>().0;
-    let mut strength = vec![0.0; a.n_blocks()];
-    for_rows(a, &mut strength, |i, cols, blocks, strength| {
-        for ((&j, block), strength) in cols.iter().zip(blocks).zip(strength) {
+    Graph::collect(a.n_block_rows(), |i, row| {
+        let (cols, blocks) = a.row(i);
+        for (&j, block) in cols.iter().zip(blocks) {
             let (mut square, mut trace) = (0.0, 0.0);
             for p in 0..B {
                 for q in 0..B {
@@ -46,89 +130,109 @@ pub(super) fn strength<const B: usize>(a: &BlockCsr<B>, theta: f64) -> Vec<f32> 
                 }
             }
             let norm = square.sqrt();
-            if j as usize != i && trace < POSITIVE_PART * norm {
-                *strength = norm as f32;
+            if j as usize != i && norm > 0.0 && trace < POSITIVE_PART * norm {
+                row.push((j, norm as f32));
             }
         }
-    });
-    let row_ptr = a.row_ptr();
-    let largest: Vec<f32> = (0..a.n_block_rows())
+    })
+}
+
+/// The strong ones of the [`ties`]: those that exceed `theta` times the geometric mean of the strongest of either node
+/// and, where the points of the nodes are known, are shorter than `reach` times that of the shortest of either that do.
+///
+/// The second test matters where elements are stretched in one direction and wide in both others: ties across the wide
+/// ones are weak, but those along the diagonals of the thin one are not.
+pub(super) fn strong<const D: usize>(
+    ties: &Graph,
+    theta: f64,
+    reach: f64,
+    points: Option<&[[f64; D]]>,
+) -> Graph {
+    let largest = ties.strongest();
+    let strong =
+        ties.filtered(|i, j, tie| tie > theta as f32 * (largest[i] * largest[j as usize]).sqrt());
+    let Some(points) = points else {
+        return strong;
+    };
+    let square = |i: usize, j: u32| -> f64 {
+        let (x, y) = (&points[i], &points[j as usize]);
+        (0..D).map(|c| (x[c] - y[c]).powi(2)).sum()
+    };
+    let nearest: Vec<f64> = (0..strong.len())
         .into_par_iter()
         .with_min_len(ROWS_PER_TASK)
         .map(|i| {
-            let row = &strength[row_ptr[i]..row_ptr[i + 1]];
-            row.iter().fold(0.0, |largest: f32, &s| largest.max(s))
+            let all = strong.of(i).iter().map(|&(j, _)| square(i, j));
+            all.fold(f64::INFINITY, f64::min)
         })
         .collect();
-    for_rows(a, &mut strength, |i, cols, _, strength| {
-        for (&j, strength) in cols.iter().zip(strength) {
-            if *strength <= theta as f32 * (largest[i] * largest[j as usize]).sqrt() {
-                *strength = 0.0;
-            }
-        }
-    });
-    strength
+    strong.filtered(|i, j, _| {
+        // Written so that points that coincide stay tied.
+        !(square(i, j) > reach * reach * (nearest[i] * nearest[j as usize]).sqrt())
+    })
 }
 
-/// Calls `work(row, columns, blocks, its part of values)` for every block row, in parallel.
-fn for_rows<const B: usize, T: Send>(
-    a: &BlockCsr<B>,
-    mut values: &mut [T],
-    work: impl Fn(usize, &[u32], &[[[f64; B]; B]], &mut [T]) + Sync,
-) {
-    let row_ptr = a.row_ptr();
-    let mut tasks = Vec::new();
-    for first in (0..a.n_block_rows()).step_by(ROWS_PER_TASK) {
-        let last = (first + ROWS_PER_TASK).min(a.n_block_rows());
-        let (head, tail) = values.split_at_mut(row_ptr[last] - row_ptr[first]);
-        tasks.push((first..last, head));
-        values = tail;
-    }
-    tasks.into_par_iter().for_each(|(rows, mut values)| {
-        for i in rows {
-            let (cols, blocks) = a.row(i);
-            let (head, tail) = values.split_at_mut(cols.len());
-            work(i, cols, blocks, head);
-            values = tail;
+/// Nodes with more strong neighbours than this are in the midst of a body or of a plane; with fewer, on a row or a
+/// sheet of nodes, second neighbours count in aggregation, which makes aggregates of five of the nodes of a row.
+const THIN: usize = 4;
+
+/// The graph with second neighbours from a thin node to another one (see [`THIN`]), tied by the weaker of the two ties
+/// halved.
+fn with_second_neighbours(graph: &Graph) -> Graph {
+    let thin = |i: usize| graph.of(i).len() <= THIN;
+    Graph::collect(graph.len(), |i, row| {
+        let own = graph.of(i);
+        row.extend_from_slice(own);
+        if !thin(i) {
+            return;
         }
-    });
+        let first = row.len() - own.len();
+        for &(j, tie) in own {
+            for &(k, next) in graph.of(j as usize) {
+                if k as usize != i
+                    && thin(k as usize)
+                    && !row[first..].iter().any(|&(other, _)| other == k)
+                {
+                    row.push((k, 0.5 * tie.min(next)));
+                }
+            }
+        }
+    })
 }
+
+/// Aggregates of fewer nodes join another one: they have not all rigid motions, and no stiffness of their own.
+const LEAST_NODES: u32 = 3;
 
 /// Groups the nodes in three passes (Vaněk, Mandel, Brezina 1996): a node whose strong neighbours are
 /// all free founds an aggregate with them; a node left over joins the aggregate it is tied to most
 /// strongly; what is still left is grouped with its free neighbours. Nodes of `alone` get no aggregate. In the first
 /// pass nodes take turns by their number or, `busiest_first`, by that of their strong neighbours.
-pub(super) fn aggregate<const B: usize>(
-    a: &BlockCsr<B>,
-    strength: &[f32],
+///
+/// Then aggregates of fewer than [`LEAST_NODES`] nodes join the one to which they have the strongest of all `ties`.
+pub(super) fn aggregate(
+    ties: &Graph,
+    strong: &Graph,
     busiest_first: bool,
     alone: impl Fn(usize) -> bool,
-) -> Aggregates {
-    let n = a.n_block_rows();
-    let row_ptr = a.row_ptr();
-    let neighbours = |i: usize| {
-        let range = row_ptr[i]..row_ptr[i + 1];
-        a.col_idx()[range.clone()]
-            .iter()
-            .zip(&strength[range])
-            .filter(|&(_, &s)| s > 0.0)
-            .map(|(&j, &s)| (j as usize, s))
-    };
+) -> Groups {
+    let graph = with_second_neighbours(strong);
+    let n = graph.len();
     let mut of_node = vec![NONE; n];
     let mut count = 0;
     let mut turns: Vec<u32> = (0..n as u32).collect();
     if busiest_first {
-        turns.sort_by_cached_key(|&i| Reverse(neighbours(i as usize).count()));
+        turns.sort_by_cached_key(|&i| Reverse(graph.of(i as usize).len()));
     }
     for i in turns.into_iter().map(|i| i as usize) {
+        let neighbours = graph.of(i);
         if of_node[i] == NONE
             && !alone(i)
-            && neighbours(i).next().is_some()
-            && neighbours(i).all(|(j, _)| of_node[j] == NONE)
+            && !neighbours.is_empty()
+            && neighbours.iter().all(|&(j, _)| of_node[j as usize] == NONE)
         {
             of_node[i] = count;
-            for (j, _) in neighbours(i) {
-                of_node[j] = count;
+            for &(j, _) in neighbours {
+                of_node[j as usize] = count;
             }
             count += 1;
         }
@@ -136,27 +240,76 @@ pub(super) fn aggregate<const B: usize>(
     let founded = of_node.clone();
     for i in 0..n {
         if founded[i] == NONE {
-            let strongest = neighbours(i)
-                .filter(|&(j, _)| founded[j] != NONE)
+            let strongest = (graph.of(i).iter())
+                .filter(|&&(j, _)| founded[j as usize] != NONE)
                 .max_by(|x, y| x.1.total_cmp(&y.1));
-            if let Some((j, _)) = strongest {
-                of_node[i] = founded[j];
+            if let Some(&(j, _)) = strongest {
+                of_node[i] = founded[j as usize];
             }
         }
     }
     for i in 0..n {
         if of_node[i] == NONE && !alone(i) {
             of_node[i] = count;
-            for (j, _) in neighbours(i) {
-                if of_node[j] == NONE {
-                    of_node[j] = count;
+            for &(j, _) in graph.of(i) {
+                if of_node[j as usize] == NONE {
+                    of_node[j as usize] = count;
                 }
             }
             count += 1;
         }
     }
-    Aggregates {
-        of_node,
-        count: count as usize,
+    join_small(
+        ties,
+        Groups {
+            of_node,
+            count: count as usize,
+        },
+    )
+}
+
+/// Joins groups of fewer than [`LEAST_NODES`] nodes to the one that they are tied to most strongly, one after the other.
+fn join_small(ties: &Graph, mut groups: Groups) -> Groups {
+    let (start, members) = groups.members();
+    let mut size: Vec<u32> = start
+        .windows(2)
+        .map(|ends| (ends[1] - ends[0]) as u32)
+        .collect();
+    // What a group has become a part of, itself at first; the last of the chain counts.
+    let mut part_of: Vec<u32> = (0..groups.count as u32).collect();
+    let last = |part_of: &[u32], mut group: u32| {
+        while part_of[group as usize] != group {
+            group = part_of[group as usize];
+        }
+        group
+    };
+    for i in 0..groups.count {
+        if size[i] >= LEAST_NODES || part_of[i] != i as u32 {
+            continue;
+        }
+        let strongest = (members[start[i]..start[i + 1]].iter())
+            .flat_map(|&node| ties.of(node as usize))
+            .filter(|&&(j, _)| {
+                let group = groups.of_node[j as usize];
+                group != NONE && last(&part_of, group) != i as u32
+            })
+            .max_by(|x, y| x.1.total_cmp(&y.1));
+        if let Some(&(j, _)) = strongest {
+            let to = last(&part_of, groups.of_node[j as usize]);
+            part_of[i] = to;
+            size[to as usize] += size[i];
+        }
     }
+    // Numbers without gaps, in their old order.
+    let mut number = vec![NONE; groups.count];
+    let mut count = 0;
+    for i in (0..groups.count).filter(|&i| part_of[i] == i as u32) {
+        number[i] = count;
+        count += 1;
+    }
+    for group in groups.of_node.iter_mut().filter(|group| **group != NONE) {
+        *group = number[last(&part_of, *group) as usize];
+    }
+    groups.count = count as usize;
+    groups
 }

@@ -11,7 +11,7 @@ const PIVOT_LIMIT: f64 = 1e-13;
 /// The diagonal is raised by this part of it before inverting. It bounds the largest entries of the
 /// inverse, so that their rounding to f32 cannot make its smallest eigenvalues negative; modes that soft
 /// are few and left to conjugate gradients.
-const SHIFT: f64 = 16.0 * f32::EPSILON as f64;
+pub(super) const SHIFT: f64 = 16.0 * f32::EPSILON as f64;
 
 /// (scale · A)⁻¹ with the diagonal of A raised a little, or an error if A is not positive definite.
 pub(super) fn inverse<const B: usize, S: Real>(

@@ -1,14 +1,19 @@
 //! The V-cycle, written once for all backends.
 
-use super::{Coarse, Hierarchy, Smoother};
+use super::{Coarse, Hierarchy, Inverse, Smoother};
 use crate::backend::{Backend, BackendError, Product};
 use crate::sparse::stored::Real as _;
 
 /// A matrix on a backend, and the Chebyshev iteration that smooths with it.
 struct SmootherThere<B: Backend> {
     matrix: B::LevelMatrix,
-    inverse_diagonal: B::LevelDiagonal,
+    inverse: InverseThere<B>,
     steps: Vec<[B::Stored; 2]>,
+}
+
+enum InverseThere<B: Backend> {
+    Diagonal(B::LevelDiagonal),
+    Patches(B::LevelMatrix),
 }
 
 struct LevelThere<B: Backend> {
@@ -109,9 +114,13 @@ fn smoother<B: Backend>(
     backend: &mut B,
     smoother: Smoother<B::Stored>,
 ) -> Result<SmootherThere<B>, BackendError> {
-    let [block, _] = smoother.matrix.block();
     Ok(SmootherThere {
-        inverse_diagonal: backend.level_diagonal(smoother.inverse_diagonal, block)?,
+        inverse: match smoother.inverse {
+            Inverse::Diagonal { block, values } => {
+                InverseThere::Diagonal(backend.level_diagonal(values, block)?)
+            }
+            Inverse::Patches(patches) => InverseThere::Patches(backend.level_matrix(patches)?),
+        },
         matrix: backend.level_matrix(smoother.matrix)?,
         steps: smoother.steps,
     })
@@ -174,14 +183,13 @@ fn smooth_from_zero<B: Backend>(
     v: &mut LevelVectors<B>,
 ) {
     let [_, c] = smoother.steps[0];
-    backend.smooth_first(
-        state,
-        &smoother.inverse_diagonal,
-        c,
-        &v.b,
-        &mut v.d,
-        &mut v.x,
-    );
+    let (b, d, x) = (&v.b, &mut v.d, &mut v.x);
+    match &smoother.inverse {
+        InverseThere::Diagonal(inverse) => backend.smooth_first(state, inverse, c, b, d, x),
+        InverseThere::Patches(patches) => {
+            backend.smooth_patches(state, patches, None, c, b, d, x);
+        }
+    }
     smooth(backend, state, smoother, &smoother.steps[1..], v);
 }
 
@@ -193,17 +201,19 @@ fn smooth<B: Backend>(
     steps: &[[B::Stored; 2]],
     v: &mut LevelVectors<B>,
 ) {
+    let (a, LevelVectors { b, x, x_next, d }) = (&smoother.matrix, v);
     for &step in steps {
-        backend.smooth(
-            state,
-            &smoother.matrix,
-            &smoother.inverse_diagonal,
-            step,
-            &v.b,
-            &v.x,
-            &mut v.d,
-            &mut v.x_next,
-        );
-        std::mem::swap(&mut v.x, &mut v.x_next);
+        match &smoother.inverse {
+            InverseThere::Diagonal(inverse) => {
+                backend.smooth(state, a, inverse, step, b, x, d, x_next);
+                std::mem::swap(x, x_next);
+            }
+            // A patch needs the residual of all its nodes: it stands in `x_next`.
+            InverseThere::Patches(patches) => {
+                backend.level_multiply(state, a, Product::Residual, b, x, x_next);
+                let [c1, c2] = step;
+                backend.smooth_patches(state, patches, Some(c1), c2, x_next, d, x);
+            }
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Near-null space and the smoothed prolongation.
 
-use super::aggregation::{Aggregates, NONE};
+use super::aggregation::{Graph, Groups, NONE};
 use super::product::add_product;
 use crate::rigid::Frame;
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
@@ -144,17 +144,20 @@ pub(super) struct Tentative<const B: usize, const M: usize> {
     /// The modes on the coarse level: Qᵢ · coarse[I] are the modes of node i. A zero row means that the
     /// coarse unknown does not exist (its column of Q is zero).
     pub coarse: Vec<Modes<M, M>>,
+    /// What Q is made with: the modes of node i times `factors[I]` are Qᵢ. Of another node they are what it does where it
+    /// moves rigidly with aggregate I.
+    pub factors: Vec<Modes<M, M>>,
 }
 
 /// Factors the modes of each aggregate as Q R by Gram–Schmidt, each column twice; R has a positive
 /// diagonal, with zero rows (and zero columns of Q) where the modes are dependent on the aggregate.
 pub(super) fn tentative<const B: usize, const M: usize>(
     modes: &[Modes<B, M>],
-    aggregates: &Aggregates,
+    aggregates: &Groups,
 ) -> Tentative<B, M> {
-    let (start, members) = members(aggregates);
+    let (start, members) = aggregates.members();
     // Q = (modes) T, so that only T is kept per aggregate while the sums run over its members.
-    let factors: Vec<(Modes<M, M>, Modes<M, M>)> = (0..aggregates.count)
+    let (factors, coarse): (Vec<Modes<M, M>>, Vec<Modes<M, M>>) = (0..aggregates.count)
         .into_par_iter()
         .with_min_len(256)
         .map(|i| {
@@ -193,9 +196,10 @@ pub(super) fn tentative<const B: usize, const M: usize>(
                     columns[k] = t.map(|v| v / left);
                 }
             }
-            (columns, r)
+            let factor = std::array::from_fn(|p| std::array::from_fn(|k| columns[k][p]));
+            (factor, r)
         })
-        .collect();
+        .unzip();
     let q = modes
         .par_iter()
         .zip(&aggregates.of_node)
@@ -203,110 +207,202 @@ pub(super) fn tentative<const B: usize, const M: usize>(
         .map(|(mode, &aggregate)| {
             let mut q = [[0.0; M]; B];
             if aggregate != NONE {
-                let columns = &factors[aggregate as usize].0;
-                for c in 0..B {
-                    for k in 0..M {
-                        q[c][k] = (0..M).map(|p| mode[c][p] * columns[k][p]).sum();
-                    }
-                }
+                add_product(mode, &factors[aggregate as usize], &mut q);
             }
             q
         })
         .collect();
-    Tentative {
-        q,
-        coarse: factors.into_iter().map(|(_, r)| r).collect(),
-    }
+    Tentative { q, coarse, factors }
 }
 
-/// The nodes of each aggregate: `members[start[i]..start[i + 1]]`.
-fn members(aggregates: &Aggregates) -> (Vec<usize>, Vec<u32>) {
-    let mut start = vec![0; aggregates.count + 1];
-    for &aggregate in aggregates.of_node.iter().filter(|&&i| i != NONE) {
-        start[aggregate as usize + 1] += 1;
-    }
-    for i in 0..aggregates.count {
-        start[i + 1] += start[i];
-    }
-    let mut next = start.clone();
-    let mut members = vec![0; start[aggregates.count]];
-    for (node, &aggregate) in aggregates.of_node.iter().enumerate() {
-        if aggregate != NONE {
-            members[next[aggregate as usize]] = node as u32;
-            next[aggregate as usize] += 1;
+/// The prolongation that is being smoothed, on the blocks that it may have.
+struct Pattern {
+    row_ptr: Vec<usize>,
+    cols: Vec<u32>,
+}
+
+impl Pattern {
+    /// The aggregates of a node and of its strong neighbours.
+    fn new(aggregates: &Groups, strong: &Graph) -> Self {
+        let (mut row_ptr, mut cols) = (vec![0], Vec::new());
+        for (i, &own) in aggregates.of_node.iter().enumerate() {
+            let start = cols.len();
+            if own != NONE {
+                cols.push(own);
+                for &(j, _) in strong.of(i) {
+                    let aggregate = aggregates.of_node[j as usize];
+                    if aggregate != NONE && !cols[start..].contains(&aggregate) {
+                        cols.push(aggregate);
+                    }
+                }
+                cols[start..].sort_unstable();
+            }
+            row_ptr.push(cols.len());
         }
+        Self { row_ptr, cols }
     }
-    (start, members)
+
+    fn range(&self, i: usize) -> std::ops::Range<usize> {
+        self.row_ptr[i]..self.row_ptr[i + 1]
+    }
 }
 
-/// P = (I − ω D⁻¹A) Q.
+/// P = (I − ω₂ D⁻¹A) (I − ω₁ D⁻¹A) Q for the ω given, each step held to the aggregates of a node and of its strong
+/// neighbours.
+///
+/// What a step would put elsewhere in the row of a node of aggregate I is taken as if it moved rigidly with I: an
+/// aggregate J there has the rigid motions R_J (its coarse unknowns), and T_I (the factor of I) makes rigid motions of
+/// the coarse unknowns of I, so that a block V of column J becomes V R_J T_I in column I. Rigid motions stay exact that
+/// way, where leaving the block out would cost them (Σ_J V_J R_J is what the row does to them). With all neighbours
+/// strong a first step is that of ordinary smoothed aggregation.
 pub(super) fn smoothed<const B: usize, const M: usize>(
     a: &BlockCsr<B>,
     inverse_diagonal: &[[[f64; B]; B]],
-    omega: f64,
-    aggregates: &Aggregates,
-    q: &[Modes<B, M>],
+    omegas: &[f64],
+    aggregates: &Groups,
+    strong: &Graph,
+    tentative: &Tentative<B, M>,
 ) -> BlockCsr<B, M> {
     let n = a.n_block_rows();
-    let parts: Vec<(Vec<u32>, Vec<u32>, Vec<Modes<B, M>>)> = (0..n.div_ceil(ROWS_PER_TASK))
-        .into_par_iter()
-        .map(|task| {
-            let rows = task * ROWS_PER_TASK..((task + 1) * ROWS_PER_TASK).min(n);
-            Arch::new().dispatch(|| {
-                let mut lengths = Vec::with_capacity(rows.len());
-                let (mut cols, mut values) = (Vec::new(), Vec::new());
-                let mut row: Vec<(u32, Modes<B, M>)> = Vec::new();
-                for i in rows {
-                    row.clear();
-                    let (a_cols, blocks) = a.row(i);
-                    for (&j, block) in a_cols.iter().zip(blocks) {
-                        let aggregate = aggregates.of_node[j as usize];
-                        if aggregate == NONE {
-                            continue;
-                        }
-                        // A row meets few aggregates: looking through them beats any table.
-                        let place = row
-                            .iter()
-                            .position(|&(c, _)| c == aggregate)
-                            .unwrap_or_else(|| {
-                                row.push((aggregate, [[0.0; M]; B]));
-                                row.len() - 1
-                            });
-                        add_product(block, &q[j as usize], &mut row[place].1);
-                    }
-                    row.sort_unstable_by_key(|&(c, _)| c);
-                    for (aggregate, sum) in &row {
-                        let mut value = [[0.0; M]; B];
-                        add_product(&inverse_diagonal[i], sum, &mut value);
-                        let own = *aggregate == aggregates.of_node[i];
-                        for c in 0..B {
-                            for k in 0..M {
-                                value[c][k] *= -omega;
-                                if own {
-                                    value[c][k] += q[i][c][k];
-                                }
-                            }
-                        }
-                        if own || value.as_flattened().iter().any(|&v| v != 0.0) {
-                            cols.push(*aggregate);
-                            values.push(value);
-                        }
-                    }
-                    lengths.push(cols.len() as u32);
-                }
-                (lengths, cols, values)
-            })
-        })
-        .collect();
-    let mut row_ptr = vec![0];
-    let n_blocks = parts.iter().map(|part| part.1.len()).sum();
-    let mut cols = Vec::with_capacity(n_blocks);
-    let mut values = Vec::with_capacity(n_blocks);
-    for (ends, part_cols, part_values) in parts {
-        let before = cols.len();
-        row_ptr.extend(ends.into_iter().map(|end| before + end as usize));
-        cols.extend_from_slice(&part_cols);
-        values.extend_from_slice(&part_values);
+    let pattern = Pattern::new(aggregates, strong);
+    let q = |i: usize| -> (&[u32], &[Modes<B, M>]) {
+        let own = &aggregates.of_node[i];
+        let there = usize::from(*own != NONE);
+        (
+            &std::slice::from_ref(own)[..there],
+            &std::slice::from_ref(&tentative.q[i])[..there],
+        )
+    };
+    let mut p: Option<Vec<Modes<B, M>>> = None;
+    for &omega in omegas {
+        let step = Step {
+            a,
+            inverse_diagonal,
+            omega,
+            aggregates,
+            tentative,
+            pattern: &pattern,
+        };
+        p = Some(match &p {
+            None => step.of(q),
+            Some(p) => step.of(|i| (&pattern.cols[pattern.range(i)], &p[pattern.range(i)])),
+        });
     }
-    BlockCsr::from_parts(n, aggregates.count, row_ptr, cols, values)
+    let values = p.unwrap_or_default();
+    // Decoupled components leave blocks of zeros.
+    let (mut row_ptr, mut cols, mut kept) = (vec![0], Vec::new(), Vec::with_capacity(values.len()));
+    for i in 0..n {
+        for k in pattern.range(i) {
+            let own = pattern.cols[k] == aggregates.of_node[i];
+            if own || values[k].as_flattened().iter().any(|&v| v != 0.0) {
+                cols.push(pattern.cols[k]);
+                kept.push(values[k]);
+            }
+        }
+        row_ptr.push(cols.len());
+    }
+    BlockCsr::from_parts(n, aggregates.count, row_ptr, cols, kept)
+}
+
+/// A smoothing step of the prolongation.
+struct Step<'a, const B: usize, const M: usize> {
+    a: &'a BlockCsr<B>,
+    inverse_diagonal: &'a [[[f64; B]; B]],
+    omega: f64,
+    aggregates: &'a Groups,
+    tentative: &'a Tentative<B, M>,
+    pattern: &'a Pattern,
+}
+
+impl<const B: usize, const M: usize> Step<'_, B, M> {
+    /// The blocks after it, on the pattern, of those before it.
+    fn of<'a>(
+        &self,
+        before: impl Fn(usize) -> (&'a [u32], &'a [Modes<B, M>]) + Sync,
+    ) -> Vec<Modes<B, M>> {
+        let n = self.a.n_block_rows();
+        // What the rows do to the rigid motions.
+        let mut motions = vec![[[0.0; M]; B]; n];
+        motions
+            .par_iter_mut()
+            .enumerate()
+            .with_min_len(ROWS_PER_TASK)
+            .for_each(|(i, motion)| {
+                let (cols, blocks) = before(i);
+                for (&aggregate, block) in cols.iter().zip(blocks) {
+                    add_product(block, &self.tentative.coarse[aggregate as usize], motion);
+                }
+            });
+        let mut after = vec![[[0.0; M]; B]; self.pattern.cols.len()];
+        let mut tasks = Vec::new();
+        let mut rest = &mut after[..];
+        for first in (0..n).step_by(ROWS_PER_TASK) {
+            let last = (first + ROWS_PER_TASK).min(n);
+            let (head, tail) =
+                rest.split_at_mut(self.pattern.row_ptr[last] - self.pattern.row_ptr[first]);
+            tasks.push((first..last, head));
+            rest = tail;
+        }
+        tasks.into_par_iter().for_each(|(rows, mut values)| {
+            Arch::new().dispatch(|| {
+                for i in rows {
+                    let (row, tail) = values.split_at_mut(self.pattern.range(i).len());
+                    self.row(i, &before, &motions, row);
+                    values = tail;
+                }
+            });
+        });
+        after
+    }
+
+    /// Row i; `row` holds zeros.
+    #[inline(always)]
+    fn row<'a>(
+        &self,
+        i: usize,
+        before: &impl Fn(usize) -> (&'a [u32], &'a [Modes<B, M>]),
+        motions: &[Modes<B, M>],
+        row: &mut [Modes<B, M>],
+    ) {
+        let columns = &self.pattern.cols[self.pattern.range(i)];
+        let place = |aggregate: u32| columns.iter().position(|&c| c == aggregate);
+        let Some(own) = place(self.aggregates.of_node[i]) else {
+            return;
+        };
+        let mut elsewhere = [[0.0; M]; B];
+        let (a_cols, a_blocks) = self.a.row(i);
+        for (&j, block) in a_cols.iter().zip(a_blocks) {
+            let (cols, blocks) = before(j as usize);
+            for (&aggregate, other) in cols.iter().zip(blocks) {
+                // A row meets few aggregates: looking through them beats any table.
+                if let Some(place) = place(aggregate) {
+                    add_product(block, other, &mut row[place]);
+                }
+            }
+            add_product(block, &motions[j as usize], &mut elsewhere);
+        }
+        for (&aggregate, sum) in columns.iter().zip(&*row) {
+            let mut here = [[0.0; M]; B];
+            add_product(sum, &self.tentative.coarse[aggregate as usize], &mut here);
+            subtract(&mut elsewhere, 1.0, &here);
+        }
+        let factor = &self.tentative.factors[columns[own] as usize];
+        add_product(&elsewhere, factor, &mut row[own]);
+        let (cols, blocks) = before(i);
+        for (&aggregate, sum) in columns.iter().zip(row) {
+            let mut change = [[0.0; M]; B];
+            add_product(&self.inverse_diagonal[i], sum, &mut change);
+            let there = cols.iter().position(|&c| c == aggregate);
+            *sum = there.map_or([[0.0; M]; B], |place| blocks[place]);
+            subtract(sum, self.omega, &change);
+        }
+    }
+}
+
+/// a −= s b.
+#[inline(always)]
+fn subtract<const B: usize, const M: usize>(a: &mut Modes<B, M>, s: f64, b: &Modes<B, M>) {
+    for (a, b) in a.as_flattened_mut().iter_mut().zip(b.as_flattened()) {
+        *a -= s * b;
+    }
 }

@@ -1,5 +1,6 @@
 //! The data of the Chebyshev smoother: inverse diagonal blocks, spectral radius, coefficients.
 
+use super::Inverse;
 use crate::dense::tridiagonal_largest;
 use crate::sparse::stored::{BlockMatrix, Real, times};
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
@@ -17,38 +18,49 @@ pub(crate) fn inverse_diagonal<const B: usize>(
     (0..a.n_block_rows())
         .into_par_iter()
         .with_min_len(1 << 12)
-        .map(|i| a.block(i, i).and_then(invert).ok_or(i))
+        .map(|i| {
+            let mut block = *a.block(i, i).ok_or(i)?;
+            match invert(block.as_flattened_mut(), B, 4.0 * f64::EPSILON) {
+                true => Ok(block),
+                false => Err(i),
+            }
+        })
         .collect()
 }
 
-/// The inverse of a symmetric positive definite block by Gauss–Jordan elimination; None if a pivot is
-/// not positive beyond rounding.
-fn invert<const B: usize>(block: &[[f64; B]; B]) -> Option<[[f64; B]; B]> {
-    let mut a = *block;
-    let mut inverse = [[0.0; B]; B];
-    for k in 0..B {
-        inverse[k][k] = 1.0;
+/// Rows of the largest matrix that is inverted here: a patch of four nodes of six unknowns.
+pub(super) const MOST_ROWS: usize = 24;
+
+/// Puts its inverse in the place of a symmetric positive definite matrix of n rows by Gauss–Jordan elimination; false if
+/// a pivot is not more than `limit` times its diagonal entry.
+#[inline(always)]
+pub(super) fn invert(a: &mut [f64], n: usize, limit: f64) -> bool {
+    let mut least = [0.0; MOST_ROWS];
+    for k in 0..n {
+        least[k] = limit * a[k * n + k];
     }
-    for k in 0..B {
-        let pivot = a[k][k];
-        if !(pivot > 4.0 * f64::EPSILON * block[k][k]) {
-            return None;
+    let mut pivot_row = [0.0; MOST_ROWS];
+    for k in 0..n {
+        let pivot = a[k * n + k];
+        if !(pivot > least[k]) {
+            return false;
         }
-        for j in 0..B {
-            a[k][j] /= pivot;
-            inverse[k][j] /= pivot;
+        a[k * n + k] = 1.0;
+        for j in 0..n {
+            pivot_row[j] = a[k * n + j] / pivot;
         }
-        for i in 0..B {
-            let factor = a[i][k];
-            if i != k {
-                for j in 0..B {
-                    a[i][j] -= factor * a[k][j];
-                    inverse[i][j] -= factor * inverse[k][j];
-                }
+        for (i, row) in a.chunks_exact_mut(n).enumerate() {
+            if i == k {
+                row.copy_from_slice(&pivot_row[..n]);
+                continue;
+            }
+            let factor = std::mem::replace(&mut row[k], 0.0);
+            for (v, p) in row.iter_mut().zip(&pivot_row) {
+                *v -= factor * p;
             }
         }
     }
-    Some(inverse)
+    true
 }
 
 /// The largest eigenvalue of D⁻¹A, from below: the largest Ritz value of a few steps of conjugate
@@ -57,11 +69,26 @@ fn invert<const B: usize>(block: &[[f64; B]; B]) -> Option<[[f64; B]; B]> {
 /// A and D⁻¹ are taken as they are stored: two digits of the result are enough.
 pub(super) fn spectral_radius<const B: usize, S: Real>(
     a: &BlockMatrix<S>,
-    inverse_diagonal: &[S],
+    inverse: &Inverse<S>,
 ) -> f64 {
+    let n = a.n_block_rows();
     let a = a.view::<B, B>();
-    let inverse_diagonal = inverse_diagonal.as_chunks::<B>().0.as_chunks::<B>().0;
-    let n = inverse_diagonal.len();
+    let multiplied = |r: &[[S; B]], z: &mut [[S; B]]| {
+        let rows = z.par_chunks_mut(ROWS_PER_TASK).enumerate();
+        rows.for_each(|(task, z)| {
+            Arch::new().dispatch(|| {
+                for (k, z) in z.iter_mut().enumerate() {
+                    let i = task * ROWS_PER_TASK + k;
+                    *z = match inverse {
+                        Inverse::Diagonal { values, .. } => {
+                            times(&values.as_chunks::<B>().0.as_chunks::<B>().0[i], &r[i])
+                        }
+                        Inverse::Patches(patches) => patches.view::<B, B>().row_times(i, r),
+                    };
+                }
+            });
+        });
+    };
     let mut r: Vec<[S; B]> = (0..n)
         .into_par_iter()
         .with_min_len(ROWS_PER_TASK)
@@ -72,21 +99,12 @@ pub(super) fn spectral_radius<const B: usize, S: Real>(
     let mut q = z.clone();
     // r ← r − α q, z = D⁻¹ r; returns rᵀz.
     let precondition = |alpha: S, q: &[[S; B]], r: &mut [[S; B]], z: &mut [[S; B]]| {
-        let rows = (r.par_chunks_mut(ROWS_PER_TASK))
-            .zip(z.par_chunks_mut(ROWS_PER_TASK))
-            .zip(q.par_chunks(ROWS_PER_TASK))
-            .zip(inverse_diagonal.par_chunks(ROWS_PER_TASK));
-        ordered_sum(rows.map(|(((r, z), q), blocks)| {
-            let mut sum = 0.0;
-            for (((r, z), q), block) in r.iter_mut().zip(z).zip(q).zip(blocks) {
-                for c in 0..B {
-                    r[c] = r[c] - alpha * q[c];
-                }
-                *z = times(block, r);
-                sum += inner(r, z);
-            }
-            sum
-        }))
+        (r.par_iter_mut().zip(q))
+            .with_min_len(ROWS_PER_TASK)
+            .for_each(|(r, q)| *r = std::array::from_fn(|c| r[c] - alpha * q[c]));
+        multiplied(r, z);
+        let rows = r.par_chunks(ROWS_PER_TASK).zip(z.par_chunks(ROWS_PER_TASK));
+        ordered_sum(rows.map(|(r, z)| r.iter().zip(z).map(|(r, z)| inner(r, z)).sum()))
     };
     let first = precondition(S::default(), &q, &mut r, &mut z);
     let (mut rz, mut alpha_old, mut beta) = (first, 1.0, 0.0);

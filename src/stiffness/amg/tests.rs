@@ -1,5 +1,9 @@
 //! Tests of the hierarchy and of conjugate gradients with it.
 
+mod stretched;
+
+use super::aggregation::{aggregate, strong, ties};
+use super::prolongation::{rigid_body_modes, smoothed, tentative};
 use super::*;
 use crate::backend::cpu::Cpu;
 use crate::control::Stop;
@@ -445,7 +449,9 @@ fn a_lattice_in_space_is_solved() {
     // Rigid motions are represented exactly.
     let (k, points) = lattice([5, 4, 6]);
     let modes = rigid_body_modes::<3, 6>(points.len(), Some(&points));
-    let aggregates = aggregate(&k, &strength(&k, 0.38), false, |_| false);
+    let ties = ties(&k);
+    let strong = strong(&ties, 0.38, f64::INFINITY, Some(&points));
+    let aggregates = aggregate(&ties, &strong, false, |_| false);
     let tentative = tentative(&modes, &aggregates);
     for (i, mode) in modes.iter().enumerate() {
         let coarse = &tentative.coarse[aggregates.of_node[i] as usize];
@@ -464,7 +470,9 @@ fn rigid_body_modes_are_interpolated_exactly() {
     let (k, _, points) = clamped(&mesh, &[MATERIAL]);
     let n = k.n_block_rows();
     let modes = rigid_body_modes::<2, 3>(n, Some(&points));
-    let aggregates = aggregate(&k, &strength(&k, 0.38), false, |_| false);
+    let ties = ties(&k);
+    let strong = strong(&ties, 0.38, f64::INFINITY, Some(&points));
+    let aggregates = aggregate(&ties, &strong, false, |_| false);
     let tentative = tentative(&modes, &aggregates);
     for i in 0..n {
         let coarse = &tentative.coarse[aggregates.of_node[i] as usize];
@@ -477,7 +485,14 @@ fn rigid_body_modes_are_interpolated_exactly() {
     }
     // Away from the support K moves them without force, so that smoothing keeps them too.
     let inverse_diagonal = smoother::inverse_diagonal(&k).expect("K is positive definite");
-    let p = smoothed(&k, &inverse_diagonal, 0.5, &aggregates, &tentative.q);
+    let p = smoothed(
+        &k,
+        &inverse_diagonal,
+        &[0.5, 1.0],
+        &aggregates,
+        &strong,
+        &tentative,
+    );
     for b in 0..3 {
         let coarse: Vec<f64> = tentative
             .coarse
