@@ -10,9 +10,10 @@ use signorini::backend::gpu::{self, Context, Gpu};
 use signorini::backend::{Backend, BackendError, GpuOptions, Precision, Product, Progress, Run};
 use signorini::control::{Accuracy, Costs, Stop};
 use signorini::dual::{DualOperator as _, NestedDual};
-use signorini::elasticity::{Body, Material, Plane, Unknowns, assemble};
+use signorini::elasticity::{Body, Elements, Material, Plane, Unknowns, assemble};
 use signorini::engine::{Engine, Options as EngineOptions, Place, Stiffness};
-use signorini::mesh::structured::{CellShape, rectangle};
+use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
+use signorini::mesh::{Kind, Mesh};
 use signorini::problem::{ContactProblem, FreeBodies};
 use signorini::reference::{self, Geometry, TABLE1};
 use signorini::sparse::stored::{BlockMatrix, Dense};
@@ -1076,6 +1077,12 @@ fn level_results<B: Backend<Stored = f32>, const D: usize, const M: usize>(
     b.smooth(&state, &a, &diagonal, steps, &right, &y, &mut d, &mut z);
     keep!(&z);
     keep!(&d);
+    // Patches are any matrix to the kernel.
+    for c1 in [None, Some(0.25)] {
+        b.smooth_patches(&state, &a, c1, 0.5, &right, &mut d, &mut y);
+        keep!(&y);
+        keep!(&d);
+    }
     b.level_multiply(&state, &a, Product::Residual, &right, &y, &mut z);
     keep!(&z);
     b.level_multiply(
@@ -1144,31 +1151,53 @@ fn kernels_of_the_levels_at_awkward_sizes() {
     }
 }
 
-/// Multigrid whose vectors exceed a binding gives what it gives in one piece.
+/// K, its load and the points of the nodes of a body that is clamped on its left side and loaded on its top.
+type System<const D: usize> = (Arc<BlockCsr<D>>, Vec<f64>, Vec<[f64; D]>);
+
+fn clamped<const D: usize>(mesh: &Mesh<D>) -> System<D>
+where
+    Kind: Elements<D>,
+{
+    let body = Body {
+        mesh,
+        materials: &[reference::MATERIAL],
+        plane: Plane::PlaneStrain,
+        thickness: 1.0,
+    };
+    let mut prescribed = vec![[None; D]; mesh.nodes.len()];
+    for &node in mesh.boundaries["left"].iter().flatten() {
+        prescribed[node as usize] = [Some(0.0); D];
+    }
+    let unknowns = Unknowns::new(prescribed);
+    let mut forces = vec![[0.0; D]; mesh.nodes.len()];
+    body.add_traction(&mesh.boundaries["top"], |_, _| [1e6; D], &mut forces);
+    let (k, f) = assemble(&body, &unknowns, &forces);
+    (Arc::new(k), f, unknowns.coordinates(mesh))
+}
+
+/// Multigrid whose vectors exceed a binding gives what it gives in one piece, with patches as well.
 #[test]
 fn multigrid_on_vectors_in_pieces() {
-    let problem = one_body(1);
-    let product = |max_binding| -> (Vec<f64>, usize) {
-        let gpu = Gpu::new(&context(Precision::F64, max_binding))
-            .unwrap_or_else(|error| panic!("{error}"));
-        let mut pcg = Pcg::new(
-            gpu,
-            problem.stiffness(),
-            problem.coordinates(),
-            Preconditioner::Multigrid,
-        )
-        .unwrap_or_else(|error| panic!("{error}"));
-        assert!(pcg.hierarchy.is_some() && pcg.fallback.is_none());
-        let mut x = vec![0.0; problem.load().len()];
-        pcg.solve(problem.load(), &mut x, 1e-10, &Stop::default())
-            .unwrap_or_else(|error| panic!("{error}"));
-        (x, pcg.counts.iterations)
-    };
-    let (whole, iterations) = product(None);
-    // Some 600 unknowns a segment, which the coarsest level fits into.
-    let (pieces, iterations_there) = product(Some(24 << 10));
-    assert!(iterations.abs_diff(iterations_there) <= 1);
-    assert!(common::distance(&pieces, &whole) < 1e-9);
+    let even = rectangle([0.0; 2], [3.0, 1.0], [45, 15], CellShape::Quad, "body", "");
+    let flat = rectangle([0.0; 2], [3.0, 0.2], [20, 40], CellShape::Quad, "body", "");
+    for (k, f, points) in [clamped(&even), clamped(&flat)] {
+        let product = |max_binding| -> (Vec<f64>, usize) {
+            let gpu = Gpu::new(&context(Precision::F64, max_binding))
+                .unwrap_or_else(|error| panic!("{error}"));
+            let mut pcg = Pcg::new(gpu, &k, Some(&points), Preconditioner::Multigrid)
+                .unwrap_or_else(|error| panic!("{error}"));
+            assert!(pcg.hierarchy.is_some() && pcg.fallback.is_none());
+            let mut x = vec![0.0; f.len()];
+            pcg.solve(&f, &mut x, 1e-10, &Stop::default())
+                .unwrap_or_else(|error| panic!("{error}"));
+            (x, pcg.counts.iterations)
+        };
+        let (whole, iterations) = product(None);
+        // Some 600 unknowns a segment, which the coarsest level fits into.
+        let (pieces, iterations_there) = product(Some(24 << 10));
+        assert!(iterations.abs_diff(iterations_there) <= 1);
+        assert!(common::distance(&pieces, &whole) < 1e-9);
+    }
 }
 
 /// A cube of springs to the 26 neighbours of each node, held by springs at x = 0.
@@ -1201,8 +1230,17 @@ fn cube(n: usize) -> (BlockCsr<3>, Vec<[f64; 3]>) {
 #[test]
 fn a_body_in_space_is_solved() {
     let (k, points) = cube(11);
-    let k = Arc::new(k);
     let b = numbers(&mut Random(23), k.n_rows());
+    // Flat elements make patches.
+    let flat = block(
+        [0.0; 3],
+        [1.0, 1.0, 0.1],
+        [12, 12, 12],
+        SolidShape::Hexahedron,
+        "body",
+        "",
+    );
+    let systems = [(Arc::new(k), b, points), clamped(&flat)];
     fn solved<B: Backend>(
         backend: B,
         (k, points, b): (&Arc<BlockCsr<3>>, &[[f64; 3]], &[f64]),
@@ -1219,8 +1257,11 @@ fn a_body_in_space_is_solved() {
         assert!(norm(&r) < 2e-9 * norm(b), "{:e}", norm(&r) / norm(b));
         pcg.counts.iterations
     }
-    for preconditioner in [Preconditioner::Multigrid, Preconditioner::BlockJacobi] {
-        let system = (&k, &points[..], &b[..]);
+    let all = [Preconditioner::Multigrid, Preconditioner::BlockJacobi];
+    for ((k, b, points), preconditioner) in
+        (systems.iter()).flat_map(|system| all.map(|preconditioner| (system, preconditioner)))
+    {
+        let system = (k, &points[..], &b[..]);
         let on_cpu = solved(Cpu::<f32>::default(), system, preconditioner);
         for precision in PRECISIONS {
             let gpu = Gpu::new(&context(precision, None)).unwrap_or_else(|error| panic!("{error}"));

@@ -308,6 +308,26 @@ mod tests {
     }
 
     #[test]
+    fn patches_by_hand() {
+        // D⁻¹ ties two nodes: D⁻¹ r = (3, 0, 2, 0) of r = (1, 0, 2, 0).
+        let [one, zero] = [[[1.0, 0.0], [0.0, 1.0]], [[0.0; 2]; 2]];
+        let patches = BlockCsr::<2>::from_parts(
+            2,
+            2,
+            vec![0, 2, 4],
+            vec![0, 1, 0, 1],
+            vec![one, one, zero, one],
+        );
+        let patches = BlockMatrix::new(&patches, 1.0);
+        let r = [1.0, 0.0, 2.0, 0.0];
+        let (mut d, mut x) = ([7.0; 4], [7.0; 4]);
+        smooth_patches(&patches, None, 2.0, &r, &mut d, &mut x);
+        assert_eq!((d, x), ([6.0, 0.0, 4.0, 0.0], [6.0, 0.0, 4.0, 0.0]));
+        smooth_patches(&patches, Some(0.5), 1.0, &r, &mut d, &mut x);
+        assert_eq!((d, x), ([6.0, 0.0, 4.0, 0.0], [12.0, 0.0, 8.0, 0.0]));
+    }
+
+    #[test]
     fn dense_by_hand() {
         let n = 19;
         // Row i is i, 2i, 3i …; against ones that is i n(n + 1)/2.

@@ -497,6 +497,7 @@ mod tests {
                 Kernel::Dense => &["x"],
                 Kernel::Multiply(..) => &["y", "partials"],
                 Kernel::Smooth(_) | Kernel::Diagonal(_) => &["d", "x_next"],
+                Kernel::Patches(_) => &["d", "y"],
             };
             assert_eq!(written, expected, "{kernel:?}");
         }

@@ -222,14 +222,14 @@ struct Pattern {
 }
 
 impl Pattern {
-    /// The aggregates of a node and of its strong neighbours.
-    fn new(aggregates: &Groups, strong: &Graph) -> Self {
+    /// The aggregates of a node and of its neighbours in a graph.
+    fn new(aggregates: &Groups, graph: &Graph) -> Self {
         let (mut row_ptr, mut cols) = (vec![0], Vec::new());
         for (i, &own) in aggregates.of_node.iter().enumerate() {
             let start = cols.len();
             if own != NONE {
                 cols.push(own);
-                for &(j, _) in strong.of(i) {
+                for &(j, _) in graph.of(i) {
                     let aggregate = aggregates.of_node[j as usize];
                     if aggregate != NONE && !cols[start..].contains(&aggregate) {
                         cols.push(aggregate);
@@ -247,8 +247,8 @@ impl Pattern {
     }
 }
 
-/// P = (I − ω₂ D⁻¹A) (I − ω₁ D⁻¹A) Q for the ω given, each step held to the aggregates of a node and of its strong
-/// neighbours.
+/// P = (I − ω₂ D⁻¹A) (I − ω₁ D⁻¹A) Q for the ω given, each step held to the aggregates of a node and of its neighbours
+/// in a graph.
 ///
 /// What a step would put elsewhere in the row of a node of aggregate I is taken as if it moved rigidly with I: an
 /// aggregate J there has the rigid motions R_J (its coarse unknowns), and T_I (the factor of I) makes rigid motions of
@@ -260,11 +260,11 @@ pub(super) fn smoothed<const B: usize, const M: usize>(
     inverse_diagonal: &[[[f64; B]; B]],
     omegas: &[f64],
     aggregates: &Groups,
-    strong: &Graph,
+    graph: &Graph,
     tentative: &Tentative<B, M>,
 ) -> BlockCsr<B, M> {
     let n = a.n_block_rows();
-    let pattern = Pattern::new(aggregates, strong);
+    let pattern = Pattern::new(aggregates, graph);
     let q = |i: usize| -> (&[u32], &[Modes<B, M>]) {
         let own = &aggregates.of_node[i];
         let there = usize::from(*own != NONE);

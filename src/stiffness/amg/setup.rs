@@ -1,6 +1,6 @@
 //! How the hierarchy is made, level by level.
 
-use super::aggregation::{Groups, NONE, aggregate, strong, ties};
+use super::aggregation::{Graph, Groups, NONE, Strength, aggregate, strength, ties, weights};
 use super::patches;
 use super::prolongation::{Modes, decoupled, rigid_body_modes, smoothed, take_out_held, tentative};
 use super::{
@@ -105,44 +105,20 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
     }
     take_out_held(a, &mut modes);
     let ties = ties(a);
-    let strong = strong(&ties, theta, settings.reach, points);
+    let Strength { strong, pulling } = strength(&ties, &weights(a), theta, settings.reach, points);
     let aggregates = aggregate(&ties, &strong, settings.busiest_first, |i| {
         decoupled[i] == [true; B]
     });
-    drop(ties);
     let stalled = (aggregates.count * M) as f64 * LEAST_REDUCTION > n as f64;
     if (stalled || aggregates.count == 0) && n <= settings.stalled_dense_limit {
         return Ok(Step::Last(Coarse::Inverse(coarse::inverse(a, scale)?)));
     }
-    let stored = BlockMatrix::new(a, scale);
-    let diagonal = Inverse::Diagonal {
-        block: B,
-        values: store(inverse_diagonal.as_flattened().as_flattened(), 1.0 / scale),
-    };
-    let point_radius = RADIUS_MARGIN * smoother::spectral_radius::<B, S>(&stored, &diagonal);
-    // Written so that NaN is refused. An indefinite K may show here, and singular ones on the coarsest
-    // level.
-    if !(point_radius > 0.0) {
-        return Err(AmgError::Singular);
-    }
-    let (inverse, radius) = if settings.patches {
-        let patches = patches::patches(&strong);
-        let inverse = Inverse::Patches(BlockMatrix::new(
-            &patches::inverse(a, &inverse_diagonal, &patches),
-            1.0 / scale,
-        ));
-        let radius = RADIUS_MARGIN * smoother::spectral_radius::<B, S>(&stored, &inverse);
-        (inverse, radius)
-    } else {
-        (diagonal, point_radius)
-    };
-    if !(radius > 0.0) {
-        return Err(AmgError::Singular);
-    }
+    let smoothing = smoothing::<B, S>(a, &inverse_diagonal, [&ties, &strong], scale)?;
+    drop(ties);
     let smoother = |degree: usize, alpha: f64| Smoother {
-        matrix: stored,
-        inverse,
-        steps: smoother::chebyshev(degree, radius / alpha, radius)
+        matrix: BlockMatrix::new(a, scale),
+        inverse: smoothing.inverse,
+        steps: smoother::chebyshev(degree, smoothing.radius / alpha, smoothing.radius)
             .into_iter()
             .map(|step| step.map(S::from_f64))
             .collect(),
@@ -154,18 +130,13 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
         ))));
     }
     let tentative = tentative(&modes, &aggregates);
-    let omegas: Vec<f64> = settings
-        .weights
-        .iter()
-        .filter(|&&w| w > 0.0)
-        .map(|w| w * 4.0 / 3.0 / point_radius)
-        .collect();
+    let omegas = (settings.weights).map(|w| w * 4.0 / 3.0 / smoothing.node_radius);
     let p = smoothed(
         a,
         &inverse_diagonal,
         &omegas,
         &aggregates,
-        &strong,
+        &pulling,
         &tentative,
     );
     let r = product::transpose(&p);
@@ -174,16 +145,63 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
         return Err(AmgError::Singular);
     }
     hold_missing(&mut matrix, &tentative.coarse, 1.0 / scale);
-    let level = Box::new(Level {
-        smoother: smoother(settings.degree, settings.alpha),
-        prolongation: BlockMatrix::new(&p, 1.0),
-        restriction: BlockMatrix::new(&r, 1.0),
-    });
+    // What is not needed any more goes before more is stored: memory is short here.
+    let prolongation = BlockMatrix::new(&p, 1.0);
+    drop(p);
+    let restriction = BlockMatrix::new(&r, 1.0);
+    drop(r);
     Ok(Step::Coarser {
-        level,
+        level: Box::new(Level {
+            smoother: smoother(settings.degree, settings.alpha),
+            prolongation,
+            restriction,
+        }),
         matrix,
         modes: tentative.coarse,
         points: points.map(|points| centres(points, &aggregates)),
+    })
+}
+
+/// D⁻¹ of the smoother, and how far the eigenvalues of D⁻¹A reach: with that D, and with the blocks of the nodes.
+struct Smoothing<S> {
+    inverse: Inverse<S>,
+    radius: f64,
+    node_radius: f64,
+}
+
+/// With patches where they pay.
+fn smoothing<const B: usize, S: Real>(
+    a: &BlockCsr<B>,
+    inverse_diagonal: &[[[f64; B]; B]],
+    [ties, strong]: [&Graph; 2],
+    scale: f64,
+) -> Result<Smoothing<S>, AmgError> {
+    let stored = BlockMatrix::new(a, scale);
+    // Written so that NaN is refused. An indefinite K may show here, and singular ones on the coarsest
+    // level.
+    let radius = |inverse: &Inverse<S>| {
+        Some(RADIUS_MARGIN * smoother::spectral_radius::<B, S>(&stored, inverse))
+            .filter(|&radius| radius > 0.0)
+            .ok_or(AmgError::Singular)
+    };
+    let diagonal = Inverse::Diagonal {
+        block: B,
+        values: store(inverse_diagonal.as_flattened().as_flattened(), 1.0 / scale),
+    };
+    let node_radius = radius(&diagonal)?;
+    let (inverse, radius) = match patches::patches(ties, strong) {
+        Some(patches) => {
+            let inverse = patches::inverse(a, inverse_diagonal, &patches);
+            let inverse = Inverse::Patches(BlockMatrix::new(&inverse, 1.0 / scale));
+            let radius = radius(&inverse)?;
+            (inverse, radius)
+        }
+        None => (diagonal, node_radius),
+    };
+    Ok(Smoothing {
+        inverse,
+        radius,
+        node_radius,
     })
 }
 

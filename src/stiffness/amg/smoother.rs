@@ -20,7 +20,7 @@ pub(crate) fn inverse_diagonal<const B: usize>(
         .with_min_len(1 << 12)
         .map(|i| {
             let mut block = *a.block(i, i).ok_or(i)?;
-            match invert(block.as_flattened_mut(), B, 4.0 * f64::EPSILON) {
+            match invert(block.as_flattened_mut(), B) {
                 true => Ok(block),
                 false => Err(i),
             }
@@ -32,12 +32,12 @@ pub(crate) fn inverse_diagonal<const B: usize>(
 pub(super) const MOST_ROWS: usize = 24;
 
 /// Puts its inverse in the place of a symmetric positive definite matrix of n rows by Gauss–Jordan elimination; false if
-/// a pivot is not more than `limit` times its diagonal entry.
+/// a pivot is not positive beyond rounding.
 #[inline(always)]
-pub(super) fn invert(a: &mut [f64], n: usize, limit: f64) -> bool {
+pub(super) fn invert(a: &mut [f64], n: usize) -> bool {
     let mut least = [0.0; MOST_ROWS];
     for k in 0..n {
-        least[k] = limit * a[k * n + k];
+        least[k] = 4.0 * f64::EPSILON * a[k * n + k];
     }
     let mut pivot_row = [0.0; MOST_ROWS];
     for k in 0..n {

@@ -2,7 +2,7 @@
 
 mod stretched;
 
-use super::aggregation::{aggregate, strong, ties};
+use super::aggregation::{Strength, aggregate, strength, ties, weights};
 use super::prolongation::{rigid_body_modes, smoothed, tentative};
 use super::*;
 use crate::backend::cpu::Cpu;
@@ -450,7 +450,7 @@ fn a_lattice_in_space_is_solved() {
     let (k, points) = lattice([5, 4, 6]);
     let modes = rigid_body_modes::<3, 6>(points.len(), Some(&points));
     let ties = ties(&k);
-    let strong = strong(&ties, 0.38, f64::INFINITY, Some(&points));
+    let Strength { strong, .. } = strength(&ties, &weights(&k), 0.38, f64::INFINITY, Some(&points));
     let aggregates = aggregate(&ties, &strong, false, |_| false);
     let tentative = tentative(&modes, &aggregates);
     for (i, mode) in modes.iter().enumerate() {
@@ -466,12 +466,17 @@ fn a_lattice_in_space_is_solved() {
 
 #[test]
 fn rigid_body_modes_are_interpolated_exactly() {
-    let mesh = shaken([3.0, 1.0], [60, 20]);
-    let (k, _, points) = clamped(&mesh, &[MATERIAL]);
+    check_rigid_motions(&shaken([3.0, 1.0], [60, 20]));
+    // With weak ties, which are left out of P.
+    check_rigid_motions(&quads([3.0, 0.1], [60, 20]));
+}
+
+fn check_rigid_motions(mesh: &Mesh) {
+    let (k, _, points) = clamped(mesh, &[MATERIAL]);
     let n = k.n_block_rows();
     let modes = rigid_body_modes::<2, 3>(n, Some(&points));
     let ties = ties(&k);
-    let strong = strong(&ties, 0.38, f64::INFINITY, Some(&points));
+    let Strength { strong, pulling } = strength(&ties, &weights(&k), 0.38, 3.0, Some(&points));
     let aggregates = aggregate(&ties, &strong, false, |_| false);
     let tentative = tentative(&modes, &aggregates);
     for i in 0..n {
@@ -490,7 +495,7 @@ fn rigid_body_modes_are_interpolated_exactly() {
         &inverse_diagonal,
         &[0.5, 1.0],
         &aggregates,
-        &strong,
+        &pulling,
         &tentative,
     );
     for b in 0..3 {
@@ -639,13 +644,15 @@ fn odd_problems_are_solved() {
 
 #[test]
 fn a_stalled_hierarchy_ends_with_smoothing() {
-    let (k, f, points) = clamped(&shaken([3.0, 1.0], [120, 40]), &[MATERIAL]);
-    // Nothing is ever this strong, so every node stays alone.
-    let settings = Settings {
-        theta: 10.0,
-        ..Settings::default()
-    };
-    let m = Hierarchy::<f32>::new(&k, Some(&points), &settings).expect("K is positive definite");
+    // Pairs of nodes that no other is tied to: too many for an inverse, and aggregates of two.
+    let n = 6000;
+    let pairs: Vec<(usize, usize)> = (0..n / 4)
+        .flat_map(|i| [(4 * i, 4 * i + 2), (4 * i + 1, 4 * i + 3)])
+        .collect();
+    let all: Vec<usize> = (0..n).collect();
+    let (k, f) = (springs(n, &pairs, &all), noise(n, 3));
+    let points: Vec<[f64; 2]> = (0..n / 2).map(|i| [i as f64, 0.0]).collect();
+    let m = hierarchy::<f32>(&k, &points);
     assert!(
         matches!(m.coarse, Coarse::Smoothed(_)) && m.levels.is_empty(),
         "{m}"
