@@ -92,11 +92,7 @@ impl Graph {
     /// The strongest tie of each node, 0 where there is none.
     pub fn strongest(&self) -> Vec<f32> {
         (0..self.len())
-            .map(|i| {
-                self.of(i)
-                    .iter()
-                    .fold(0.0, |most: f32, &(_, tie)| most.max(tie))
-            })
+            .map(|i| self.of(i).iter().map(|&(_, tie)| tie).fold(0.0, f32::max))
             .collect()
     }
 }
@@ -197,19 +193,17 @@ pub(super) fn strength<const D: usize>(
     }
 }
 
-/// The root of the mean stiffness of each node.
-pub(super) fn weights<const B: usize>(a: &BlockCsr<B>) -> Vec<f32> {
-    let diagonal = a.diagonal();
-    let nodes = diagonal.chunks(B);
-    nodes
-        .map(|d| (d.iter().sum::<f64>() / B as f64).sqrt() as f32)
+/// The root of `scale` times the stiffness of each node.
+pub(super) fn weights<const B: usize>(a: &BlockCsr<B>, scale: f64) -> Vec<f32> {
+    (a.diagonal().chunks(B))
+        .map(|d| (scale * d.iter().sum::<f64>()).sqrt() as f32)
         .collect()
 }
 
 /// Nodes with so many strong neighbours are on a row of nodes.
 pub(super) const ROW: usize = 2;
-/// Nodes with more than [`ROW`] strong neighbours are thin if these are at most this part of all: in the midst of
-/// hexahedra 4 of 26, which sheets of nodes are as well.
+/// Nodes are thin if they have no more strong neighbours than [`ROW`] or one in so many of all: 4 amid hexahedra, as on a
+/// sheet of nodes.
 const THIN: usize = 6;
 
 /// The strong graph with second neighbours, from a thin node to another one, tied by half of the weaker of the two ties

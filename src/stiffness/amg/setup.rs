@@ -105,7 +105,8 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
     }
     take_out_held(a, &mut modes);
     let ties = ties(a);
-    let Strength { strong, pulling } = strength(&ties, &weights(a), theta, settings.reach, points);
+    let weights = weights(a, scale);
+    let Strength { strong, pulling } = strength(&ties, &weights, theta, settings.reach, points);
     let aggregates = aggregate(&ties, &strong, settings.busiest_first, |i| {
         decoupled[i] == [true; B]
     });

@@ -28,18 +28,12 @@ pub(crate) fn inverse_diagonal<const B: usize>(
         .collect()
 }
 
-/// Rows of the largest matrix that is inverted here: a patch of four nodes of six unknowns.
-pub(super) const MOST_ROWS: usize = 24;
-
 /// Puts its inverse in the place of a symmetric positive definite matrix of n rows by Gauss–Jordan elimination; false if
 /// a pivot is not positive beyond rounding.
 #[inline(always)]
 pub(super) fn invert(a: &mut [f64], n: usize) -> bool {
-    let mut least = [0.0; MOST_ROWS];
-    for k in 0..n {
-        least[k] = 4.0 * f64::EPSILON * a[k * n + k];
-    }
-    let mut pivot_row = [0.0; MOST_ROWS];
+    let least: Vec<f64> = (0..n).map(|k| 4.0 * f64::EPSILON * a[k * n + k]).collect();
+    let mut pivot_row = vec![0.0; n];
     for k in 0..n {
         let pivot = a[k * n + k];
         if !(pivot > least[k]) {
@@ -51,7 +45,7 @@ pub(super) fn invert(a: &mut [f64], n: usize) -> bool {
         }
         for (i, row) in a.chunks_exact_mut(n).enumerate() {
             if i == k {
-                row.copy_from_slice(&pivot_row[..n]);
+                row.copy_from_slice(&pivot_row);
                 continue;
             }
             let factor = std::mem::replace(&mut row[k], 0.0);

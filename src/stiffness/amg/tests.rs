@@ -450,7 +450,8 @@ fn a_lattice_in_space_is_solved() {
     let (k, points) = lattice([5, 4, 6]);
     let modes = rigid_body_modes::<3, 6>(points.len(), Some(&points));
     let ties = ties(&k);
-    let Strength { strong, .. } = strength(&ties, &weights(&k), 0.38, f64::INFINITY, Some(&points));
+    let Strength { strong, .. } =
+        strength(&ties, &weights(&k, 1.0), 0.38, f64::INFINITY, Some(&points));
     let aggregates = aggregate(&ties, &strong, false, |_| false);
     let tentative = tentative(&modes, &aggregates);
     for (i, mode) in modes.iter().enumerate() {
@@ -476,7 +477,7 @@ fn check_rigid_motions(mesh: &Mesh) {
     let n = k.n_block_rows();
     let modes = rigid_body_modes::<2, 3>(n, Some(&points));
     let ties = ties(&k);
-    let Strength { strong, pulling } = strength(&ties, &weights(&k), 0.38, 3.0, Some(&points));
+    let Strength { strong, pulling } = strength(&ties, &weights(&k, 1.0), 0.38, 3.0, Some(&points));
     let aggregates = aggregate(&ties, &strong, false, |_| false);
     let tentative = tentative(&modes, &aggregates);
     for i in 0..n {

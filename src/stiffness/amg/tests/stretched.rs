@@ -166,7 +166,7 @@ fn patches_are_inverted() {
     let (k, _, _) = clamped(&quads([1.0, 0.2], [10, 41]), &[MATERIAL]);
     let ties = ties(&k);
     let no_points = None::<&[[f64; 2]]>;
-    let Strength { strong, .. } = strength(&ties, &weights(&k), 0.2, 3.0, no_points);
+    let Strength { strong, .. } = strength(&ties, &weights(&k, 1.0), 0.2, 3.0, no_points);
     let groups = patches::patches(&ties, &strong).expect("cells are flat");
     let inverse_diagonal = smoother::inverse_diagonal(&k).expect("K is positive definite");
     let inverse = patches::inverse(&k, &inverse_diagonal, &groups);
