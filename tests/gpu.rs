@@ -1164,11 +1164,8 @@ where
         plane: Plane::PlaneStrain,
         thickness: 1.0,
     };
-    let mut prescribed = vec![[None; D]; mesh.nodes.len()];
-    for &node in mesh.boundaries["left"].iter().flatten() {
-        prescribed[node as usize] = [Some(0.0); D];
-    }
-    let unknowns = Unknowns::new(prescribed);
+    let held = |x: &[f64; D]| [(x[0] == 0.0).then_some(0.0); D];
+    let unknowns = Unknowns::new(mesh.nodes.iter().map(held).collect());
     let mut forces = vec![[0.0; D]; mesh.nodes.len()];
     body.add_traction(&mesh.boundaries["top"], |_, _| [1e6; D], &mut forces);
     let (k, f) = assemble(&body, &unknowns, &forces);
@@ -1234,8 +1231,8 @@ fn a_body_in_space_is_solved() {
     // Flat elements make patches.
     let flat = block(
         [0.0; 3],
-        [1.0, 1.0, 0.1],
-        [12, 12, 12],
+        [1.0, 1.0, 1.0],
+        [7, 7, 56],
         SolidShape::Hexahedron,
         "body",
         "",

@@ -28,10 +28,16 @@ fn case_b_costs_a_few_linear_solves(k: usize) {
     let (found, costs, linear) = solve_nested(&problem, &settings);
     let what = format!("k = {k}: {costs:?} {linear} {:?}", found.info);
     assert_eq!(found.status, Status::Converged, "{what}");
-    assert!(linear <= if k < 20 { 20 } else { 24 }, "{what}");
-    // Found: 2.3 to 2.6; up to 3.1 on fine meshes, until their nodal pressures are right.
-    let most = if k < 20 { 27 } else { 34 };
-    assert!(10 * costs.solves.iterations <= most * linear, "{what}");
+    println!(
+        "{k}: {} V-cycles, {linear} of one solve",
+        costs.solves.iterations
+    );
+    assert!(linear <= if k < 20 { 16 } else { 18 }, "{what}");
+    // Found: 29 to 35; up to 50 on fine meshes, until their nodal pressures are right. In linear solves that is up to 3.0
+    // and 3.6: it was 2.6 and 3.1 with as many V-cycles or more, when a linear solve took a fifth more of them.
+    let (most, solves) = if k < 20 { (35, 30) } else { (50, 36) };
+    assert!(costs.solves.iterations <= most, "{what}");
+    assert!(10 * costs.solves.iterations <= solves * linear, "{what}");
     if k < 20 {
         let expected = solve(&problem, &settings);
         // Found: at most one more; other machines round otherwise.

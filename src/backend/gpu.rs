@@ -186,6 +186,7 @@ impl Backend for Gpu {
     }
 
     fn state(&mut self, k: &Matrix, like: &Vector) -> Result<State, BackendError> {
+        self.reserve_staging(like.len)?;
         let n_curvature = k.0.parts.iter().map(|part| part.groups).sum();
         let n_vector = self.vector_groups(like).iter().sum();
         let partials = u64::from(n_curvature + n_vector) * 2 * self.real_bytes();

@@ -3,7 +3,7 @@
 use super::arrays::State;
 use super::buffers::Handle;
 use super::kernels::Kernel;
-use super::{Gpu, Params};
+use super::{Gpu, PIECE_BYTES, Params, STATE_BYTES};
 use crate::backend::{BackendError, Precision, Run};
 use std::collections::HashSet;
 use std::sync::{Arc, mpsc};
@@ -180,6 +180,24 @@ impl Gpu {
         }
     }
 
+    /// The buffer for what the host reads, of at least so many bytes.
+    fn staging_of(&mut self, bytes: u64) -> Result<Handle, BackendError> {
+        match self.staging.take() {
+            Some(staging) if staging.buffer.size >= bytes => Ok(staging),
+            _ => {
+                let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+                self.allocate("staging", bytes, usage)
+            }
+        }
+    }
+
+    /// Makes room for reading vectors of so many unknowns, before multigrid takes what is left.
+    pub(super) fn reserve_staging(&mut self, len: usize) -> Result<(), BackendError> {
+        let bytes = (len as u64 * self.real_bytes()).clamp(STATE_BYTES, PIECE_BYTES);
+        self.staging = Some(self.staging_of(bytes)?);
+        Ok(())
+    }
+
     /// Submits all work, waits for it, and hands the wanted bytes, one after the other, to `take`.
     pub(super) fn read(
         &mut self,
@@ -188,14 +206,7 @@ impl Gpu {
     ) -> Result<(), BackendError> {
         self.context.check()?;
         let bytes: u64 = sources.iter().map(|s| s.bytes).sum();
-        let staging = match self.staging.take() {
-            Some(staging) if staging.buffer.size >= bytes => staging,
-            _ => self.allocate(
-                "staging",
-                bytes,
-                BufferUsages::MAP_READ | BufferUsages::COPY_DST,
-            )?,
-        };
+        let staging = self.staging_of(bytes)?;
         self.submit(Some((&staging, sources)));
         self.in_flight.clear();
         self.counters.readbacks += 1;

@@ -81,14 +81,14 @@ fn iterations_on_stretched_cells() {
         (
             "flat",
             even([1.0, 1.0, 0.5], [10, 10, 100], hexahedron, &[MATERIAL]),
-            25,
+            23,
             2.0,
         ),
         (
             "needles",
             even([0.4, 0.4, 2.0], [40, 40, 10], hexahedron, &[MATERIAL]),
-            16,
-            1.6,
+            14,
+            1.5,
         ),
     ] {
         let settings = Settings::of_dimension(3);
