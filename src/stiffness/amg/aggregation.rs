@@ -59,25 +59,30 @@ impl Graph {
 
     /// The graph that `row` gives for n nodes, in parallel.
     pub fn collect(n: usize, row: impl Fn(usize, &mut Vec<(u32, f32)>) + Sync) -> Self {
-        let parts: Vec<(Vec<usize>, Vec<(u32, f32)>)> = (0..n.div_ceil(ROWS_PER_TASK))
+        let parts: Vec<Self> = (0..n.div_ceil(ROWS_PER_TASK))
             .into_par_iter()
             .map(|task| {
-                let (mut ends, mut neighbours) = (Vec::new(), Vec::new());
+                let mut part = Self {
+                    start: vec![0],
+                    neighbours: Vec::new(),
+                };
                 for i in task * ROWS_PER_TASK..((task + 1) * ROWS_PER_TASK).min(n) {
-                    row(i, &mut neighbours);
-                    ends.push(neighbours.len());
+                    row(i, &mut part.neighbours);
+                    part.start.push(part.neighbours.len());
                 }
-                (ends, neighbours)
+                part
             })
             .collect();
         let mut graph = Self {
             start: vec![0],
-            neighbours: Vec::with_capacity(parts.iter().map(|part| part.1.len()).sum()),
+            neighbours: Vec::with_capacity(parts.iter().map(|part| part.neighbours.len()).sum()),
         };
-        for (ends, neighbours) in parts {
+        for part in parts {
             let before = graph.neighbours.len();
-            graph.start.extend(ends.into_iter().map(|end| before + end));
-            graph.neighbours.extend(neighbours);
+            graph
+                .start
+                .extend(part.start[1..].iter().map(|end| before + end));
+            graph.neighbours.extend(part.neighbours);
         }
         graph
     }

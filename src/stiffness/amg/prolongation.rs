@@ -35,7 +35,7 @@ pub(super) fn rigid_body_modes<const D: usize, const M: usize>(
 
 /// Which components are tied to nothing: their row has no entry off the diagonal. Of a node that is tied
 /// to no other node all components count, since the inverse of its block is all it needs.
-pub(super) fn decoupled<const B: usize>(a: &BlockCsr<B>) -> Vec<[bool; B]> {
+fn decoupled<const B: usize>(a: &BlockCsr<B>) -> Vec<[bool; B]> {
     (0..a.n_block_rows())
         .into_par_iter()
         .with_min_len(1 << 12)
@@ -58,25 +58,33 @@ pub(super) fn decoupled<const B: usize>(a: &BlockCsr<B>) -> Vec<[bool; B]> {
         .collect()
 }
 
-/// Takes out of the modes at the nodes of a finest level what supports hold there along directions other than the axes:
-/// those that no other node is tied to, as [`decoupled`] finds them along the axes.
+/// Takes out of the modes what supports hold: the components that [`decoupled`] finds, which are returned, and at the nodes of a
+/// finest level directions other than the axes that no other node is tied to.
 pub(super) fn take_out_held<const B: usize, const M: usize>(
     a: &BlockCsr<B>,
     modes: &mut [Modes<B, M>],
-) {
-    // Nodes of bodies: no others have directions.
-    if B != 2 && B != 3 {
-        return;
-    }
-    let nodes = modes.par_iter_mut().enumerate().with_min_len(1 << 12);
-    nodes.for_each(|(i, mode)| {
-        for n in held_directions(a, i) {
-            for k in 0..M {
-                let part: f64 = (0..B).map(|c| n[c] * mode[c][k]).sum();
-                (0..B).for_each(|c| mode[c][k] -= part * n[c]);
+) -> Vec<[bool; B]> {
+    let decoupled = decoupled(a);
+    let nodes = modes.par_iter_mut().zip(&decoupled).enumerate();
+    nodes
+        .with_min_len(1 << 12)
+        .for_each(|(i, (mode, decoupled))| {
+            for (row, _) in mode.iter_mut().zip(decoupled).filter(|(_, held)| **held) {
+                *row = [0.0; M];
             }
-        }
-    });
+            // Nodes of bodies: no others have directions.
+            let held = match B {
+                2 | 3 => held_directions(a, i),
+                _ => Vec::new(),
+            };
+            for n in held {
+                for k in 0..M {
+                    let part: f64 = (0..B).map(|c| n[c] * mode[c][k]).sum();
+                    (0..B).for_each(|c| mode[c][k] -= part * n[c]);
+                }
+            }
+        });
+    decoupled
 }
 
 /// Orthonormal directions at node i along which its row ties it to no other node; none where all are such, or where

@@ -2,7 +2,7 @@
 
 use super::aggregation::{Graph, Groups, NONE, Strength, aggregate, strength, ties, weights};
 use super::patches;
-use super::prolongation::{Modes, decoupled, rigid_body_modes, smoothed, take_out_held, tentative};
+use super::prolongation::{Modes, rigid_body_modes, smoothed, take_out_held, tentative};
 use super::{
     AmgError, Coarse, Hierarchy, Inverse, Level, Settings, Smoother, coarse, product, scale_of,
     smoother,
@@ -31,7 +31,6 @@ pub(super) fn build<const D: usize, const M: usize, S: Real>(
 ) -> Result<Hierarchy<S>, AmgError> {
     let scale = scale_of(k)?;
     let modes = rigid_body_modes::<D, M>(k.n_block_rows(), coordinates);
-    let mut levels = Vec::new();
     // Unknowns of which an inverse has as many entries as it may.
     let entries = (D * D * k.n_blocks()) as f64;
     let settings = &Settings {
@@ -42,77 +41,40 @@ pub(super) fn build<const D: usize, const M: usize, S: Real>(
         Some(_) => [settings.theta, settings.coarse_theta],
         None => [settings.theta_without_points; 2],
     };
-    let mut step = coarsen(k, modes, coordinates, scale, theta[0], settings)?;
-    loop {
-        match step {
-            Step::Last(coarse) => {
-                return Ok(Hierarchy {
-                    levels,
-                    coarse,
-                    scale,
-                });
-            }
-            Step::Coarser {
-                level,
-                matrix,
-                modes,
-                points,
-            } => {
-                levels.push(*level);
-                step = coarsen(&matrix, modes, points.as_deref(), scale, theta[1], settings)
-                    // Only the blocks of K can be named to the user.
-                    .map_err(|_| AmgError::Singular)?;
-            }
-        }
-    }
+    let (mut levels, coarse) = coarsen(k, modes, coordinates, scale, theta, settings)?;
+    levels.reverse();
+    Ok(Hierarchy {
+        levels,
+        coarse,
+        scale,
+    })
 }
 
-/// What coarsening one level gave.
-enum Step<const M: usize, const D: usize, S> {
-    /// A smoothed level, and the matrix, the modes and the places of the nodes of the one below.
-    Coarser {
-        level: Box<Level<S>>,
-        matrix: BlockCsr<M>,
-        modes: Vec<Modes<M, M>>,
-        points: Option<Vec<[f64; D]>>,
-    },
-    /// The level is the coarsest.
-    Last(Coarse<S>),
-}
-
-/// Makes the level of `a` and the matrix below it, or finishes with `a`.
+/// The levels of `a` and all below it, the finest last, and the coarsest. `theta` is for this level and for those below.
 fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
     a: &BlockCsr<B>,
     mut modes: Vec<Modes<B, M>>,
     points: Option<&[[f64; D]]>,
     scale: f64,
-    theta: f64,
+    theta: [f64; 2],
     settings: &Settings,
-) -> Result<Step<M, D, S>, AmgError> {
+) -> Result<(Vec<Level<S>>, Coarse<S>), AmgError> {
     let n = a.n_rows();
     if n <= settings.dense_limit {
-        return Ok(Step::Last(Coarse::Inverse(coarse::inverse(a, scale)?)));
+        return Ok((Vec::new(), Coarse::Inverse(coarse::inverse(a, scale)?)));
     }
     let inverse_diagonal = smoother::inverse_diagonal(a)
         .map_err(|node| AmgError::NotPositiveDefinite { node, block: B })?;
-    let decoupled = decoupled(a);
-    for (mode, decoupled) in modes.iter_mut().zip(&decoupled) {
-        for c in 0..B {
-            if decoupled[c] {
-                mode[c] = [0.0; M];
-            }
-        }
-    }
-    take_out_held(a, &mut modes);
+    let decoupled = take_out_held(a, &mut modes);
     let ties = ties(a);
     let weights = weights(a, scale);
-    let Strength { strong, pulling } = strength(&ties, &weights, theta, settings.reach, points);
+    let Strength { strong, pulling } = strength(&ties, &weights, theta[0], settings.reach, points);
     let aggregates = aggregate(&ties, &strong, settings.busiest_first, |i| {
         decoupled[i] == [true; B]
     });
     let stalled = (aggregates.count * M) as f64 * LEAST_REDUCTION > n as f64;
     if (stalled || aggregates.count == 0) && n <= settings.stalled_dense_limit {
-        return Ok(Step::Last(Coarse::Inverse(coarse::inverse(a, scale)?)));
+        return Ok((Vec::new(), Coarse::Inverse(coarse::inverse(a, scale)?)));
     }
     let smoothing = smoothing::<B, S>(a, &inverse_diagonal, [&ties, &strong], scale)?;
     drop(ties);
@@ -125,10 +87,8 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
             .collect(),
     };
     if stalled || aggregates.count == 0 {
-        return Ok(Step::Last(Coarse::Smoothed(smoother(
-            COARSE_DEGREE,
-            COARSE_ALPHA,
-        ))));
+        let last = smoother(COARSE_DEGREE, COARSE_ALPHA);
+        return Ok((Vec::new(), Coarse::Smoothed(last)));
     }
     let tentative = tentative(&modes, &aggregates);
     let omegas = (settings.weights).map(|w| w * 4.0 / 3.0 / smoothing.node_radius);
@@ -146,21 +106,25 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
         return Err(AmgError::Singular);
     }
     hold_missing(&mut matrix, &tentative.coarse, 1.0 / scale);
-    // What is not needed any more goes before more is stored: memory is short here.
+    // What is not needed any more goes before more is stored, and A is stored last: memory is short while the coarser
+    // levels are made.
     let prolongation = BlockMatrix::new(&p, 1.0);
     drop(p);
     let restriction = BlockMatrix::new(&r, 1.0);
     drop(r);
-    Ok(Step::Coarser {
-        level: Box::new(Level {
-            smoother: smoother(settings.degree, settings.alpha),
-            prolongation,
-            restriction,
-        }),
-        matrix,
-        modes: tentative.coarse,
-        points: points.map(|points| centres(points, &aggregates)),
-    })
+    drop((modes, tentative.q, strong, pulling, inverse_diagonal));
+    let points = points.map(|points| centres(points, &aggregates));
+    let (modes, theta) = (tentative.coarse, [theta[1]; 2]);
+    let (mut levels, last) = coarsen(&matrix, modes, points.as_deref(), scale, theta, settings)
+        // Only the blocks of K can be named to the user.
+        .map_err(|_| AmgError::Singular)?;
+    drop(matrix);
+    levels.push(Level {
+        smoother: smoother(settings.degree, settings.alpha),
+        prolongation,
+        restriction,
+    });
+    Ok((levels, last))
 }
 
 /// D⁻¹ of the smoother, and how far the eigenvalues of D⁻¹A reach: with that D, and with the blocks of the nodes.
