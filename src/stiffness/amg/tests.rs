@@ -263,7 +263,7 @@ fn iterations_on_meshes_and_materials() {
             "checkers",
             second_region(quads([3.0, 1.0], [300, 100]), checkers),
             [MATERIAL, soft],
-            34,
+            35,
             1.7,
         ),
         (
