@@ -360,7 +360,7 @@ where
             if is_free {
                 match self.on_springs(&from)? {
                     Springs::Break => {}
-                    Springs::Bear(solution) => return Ok((solution, None)),
+                    Springs::Bear(solution) => return Ok((*solution, None)),
                     Springs::Idle(lambda) => (from, is_held) = (lambda, true),
                 }
                 let solution = self.solve(None, &from, tolerance)?;
@@ -523,14 +523,14 @@ where
         free.add_motion(&back, &mut u);
         let mut info = solution.info;
         info.kkt = conditions(&self.lawful, self.dual, &u, &solution.lambda)?;
-        Ok(Springs::Bear(Solution {
+        Ok(Springs::Bear(Box::new(Solution {
             status: Status::NotHeld,
             u,
             driven: borne.clone(),
             imbalance: borne,
             info,
             ..solution
-        }))
+        })))
     }
 
     /// The end of the step with a solution, and the bounds that were frozen for it.

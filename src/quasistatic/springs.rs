@@ -30,7 +30,7 @@ pub(super) enum Springs<const D: usize> {
     /// The springs hardly notice: λ of bodies that are held, or on the edge of it.
     Idle(Vec<f64>),
     /// The springs bear what contact and friction do not: the bodies are not held.
-    Bear(Solution<D>),
+    Bear(Box<Solution<D>>),
 }
 
 /// The dual operator of a problem with free bodies, with springs on their motions.
