@@ -250,82 +250,31 @@ fn table() {
         young: 1e-4 * MATERIAL.young,
         ..MATERIAL
     };
-    let cases: [(&str, &dyn Fn() -> Solid); 10] = [
-        ("graded S1", &|| graded([32, 16, 16])),
-        ("graded S2", &|| graded([54, 27, 27])),
-        ("graded S3", &|| graded([90, 44, 44])),
-        ("uniform S1", &|| {
-            solid(
-                [3.0, 1.0, 1.0],
-                [48, 16, 16],
-                hexahedron,
-                straight,
-                "left",
-                &[MATERIAL],
-            )
-        }),
-        ("uniform S2", &|| {
-            solid(
-                [3.0, 1.0, 1.0],
-                [84, 28, 28],
-                hexahedron,
-                straight,
-                "left",
-                &[MATERIAL],
-            )
-        }),
-        ("tet4", &|| {
-            solid(
-                [3.0, 1.0, 1.0],
-                [48, 16, 16],
-                SolidShape::Tetrahedron,
-                straight,
-                "left",
-                &[MATERIAL],
-            )
-        }),
-        ("layers 1e4", &|| {
-            solid(
-                [3.0, 1.0, 1.0],
-                [48, 16, 16],
-                hexahedron,
-                straight,
-                "left",
-                &[MATERIAL, soft, MATERIAL, soft],
-            )
-        }),
-        ("flat 20", &|| {
-            solid(
-                [2.0, 1.0, 0.5],
-                [20, 10, 100],
-                hexahedron,
-                straight,
-                "left",
-                &[MATERIAL],
-            )
-        }),
-        ("flat 20 below", &|| {
-            solid(
-                [2.0, 1.0, 0.5],
-                [40, 20, 100],
-                hexahedron,
-                straight,
-                "bottom",
-                &[MATERIAL],
-            )
-        }),
-        ("needles 20", &|| {
-            solid(
-                [0.5, 0.5, 2.0],
-                [50, 50, 10],
-                hexahedron,
-                straight,
-                "left",
-                &[MATERIAL],
-            )
-        }),
+    let tetrahedron = SolidShape::Tetrahedron;
+    let [one, layers] = [&[MATERIAL][..], &[MATERIAL, soft, MATERIAL, soft]];
+    let graded_cells = [
+        ("graded S1", [32, 16, 16]),
+        ("graded S2", [54, 27, 27]),
+        ("graded S3", [90, 44, 44]),
     ];
-    for (name, make) in cases {
+    let (bar, slab, rod) = ([3.0, 1.0, 1.0], [2.0, 1.0, 0.5], [0.5, 0.5, 2.0]);
+    let boxes = [
+        ("uniform S1", bar, [48, 16, 16], hexahedron, "left", one),
+        ("uniform S2", bar, [84, 28, 28], hexahedron, "left", one),
+        ("tet4", bar, [48, 16, 16], tetrahedron, "left", one),
+        ("layers 1e4", bar, [48, 16, 16], hexahedron, "left", layers),
+        ("flat 20", slab, [20, 10, 100], hexahedron, "left", one),
+        (
+            "flat 20 below",
+            slab,
+            [40, 20, 100],
+            hexahedron,
+            "bottom",
+            one,
+        ),
+        ("needles 20", rod, [50, 50, 10], hexahedron, "left", one),
+    ];
+    let measure_solid = |name: &str, make: &dyn Fn() -> Solid| {
         if name.contains(&only) {
             let (k, f, points) = make();
             measured(name, &k, &f, Some(&points));
@@ -333,6 +282,14 @@ fn table() {
                 measured(&format!("{name}, no points"), &k, &f, None);
             }
         }
+    };
+    for (name, cells) in graded_cells {
+        measure_solid(name, &|| graded(cells));
+    }
+    for (name, size, cells, shape, clamped, materials) in boxes {
+        measure_solid(name, &|| {
+            solid(size, cells, shape, straight, clamped, materials)
+        });
     }
     let checkers = |x: [f64; 2]| ((x[0] * 8.0) as i32 + (x[1] * 8.0) as i32) % 2 == 0;
     let disc = |x: [f64; 2]| (x[0] - 1.5).powi(2) + (x[1] - 0.5).powi(2) < 0.09;
