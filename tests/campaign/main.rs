@@ -12,6 +12,8 @@
 //! - **edge**: a block that contact alone holds, pushed by a force that is larger or smaller by 10⁻¹ to 10⁻⁸ than
 //!   what statics says that it bears before it slides or tips.
 //!
+//! In space (`solids.rs`): **solid**, a block on a half-space, a ball or a cylinder, **solids**, two blocks on each other.
+//!
 //! # What an answer is judged by
 //!
 //! [`Oracle`] reads K, N, T, the load and the gap, and shares no code with the solver. Its sums are compensated, so that
@@ -42,7 +44,10 @@
 //! resist less than the loads drive it. Without Coulomb friction a problem that can be balanced has a solution, so that
 //! `not_held` is wrong there; with Coulomb friction all sets are tried where they are few (`common/checker.rs`).
 //!
-//! `cargo test --release --test campaign -- --ignored --nocapture random_problems` tries 10 000 problems on each path. Environment:
+//! In space the bounded least-squares problem is a cone program, which Clarabel solves.
+//!
+//! `cargo test --release --test campaign -- --ignored --nocapture random_problems` tries 10 000 problems in the plane on
+//! each path, `random_solids` as many in space. Environment:
 //!
 //! - `CAMPAIGN_PROBLEMS`: how many problems instead;
 //! - `CAMPAIGN_SEED`: the seed of the first one (1);
@@ -54,14 +59,16 @@ mod ablation;
 mod common;
 mod oracle;
 mod problems;
+mod solids;
 
 use common::cases::{Trial, elastic, generator};
-use common::checker::{Checker, has_solution, largest, length};
+use common::checker::{has_solution, largest, length};
 use common::runs::{Run, TIME_LIMIT, Way, name_of, print_step};
-use oracle::{BALANCED, NODAL, Oracle, RESULTANT, TOLERANCE, UNBALANCED, least_imbalance};
+use oracle::{NODAL, Oracle, RESULTANT, TOLERANCE, least_imbalance};
 use problems::{Problem, edge, problem};
 use signorini::quasistatic::{self, Load, Settings, State, StepSolution};
 use signorini::ssnm::Status;
+use solids::solid;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -72,8 +79,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const TIGHT: f64 = 1e-10;
 /// What is told of forces that are off by more, where the condition of A explains it or may explain it.
 const CONDITIONED: &str = "forces of matrices off by more than 3000 ε, as A is conditioned";
-/// Nodal forces are estimated from the gradient: no more than one comparison in so many may be off by more.
+/// Nodal forces are estimated from the gradient: no more than one comparison in so many may be off by more. No more than
+/// one step in so many may be without the answer that there is.
 const RARE: usize = 1000;
+/// Newton steps of a convex problem in space at most.
+const STEPS: usize = 60;
 
 // ---------------------------------------------------------------------------------------------------------
 // Runs
@@ -85,7 +95,7 @@ fn settings(tolerance: f64) -> Settings<'static> {
     settings
 }
 
-fn run(trial: &Trial, way: Way) -> Run {
+fn run<const D: usize>(trial: &Trial<D>, way: Way) -> Run<D> {
     let mut run = Run::new(trial, way, settings(TOLERANCE));
     if let Some(error) = run.end.strip_prefix("error: ") {
         // Without figures, so that the same errors are counted together.
@@ -96,7 +106,7 @@ fn run(trial: &Trial, way: Way) -> Run {
 }
 
 /// A step once more, at a much finer tolerance, on the direct path.
-fn tight(trial: &Trial, load: &Load, start: &State) -> Option<StepSolution> {
+fn tight<const D: usize>(trial: &Trial<D>, load: &Load, start: &State) -> Option<StepSolution<D>> {
     let solved = catch_unwind(AssertUnwindSafe(|| {
         let mut dual = Way::Cholesky.dual(&trial.problem).ok()?;
         let problem = &trial.problem;
@@ -135,6 +145,8 @@ struct Tally {
     remarks: Notes,
     /// Answers to steps whose forces rounding hides.
     blind: usize,
+    /// Steps without an answer although there is one.
+    unanswered: usize,
     /// Steps compared with a known answer, with one at a finer tolerance, and with the other path.
     compared: [usize; 3],
     /// Those of them that were off by more than promised.
@@ -176,11 +188,17 @@ impl Tally {
     }
 
     /// Judges a run.
-    fn add(&mut self, seed: u64, problem: &Problem, oracle: &Oracle, run: &Run) {
+    fn add<const D: usize>(
+        &mut self,
+        seed: u64,
+        problem: &Problem<D>,
+        oracle: &Oracle,
+        run: &Run<D>,
+    ) {
         let trial = &problem.trial;
         self.problems += 1;
         self.steps += run.steps.len();
-        self.products += run.steps.iter().map(StepSolution::n_a).sum::<usize>();
+        self.products += run.products();
         self.seconds += run.seconds;
         if run.seconds > self.slowest.0 {
             self.slowest = (run.seconds, seed);
@@ -202,6 +220,10 @@ impl Tally {
                 trial.loads.len(),
                 trial.name
             );
+            if D == 3 && !oracle.has_coulomb() && step.iter() > STEPS {
+                let line = format!("{}, {place}", step.iter());
+                self.fail("many steps of a convex problem", seed, line);
+            }
             if step.status == Status::Converged {
                 self.converged(seed, problem, oracle, load, &start, step, &place);
             } else {
@@ -211,14 +233,14 @@ impl Tally {
     }
 
     #[allow(clippy::too_many_arguments)]
-    fn converged(
+    fn converged<const D: usize>(
         &mut self,
         seed: u64,
-        problem: &Problem,
+        problem: &Problem<D>,
         oracle: &Oracle,
         load: &Load,
         start: &State,
-        step: &StepSolution,
+        step: &StepSolution<D>,
         place: &str,
     ) {
         let (deviations, blind) = oracle.judge(load, start, &step.u, &step.lambda);
@@ -295,38 +317,36 @@ impl Tally {
     }
 
     #[allow(clippy::too_many_arguments)]
-    fn given_up(
+    fn given_up<const D: usize>(
         &mut self,
         seed: u64,
-        problem: &Problem,
+        problem: &Problem<D>,
         oracle: &Oracle,
         load: &Load,
         start: &State,
-        step: &StepSolution,
+        step: &StepSolution<D>,
         place: &str,
     ) {
         let status = name_of(step.status);
         let balance = least_imbalance(oracle, load);
         let line = format!("imbalance {:.1e}, {place}", balance.imbalance);
         let coulomb = oracle.has_coulomb();
-        let exists = if balance.imbalance > UNBALANCED && balance.proven {
-            Some(false)
-        } else if balance.imbalance > BALANCED {
-            None
-        } else if problem.family == "known" || !coulomb {
-            Some(true)
-        } else {
-            has_solution(&Checker::new(&problem.trial.problem), load, start)
+        let exists = match balance.holds() {
+            Some(true) if problem.family == "known" || !coulomb => Some(true),
+            Some(true) if D == 2 => has_solution(&oracle.of, load, start),
+            Some(true) => None,
+            other => other,
         };
         let what = match exists {
             Some(true) => "there is a solution",
             Some(false) => "there is none",
-            None if balance.imbalance > BALANCED => "on the edge of what holds",
+            None if balance.holds().is_none() => "on the edge of what holds",
             None => "not known whether there is a solution",
         };
         if step.status == Status::NotHeld && exists == Some(true) {
             self.fail("wrong not_held", seed, line);
         } else {
+            self.unanswered += usize::from(exists == Some(true));
             self.remark(&format!("{status}, {what}"), seed, line);
         }
         if step.status == Status::NotHeld && problem.held == Some(true) {
@@ -341,6 +361,7 @@ impl Tally {
         self.products += other.products;
         self.seconds += other.seconds;
         self.blind += other.blind;
+        self.unanswered += other.unanswered;
         for (sum, more) in self.compared.iter_mut().zip(other.compared) {
             *sum += more;
         }
@@ -410,7 +431,12 @@ impl Tally {
 /// Tries so many problems on some paths: a tally for each.
 ///
 /// Each worker has a pool of its own with a single thread, so that no solve waits for parts of another one.
-fn campaign(ways: &[Way], first: u64, problems: u64) -> Vec<Tally> {
+fn campaign<const D: usize>(
+    make: fn(u64) -> Result<Problem<D>, String>,
+    ways: &[Way],
+    first: u64,
+    problems: u64,
+) -> Vec<Tally> {
     let next = AtomicU64::new(first);
     let tallies = Mutex::new(ways.iter().map(|_| Tally::default()).collect::<Vec<_>>());
     let workers = std::thread::available_parallelism().map_or(1, |n| n.get());
@@ -424,7 +450,7 @@ fn campaign(ways: &[Way], first: u64, problems: u64) -> Vec<Tally> {
                     if seed >= first + problems {
                         break;
                     }
-                    let found = pool.install(|| one(ways, seed));
+                    let found = pool.install(|| one(make, ways, seed));
                     let mut tallies = tallies.lock().expect("no worker panics while it holds it");
                     for (tally, found) in tallies.iter_mut().zip(found) {
                         tally.merge(found);
@@ -441,9 +467,13 @@ fn campaign(ways: &[Way], first: u64, problems: u64) -> Vec<Tally> {
 }
 
 /// One problem on some paths.
-fn one(ways: &[Way], seed: u64) -> Vec<Tally> {
+fn one<const D: usize>(
+    make: fn(u64) -> Result<Problem<D>, String>,
+    ways: &[Way],
+    seed: u64,
+) -> Vec<Tally> {
     let mut tallies: Vec<Tally> = ways.iter().map(|_| Tally::default()).collect();
-    let made = catch_unwind(|| problem(seed)).unwrap_or_else(|_| Err("panic".to_owned()));
+    let made = catch_unwind(|| make(seed)).unwrap_or_else(|_| Err("panic".to_owned()));
     let problem = match made {
         Ok(problem) => problem,
         Err(error) => {
@@ -463,14 +493,14 @@ fn one(ways: &[Way], seed: u64) -> Vec<Tally> {
         }
     };
     let oracle = Oracle::new(&problem.trial.problem);
-    let runs: Vec<Run> = ways.iter().map(|&way| run(&problem.trial, way)).collect();
+    let runs: Vec<Run<D>> = ways.iter().map(|&way| run(&problem.trial, way)).collect();
     for (tally, run) in tallies.iter_mut().zip(&runs) {
         tally.add(seed, &problem, &oracle, run);
     }
     // Both paths, as long as their histories are the same.
     if let ([a, b], [_, tally]) = (&runs[..], &mut tallies[..]) {
         // Each step starts from the end of the one before, with its errors.
-        let (mut pressure, mut dust) = (0.0_f64, vec![0.0_f64; 2 * oracle.of.m]);
+        let (mut pressure, mut dust) = (0.0_f64, vec![0.0_f64; D * oracle.of.m]);
         for (number, (a, b)) in a.steps.iter().zip(&b.steps).enumerate() {
             if a.status != Status::Converged || b.status != Status::Converged {
                 break;
@@ -514,8 +544,7 @@ fn number(name: &str) -> Option<u64> {
 }
 
 /// Prints a problem, how its solves go and what the oracle says.
-fn tell(seed: u64, ways: &[Way]) {
-    let problem = problem(seed).unwrap_or_else(|error| panic!("{error}"));
+fn tell<const D: usize>(problem: &Problem<D>, seed: u64, ways: &[Way]) {
     let trial = &problem.trial;
     println!("{seed}: {}\n{}", trial.name, trial.text);
     println!("n = {}, m = {}", trial.problem.n(), trial.problem.m());
@@ -592,32 +621,59 @@ fn failures(tallies: &[Tally]) -> Vec<String> {
                 ));
             }
         }
+        if tally.unanswered * RARE > tally.steps {
+            failures.push(format!(
+                "no answer where there is one: {} of {} steps",
+                tally.unanswered, tally.steps
+            ));
+        }
     }
     failures
 }
 
-#[test]
-#[ignore = "20 000 solves"]
-fn random_problems() {
+/// As many as the environment says.
+fn many<const D: usize>(make: fn(u64) -> Result<Problem<D>, String>) {
     let ways: Vec<Way> = match std::env::var("CAMPAIGN_PATHS").as_deref() {
         Ok("cholesky") => vec![Way::Cholesky],
         Ok("pcg") => vec![Way::Pcg],
         _ => vec![Way::Cholesky, Way::Pcg],
     };
     if let Some(seed) = number("CAMPAIGN_ONLY") {
-        tell(seed, &ways);
+        let problem = make(seed).unwrap_or_else(|error| panic!("{error}"));
+        tell(&problem, seed, &ways);
         return;
     }
     let first = number("CAMPAIGN_SEED").unwrap_or(1);
     let problems = number("CAMPAIGN_PROBLEMS").unwrap_or(10_000);
-    let failures = failures(&campaign(&ways, first, problems));
+    let failures = failures(&campaign(make, &ways, first, problems));
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+fn a_few<const D: usize>(make: fn(u64) -> Result<Problem<D>, String>, problems: u64) {
+    let failures = failures(&campaign(make, &[Way::Cholesky, Way::Pcg], 1, problems));
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
 #[test]
+#[ignore = "20 000 solves"]
+fn random_problems() {
+    many(problem);
+}
+
+#[test]
 fn a_few_random_problems() {
-    let failures = failures(&campaign(&[Way::Cholesky, Way::Pcg], 1, 150));
-    assert!(failures.is_empty(), "{failures:#?}");
+    a_few(problem, 150);
+}
+
+#[test]
+#[ignore = "20 000 solves"]
+fn random_solids() {
+    many(solid);
+}
+
+#[test]
+fn a_few_random_solids() {
+    a_few(solid, 150);
 }
 
 /// The oracle is worth something: an answer with a multiplier changed by a hundredth, a sign turned, or a node moved
@@ -711,13 +767,13 @@ fn the_certificate_is_statics() {
         let balance = least_imbalance(&oracle, &trial.loads[0]);
         match held {
             Some(true) => assert!(
-                balance.imbalance < BALANCED,
+                balance.holds() == Some(true),
                 "{}: {:e}",
                 trial.name,
                 balance.imbalance
             ),
             Some(false) => assert!(
-                balance.imbalance > UNBALANCED && balance.proven,
+                balance.holds() == Some(false),
                 "{}: {:e}",
                 trial.name,
                 balance.imbalance

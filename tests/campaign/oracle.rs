@@ -2,6 +2,8 @@
 //! certificate that nothing holds a body. It shares no code with the solver.
 
 use super::common::checker::{Checker, Entries, largest, length};
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SupportedConeT};
 use signorini::problem::ContactProblem;
 use signorini::quasistatic::{Load, State};
 
@@ -19,10 +21,10 @@ pub(super) const LOCAL: f64 = NODAL;
 pub(super) const NOTHING: f64 = 1e-11;
 /// Rounding of a sum relative to its terms.
 pub(super) const ROUNDING: f64 = 32.0 * f64::EPSILON;
-/// An imbalance below this part of the loads is none: what it says is rounding.
-pub(super) const BALANCED: f64 = 1e-12;
-/// Above this one, no forces balance the loads.
-pub(super) const UNBALANCED: f64 = 1e-10;
+/// The resolution of a balance in the plane, where it is found to rounding …
+const BALANCED: f64 = 1e-12;
+/// … and in space, where it is what Clarabel finds.
+const BALANCED_IN_SPACE: f64 = 1e-7;
 /// Forces that close this many times what rounding leaves of a gap are none.
 pub(super) const DUST: f64 = 100.0;
 
@@ -98,7 +100,7 @@ pub(super) struct Deviation {
 }
 
 impl Oracle {
-    pub(super) fn new(problem: &ContactProblem) -> Self {
+    pub(super) fn new<const D: usize>(problem: &ContactProblem<D>) -> Self {
         let of = Checker::new(problem);
         Self {
             free: free_bodies(&of.k, of.n, &of.motions),
@@ -161,17 +163,21 @@ impl Oracle {
             .collect()
     }
 
+    /// The area of the node of a multiplier.
+    fn area(&self, i: usize) -> f64 {
+        let (m, tangents) = (self.of.m, self.of.tangents);
+        self.of.areas[if i < m { i } else { (i - m) / tangents }]
+    }
+
     /// The largest pressure; without pressure that is more than dust, the largest traction.
     pub(super) fn largest_pressure(&self, lambda: &[f64], dust: &[f64]) -> f64 {
         let of = |which: std::ops::Range<usize>| {
             which
                 .filter(|&i| lambda[i].abs() > dust[i])
-                .fold(0.0, |p: f64, i| {
-                    p.max(lambda[i].abs() / self.of.areas[i % self.of.m])
-                })
+                .fold(0.0, |p: f64, i| p.max(lambda[i].abs() / self.area(i)))
         };
         // Under given bounds tractions may be all there is.
-        let (pressure, traction) = (of(0..self.of.m), of(self.of.m..2 * self.of.m));
+        let (pressure, traction) = (of(0..self.of.m), of(self.of.m..lambda.len()));
         if pressure > 1e-9 * traction {
             pressure
         } else {
@@ -184,7 +190,7 @@ impl Oracle {
         let mut off = 0.0_f64;
         for i in 0..lambda.len() {
             let apart = (lambda[i] - other[i]).abs() - dust[i];
-            off = off.max(apart / self.of.areas[i % self.of.m]);
+            off = off.max(apart / self.area(i));
         }
         if off == 0.0 { 0.0 } else { off / pressure }
     }
@@ -208,8 +214,9 @@ impl Oracle {
             };
             all.push(Deviation { name, place, times });
         };
-        let (before, _) = product(&self.of.tangential, m, &start.u);
-        let origin: Vec<f64> = (0..m)
+        let rows = self.of.tangents * m;
+        let (before, _) = product(&self.of.tangential, rows, &start.u);
+        let origin: Vec<f64> = (0..rows)
             .map(|i| before[i] - (load.slide[i] - start.slide[i]))
             .collect();
         let reach = (largest(&start.u))
@@ -304,35 +311,55 @@ impl Oracle {
         );
 
         // (3)
-        let (now, _) = product(&self.of.tangential, m, u);
+        let (now, _) = product(&self.of.tangential, rows, u);
         let friction = largest(&bound);
         for i in 0..m {
+            let of_node_i = self.of.tangents * i..self.of.tangents * (i + 1);
+            let force = &lt[of_node_i.clone()];
             note(
                 "friction bound",
                 i,
-                lt[i].abs() - bound[i],
+                length(force) - bound[i],
                 MET * friction + f64::MIN_POSITIVE,
             );
-            let c = self.of.compliance[m + i];
+            let c = (self.of.compliance[m..][of_node_i.clone()].iter())
+                .fold(0.0, |c: f64, &v| c.max(v));
             if c == 0.0 {
                 continue;
             }
-            // A node that moves has all its friction, along the motion: λτ lacks so much to it.
-            let slip = now[i] - origin[i];
-            let slips = (slip.abs() - rounding).max(0.0);
-            let lacks = (bound[i] - lt[i] * slip.signum()).max(0.0);
+            // A node that moves has all its friction, along the motion: λτ is the point of the disc of the bound that is
+            // closest to λτ + slip / c. What it is off by is the least change of slip or friction that makes it right.
+            let slip: Vec<f64> = of_node_i
+                .clone()
+                .map(|row| now[row] - origin[row])
+                .collect();
+            let far = length(&slip);
+            let slips = (far - rounding).max(0.0);
+            let part = if far > 0.0 { slips / (c * far) } else { 0.0 };
+            let beyond: Vec<f64> = (force.iter().zip(&slip))
+                .map(|(force, slip)| force + part * slip)
+                .collect();
+            let scale = (bound[i] / length(&beyond)).min(1.0);
+            let lacks = match scale.is_nan() {
+                true => 0.0,
+                false => length(
+                    &(beyond.iter().zip(force))
+                        .map(|(beyond, force)| scale * beyond - force)
+                        .collect::<Vec<_>>(),
+                ),
+            };
             let name = if lacks > bound[i] {
                 "slip the wrong way"
             } else {
                 "slip without full friction"
             };
-            note(name, i, slips.min(c * lacks), MET * size + rounding);
-            let local = (slips / c).min(lacks);
+            note(name, i, c * lacks, MET * size + rounding);
+            let dust = length(&dust[m..][of_node_i]);
             note(
                 "friction of a node",
                 i,
-                local,
-                of_node(i) + dust[m + i] + ROUNDING * bound[i],
+                lacks,
+                of_node(i) + dust + ROUNDING * bound[i],
             );
         }
         (all, blind)
@@ -427,12 +454,31 @@ pub(super) struct Balance {
     pub(super) imbalance: f64,
     /// A motion has been found that the loads drive more than all contact forces together can resist.
     pub(super) proven: bool,
+    /// An imbalance below this part of the loads is none: what it says is rounding. Above 100 times that, no forces
+    /// balance the loads.
+    pub(super) resolution: f64,
 }
 
-/// min ‖e − G λ‖ over Coulomb's cones and the given bounds, by an active-set method (Stark and Parker 1995). With
-/// the rest as a motion y: no λ resists it more than Σ max (yᵀGλ), the loads drive it by yᵀe.
+impl Balance {
+    /// Whether forces within the friction law balance the loads; None between the two.
+    pub(super) fn holds(&self) -> Option<bool> {
+        match self.imbalance {
+            off if off <= self.resolution => Some(true),
+            off if off > 100.0 * self.resolution && self.proven => Some(false),
+            _ => None,
+        }
+    }
+}
+
+/// min ‖e − G λ‖ over Coulomb's cones and the given bounds: in the plane by an active-set method (Stark and Parker 1995),
+/// in space by Clarabel. With the rest as a motion y: no λ resists it more than Σ max (yᵀGλ), the loads drive it by yᵀe.
 pub(super) fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
-    let (n, m) = (oracle.of.n, oracle.of.m);
+    let (n, m, tangents) = (oracle.of.n, oracle.of.m, oracle.of.tangents);
+    let resolution = if tangents == 1 {
+        BALANCED
+    } else {
+        BALANCED_IN_SPACE
+    };
     let motions: Vec<&Vec<(usize, f64)>> = oracle.free.iter().flat_map(|b| &b.motions).collect();
     let rows = motions.len();
     let mut wanted: Vec<f64> = motions.iter().map(|r| along(r, &load.force)).collect();
@@ -444,6 +490,7 @@ pub(super) fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
         return Balance {
             imbalance: 0.0,
             proven: false,
+            resolution,
         };
     }
     // Where each unknown stands in the motions.
@@ -456,9 +503,9 @@ pub(super) fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
     // A force that moves nothing but by rounding does nothing.
     let most =
         (motions.iter().flat_map(|r| r.iter())).fold(0.0, |most: f64, e| most.max(e.1.abs()));
-    let columns = |entries: &Entries| {
-        let mut columns = vec![vec![0.0; rows]; m];
-        let mut sizes = vec![0.0; m];
+    let columns = |entries: &Entries, count: usize| {
+        let mut columns = vec![vec![0.0; rows]; count];
+        let mut sizes = vec![0.0; count];
         for &(i, j, v) in entries {
             sizes[i] += v.abs() * most;
             for &(row, r) in &of_unknown[j] {
@@ -474,7 +521,17 @@ pub(super) fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
         }
         columns
     };
-    let (normal, tangential) = (columns(&oracle.of.normal), columns(&oracle.of.tangential));
+    let normal = columns(&oracle.of.normal, m);
+    let tangential = columns(&oracle.of.tangential, tangents * m);
+    if tangents > 1 {
+        wanted.iter_mut().for_each(|w| *w /= size);
+        let imbalance = least_imbalance_of_cones(&oracle.of, &normal, &tangential, &wanted, size);
+        return Balance {
+            imbalance,
+            proven: true,
+            resolution,
+        };
+    }
     // Each with factors from 0 to a limit; what goes from −g to g is moved by g.
     let mut generators: Vec<(Vec<f64>, f64)> = Vec::new();
     for i in 0..m {
@@ -521,8 +578,73 @@ pub(super) fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
     }
     Balance {
         imbalance,
+        resolution,
         proven: bounded && driven.value() - resisted.value() > 0.5 * imbalance * imbalance,
     }
+}
+
+/// The same by a cone program, for columns of G and loads e of length 1 in units of `size`: Clarabel's minimum of t with
+/// ‖e − G λ‖ ≤ t.
+fn least_imbalance_of_cones(
+    of: &Checker,
+    normal: &[Vec<f64>],
+    tangential: &[Vec<f64>],
+    wanted: &[f64],
+    size: f64,
+) -> f64 {
+    use SupportedConeT::{NonnegativeConeT, SecondOrderConeT};
+    let (m, t) = (of.m, of.tangents);
+    let of_law = |i: usize| of.mu[i] > 0.0 || of.given[i] > 0.0;
+    let rubbing: Vec<usize> = (0..m).filter(|&i| of_law(i)).collect();
+    let unknowns = m + t * rubbing.len() + 1;
+    // A x + s = b with s in the cones.
+    let mut entries = Vec::new();
+    let mut b = vec![0.0; m];
+    let mut cones = vec![NonnegativeConeT(m)];
+    entries.extend((0..m).map(|i| (i, i, -1.0)));
+    for (k, &i) in rubbing.iter().enumerate() {
+        let row = b.len();
+        entries.push((row, i, -of.mu[i]));
+        entries.extend((0..t).map(|c| (row + 1 + c, m + t * k + c, -1.0)));
+        b.push(if of.mu[i] > 0.0 {
+            0.0
+        } else {
+            of.given[i] / size
+        });
+        b.extend(vec![0.0; t]);
+        cones.push(SecondOrderConeT(1 + t));
+    }
+    let row = b.len();
+    entries.push((row, unknowns - 1, -1.0));
+    for (motion, &w) in wanted.iter().enumerate() {
+        let at = row + 1 + motion;
+        entries.extend((0..m).map(|i| (at, i, normal[i][motion])));
+        for (k, &i) in rubbing.iter().enumerate() {
+            entries.extend((0..t).map(|c| (at, m + t * k + c, tangential[t * i + c][motion])));
+        }
+        b.push(w);
+    }
+    b.insert(row, 0.0);
+    cones.push(SecondOrderConeT(1 + wanted.len()));
+    let mut q = vec![0.0; unknowns];
+    q[unknowns - 1] = 1.0;
+    let (rows, (columns, values)): (Vec<_>, (Vec<_>, Vec<_>)) =
+        entries.into_iter().map(|(i, j, v)| (i, (j, v))).unzip();
+    let a = CscMatrix::new_from_triplets(b.len(), unknowns, rows, columns, values);
+    let settings = DefaultSettings {
+        verbose: false,
+        tol_gap_abs: 1e-10,
+        tol_gap_rel: 1e-10,
+        tol_feas: 1e-10,
+        ..Default::default()
+    };
+    let none = CscMatrix::zeros((unknowns, unknowns));
+    let mut solver = DefaultSolver::new(&none, &q, &a, &b, &cones, settings)
+        .unwrap_or_else(|error| panic!("{error:?}"));
+    solver.solve();
+    // What it has found in the end is on the cones, whatever it says.
+    let x = &solver.solution.x;
+    x[unknowns - 1]
 }
 
 /// The rest b − A x with 0 ≤ x ≤ limits that is shortest; and the same without what rounding has left of it along the

@@ -13,9 +13,9 @@ use signorini::sparse::{BlockCsr, Csr};
 use std::collections::BTreeMap;
 
 /// A problem of a family, with what is known of its answer.
-pub(super) struct Problem {
+pub(super) struct Problem<const D: usize = 2> {
     pub(super) family: &'static str,
-    pub(super) trial: Trial,
+    pub(super) trial: Trial<D>,
     pub(super) known: Option<Known>,
     /// Whether statics says that forces can balance the loads.
     pub(super) held: Option<bool>,

@@ -42,12 +42,12 @@ impl Range {
 }
 
 /// A problem with its load steps.
-pub struct Trial {
+pub struct Trial<const D: usize = 2> {
     /// What it is, in a few words.
     pub name: String,
     /// All of it, for whoever looks for an error.
     pub text: String,
-    pub problem: ContactProblem,
+    pub problem: ContactProblem<D>,
     pub loads: Vec<Load>,
 }
 

@@ -64,6 +64,8 @@ pub struct Checker {
     pub areas: Vec<f64>,
     pub n: usize,
     pub m: usize,
+    /// Tangential multipliers of a contact node.
+    pub tangents: usize,
     /// For each connected part of K whose nodes have places, its rigid motions: orthonormal, as (unknown, entry).
     pub motions: Vec<Vec<(usize, f64)>>,
     /// How far a unit force of a multiplier moves its own node at least.
@@ -71,7 +73,7 @@ pub struct Checker {
 }
 
 impl Checker {
-    pub fn new(problem: &ContactProblem) -> Self {
+    pub fn new<const D: usize>(problem: &ContactProblem<D>) -> Self {
         let k: Entries = problem.stiffness().triplets().collect();
         let normal: Entries = problem.normal().triplets().collect();
         let tangential: Entries = problem.tangential().triplets().collect();
@@ -84,7 +86,7 @@ impl Checker {
                 diagonal[i] = v;
             }
         }
-        let mut compliance = vec![0.0; 2 * m];
+        let mut compliance = vec![0.0; D * m];
         for (shift, rows) in [(0, &normal), (m, &tangential)] {
             for &(i, j, v) in rows {
                 compliance[i + shift] += v * v / diagonal[j];
@@ -100,6 +102,7 @@ impl Checker {
             areas: problem.areas().to_vec(),
             n,
             m,
+            tangents: D - 1,
             motions,
             compliance,
             k,
@@ -469,9 +472,13 @@ pub fn eliminate(matrix: &mut [Vec<f64>], n: usize) -> bool {
 }
 
 /// The rigid motions of each connected part of K, orthonormal; unknowns that nothing ties to others are held.
-pub fn rigid_motions(k: &Entries, n: usize, points: &[[f64; 2]]) -> Vec<Vec<(usize, f64)>> {
+pub fn rigid_motions<const D: usize>(
+    k: &Entries,
+    n: usize,
+    points: &[[f64; D]],
+) -> Vec<Vec<(usize, f64)>> {
     let mut tied = vec![false; n];
-    let mut part: Vec<usize> = (0..n / 2).collect();
+    let mut part: Vec<usize> = (0..n / D).collect();
     pub fn root(part: &mut [usize], mut i: usize) -> usize {
         while part[i] != i {
             part[i] = part[part[i]];
@@ -482,32 +489,36 @@ pub fn rigid_motions(k: &Entries, n: usize, points: &[[f64; 2]]) -> Vec<Vec<(usi
     for &(i, j, v) in k {
         if i != j && v != 0.0 {
             tied[i] = true;
-            let (a, b) = (root(&mut part, i / 2), root(&mut part, j / 2));
+            let (a, b) = (root(&mut part, i / D), root(&mut part, j / D));
             part[a] = b;
         }
     }
     let mut parts: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for node in 0..n / 2 {
+    for node in 0..n / D {
         let root = root(&mut part, node);
         parts.entry(root).or_default().push(node);
     }
     let mut motions = Vec::new();
     for nodes in parts.values() {
         let count = nodes.len() as f64;
-        let middle = [0, 1].map(|c| nodes.iter().map(|&i| points[i][c]).sum::<f64>() / count);
+        let middle: [f64; D] =
+            std::array::from_fn(|c| nodes.iter().map(|&i| points[i][c]).sum::<f64>() / count);
         let mut own: Vec<Vec<(usize, f64)>> = Vec::new();
-        for motion in 0..3 {
+        // Translations, and turns in each plane of two axes.
+        let turns = (0..D).flat_map(|a| (a + 1..D).map(move |b| (a, b)));
+        for (a, b) in (0..D).map(|a| (a, a)).chain(turns) {
             let mut column = Vec::new();
             for &node in nodes {
-                let [x, y] = points[node];
-                let moved = match motion {
-                    0 => [1.0, 0.0],
-                    1 => [0.0, 1.0],
-                    _ => [middle[1] - y, x - middle[0]],
-                };
-                for c in 0..2 {
-                    if tied[2 * node + c] {
-                        column.push((2 * node + c, moved[c]));
+                let mut moved = [0.0; D];
+                if a == b {
+                    moved[a] = 1.0;
+                } else {
+                    moved[a] = middle[b] - points[node][b];
+                    moved[b] = points[node][a] - middle[a];
+                }
+                for c in 0..D {
+                    if tied[D * node + c] {
+                        column.push((D * node + c, moved[c]));
                     }
                 }
             }

@@ -31,7 +31,10 @@ impl Way {
         }
     }
 
-    pub fn dual(self, problem: &ContactProblem) -> Result<Box<dyn DualOperator>, String> {
+    pub fn dual<const D: usize>(
+        self,
+        problem: &ContactProblem<D>,
+    ) -> Result<Box<dyn DualOperator>, String> {
         Ok(match self {
             Self::Cholesky => Box::new(DirectDual::new(problem).map_err(|e| e.to_string())?),
             Self::Pcg => Box::new(
@@ -43,8 +46,8 @@ impl Way {
 }
 
 /// All load steps up to the first that does not converge.
-pub struct Run {
-    pub steps: Vec<StepSolution>,
+pub struct Run<const D: usize = 2> {
+    pub steps: Vec<StepSolution<D>>,
     /// The status of the last step, or what went wrong.
     pub end: String,
     /// Iterations of PCG.
@@ -52,11 +55,11 @@ pub struct Run {
     pub seconds: f64,
 }
 
-impl Run {
+impl<const D: usize> Run<D> {
     /// The run of a problem; within [`TIME_LIMIT`], and directions are handed on from step to step.
-    pub fn new(trial: &Trial, way: Way, settings: Settings) -> Self {
+    pub fn new(trial: &Trial<D>, way: Way, settings: Settings) -> Self {
         let begin = Instant::now();
-        let mut steps: Vec<StepSolution> = Vec::new();
+        let mut steps: Vec<StepSolution<D>> = Vec::new();
         let ended = catch_unwind(AssertUnwindSafe(|| {
             let problem = &trial.problem;
             let mut dual = way.dual(problem)?;
@@ -101,7 +104,7 @@ impl Run {
     }
 
     /// The start of one of its steps.
-    pub fn start(&self, trial: &Trial, step: usize) -> State {
+    pub fn start(&self, trial: &Trial<D>, step: usize) -> State {
         match step {
             0 => State::at_rest(&trial.problem),
             _ => self.steps[step - 1].state(&trial.loads[step - 1]),
@@ -135,7 +138,7 @@ pub fn name_of(status: Status) -> &'static str {
 }
 
 /// Prints a step, counted from 0, with the history of its solves.
-pub fn print_step(number: usize, step: &StepSolution) {
+pub fn print_step<const D: usize>(number: usize, step: &StepSolution<D>) {
     println!(
         "step {}: {}, {} products, {:?}",
         number + 1,
