@@ -180,6 +180,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             return Ok(());
         }
         let mut rest = step.clone();
+        if let Some(balanced) = &self.balanced {
+            balanced.project(&mut rest);
+        }
         let mut image = self.surrogate.split(&mut rest);
         let mut new = vec![0.0; step.len()];
         if norm_max(&rest) > f64::EPSILON * norm_max(step) {

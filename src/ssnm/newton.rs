@@ -7,7 +7,7 @@ use super::sets::Sets;
 use super::solution::Step;
 use super::surrogate::Surrogate;
 use super::{EXACT, Method, Numbers};
-use crate::dual::balance::Balance;
+use crate::dual::balance::{Balance, FaceBalance};
 use crate::dual::{DualError, DualOperator};
 use crate::problem::{ContactProblem, Elsewhere, Kkt};
 use crate::rounding::{DEPENDENT, ROUNDING};
@@ -21,6 +21,9 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub law: Law,
     /// Where bodies can move as a whole.
     pub balance: Option<Rc<Balance>>,
+    /// G on all multipliers. Products are made of balanced directions: what else a short step is made of is rounding of λ,
+    /// and along it A depends on where K⁻¹ holds the bodies.
+    pub balanced: Option<FaceBalance<D>>,
     /// c.
     pub offsets: Vec<f64>,
     /// β, of ρ = β/σ_max.

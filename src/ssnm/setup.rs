@@ -115,6 +115,8 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         let mut newton = Newton {
             problem,
             law: start.law,
+            balanced: (start.balance.as_ref())
+                .map(|balance| balance.on_face(&vec![NodeSets::<D>::FREE; problem.m()], &[])),
             balance: start.balance,
             beta: settings.beta,
             sigma: mean,
@@ -186,10 +188,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             (self.sigma, self.mean) = (sigma, mean);
             return Ok(0);
         }
-        let everything = (self.balance.as_ref())
-            .map(|balance| balance.on_face(&vec![NodeSets::<D>::FREE; self.problem.m()], &[]));
         let project = |p: &mut [f64]| {
-            if let Some(face) = &everything {
+            if let Some(face) = &self.balanced {
                 face.project(p);
             }
         };
