@@ -150,8 +150,9 @@ impl Subproblem<'_> {
         solve(matrix, &right)
     }
 
-    /// Lowers the merit to `target`, from s = 0 and a motion to start from, as far as that goes; also returns the number of
-    /// Newton steps.
+    /// Lowers the merit to `target`, from s = 0 and a motion to start from, and balances the bodies to rounding, as far as that
+    /// goes; also returns the number of Newton steps. A step along which forces change their balance is not one that q
+    /// must fall along: Gᵀα does work on it.
     pub fn solve<const D: usize>(&self, motion: Vec<f64>, target: f64) -> (Trial, usize) {
         let mut unknowns = vec![0.0; 2 * self.surrogate.len()];
         unknowns.extend(motion);
@@ -166,7 +167,10 @@ impl Subproblem<'_> {
             ..
         } = self.numbers;
         for step in 0..newton_steps {
-            if !(best.merit > target) || self.stop.now().is_some() {
+            let is_met = |trial: &Trial| {
+                !(trial.merit > target) && self.balance.is_none_or(|b| b.holds(&trial.lambda))
+            };
+            if is_met(&best) || self.stop.now().is_some() {
                 return (best, step);
             }
             let direction = self.direction::<D>(&here);
@@ -193,6 +197,9 @@ impl Subproblem<'_> {
             merits.push(here.merit);
             if here.merit < best.merit {
                 best = here.clone();
+            } else if !(best.merit > target) {
+                // What is left is rounding.
+                return (best, step + 1);
             }
         }
         (best, newton_steps)

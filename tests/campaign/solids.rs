@@ -318,8 +318,10 @@ fn two_bodies(random: &mut Random, coulomb: bool, name: &mut String) -> Model<3>
     let mut low = Block::new(random, name);
     name.push_str(" under ");
     let mut up = Block::new(random, name);
+    // Steel on rubber, and more.
+    low.material.young = up.material.young * decade(random, -6.0, 6.0);
     let is_held = chance(random, 0.4);
-    let _ = write!(name, ", held {is_held}");
+    let _ = write!(name, " of E {:.1e}, held {is_held}", low.material.young);
     // Of the same unit; the upper one stands on the lower one, or overhangs.
     let scale = low.size[0] / up.size[0];
     up.size = up.size.map(|edge| edge * scale * decade(random, -0.4, 0.1));
