@@ -317,6 +317,7 @@ where
         let case = LoadCase {
             acting: load.acting,
             travelled: norm_max(&start.u),
+            before: start.lambda.clone(),
             ..LoadCase::new(
                 load.force.clone(),
                 load.gap.clone(),

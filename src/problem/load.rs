@@ -21,6 +21,8 @@ pub struct LoadCase {
     pub(crate) acting: f64,
     /// The largest displacement before this load step: what comes out as a difference is rounded accordingly.
     pub(crate) travelled: f64,
+    /// λ before this load step, which the origin of slip has its errors from; empty at rest.
+    pub(crate) before: Vec<f64>,
 }
 
 impl LoadCase {
@@ -39,6 +41,7 @@ impl LoadCase {
             slip_bound,
             frozen: false,
             travelled: 0.0,
+            before: Vec::new(),
         }
     }
 

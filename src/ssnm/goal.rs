@@ -20,6 +20,8 @@ pub(super) struct Goal {
     pub work: f64,
     /// Final checks that failed.
     pub checks: usize,
+    /// Forces are measured by those before the load step as well, where they were larger.
+    pub by_start: bool,
 }
 
 impl Goal {
@@ -32,6 +34,7 @@ impl Goal {
             slack: f64::INFINITY,
             work: f64::INFINITY,
             checks: 0,
+            by_start: false,
         }
     }
 
@@ -112,6 +115,13 @@ impl Goal {
         let closing = close_alone(problem, &missing, self.numbers.force_steps);
         let (mut pressure, mut traction) = (0.0_f64, 0.0_f64);
         let mut off = 0.0_f64;
+        if self.by_start {
+            for i in 0..problem.load_case().before.len() / D {
+                let before: [f64; D] = at(&problem.load_case().before, i);
+                pressure = pressure.max(before[0].abs() / areas[i]);
+                traction = (before[1..].iter()).fold(traction, |t, v| t.max(v.abs() / areas[i]));
+            }
+        }
         for (i, disc) in nodes() {
             let [node, more, c] = [lambda, &closing, compliance].map(|x| at::<D>(x, i));
             let met: [f64; D] = disc.project(from_fn(|a| node[a] + more[a]));

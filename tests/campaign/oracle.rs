@@ -195,13 +195,15 @@ impl Oracle {
         if off == 0.0 { 0.0 } else { off / pressure }
     }
 
-    /// How the end of a step meets the conditions; and whether rounding of a long way hides the forces.
+    /// How the end of a step meets the conditions; and whether rounding of a long way hides the forces. Nodal forces are
+    /// measured by the largest pressure, `by_start` by that before if it was larger.
     pub(super) fn judge(
         &self,
         load: &Load,
         start: &State,
         u: &[f64],
         lambda: &[f64],
+        by_start: bool,
     ) -> (Vec<Deviation>, bool) {
         let (n, m) = (self.of.n, self.of.m);
         let (ln, lt) = lambda.split_at(m);
@@ -279,7 +281,10 @@ impl Oracle {
         let (closing, _) = product(&self.of.normal, m, u);
         let gap: Vec<f64> = load.gap.iter().zip(&closing).map(|(d, c)| d - c).collect();
         let bound = self.bounds(lambda);
-        let reference = self.largest_pressure(lambda, &dust);
+        let mut reference = self.largest_pressure(lambda, &dust);
+        if by_start {
+            reference = reference.max(self.largest_pressure(&start.lambda, &dust));
+        }
         // Where nothing presses at all, the loads are the yardstick.
         let of_node = |i: usize| match reference > 0.0 {
             true => LOCAL * reference * self.of.areas[i],
