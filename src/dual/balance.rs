@@ -207,7 +207,9 @@ impl Balance {
         let k = self.count();
         let mut now = Trial::at(vec![0.0; k], x.to_vec(), &project);
         let acting = norm_max(&self.rounding(&vec![0.0; x.len()]));
-        let curvature = self.curvature * (acting / norm_max(x).max(acting)).max(ROUNDING);
+        // A motion that nothing resists takes up the rounding of the slope divided by this, which must not come back larger.
+        let least = self.curvature.min(100.0 * ROUNDING);
+        let curvature = (self.curvature * acting / norm_max(x).max(acting)).max(least);
         let mut before = f64::INFINITY;
         loop {
             now = self.pass(now, curvature, &project);
@@ -351,7 +353,7 @@ impl Balance {
     }
 
     /// Whether no imbalance of λ is more than this part of the forces that act.
-    fn is_met(&self, lambda: &[f64], part: f64) -> bool {
+    pub fn is_met(&self, lambda: &[f64], part: f64) -> bool {
         let excess = self.excess(lambda);
         (excess.iter().zip(self.rounding(lambda))).all(|(v, r)| v.abs() <= part * r)
     }

@@ -8,7 +8,8 @@ use super::sets::Sets;
 use super::subproblem::Subproblem;
 use super::{Settings, Status, Step};
 use crate::dual::{DualError, DualOperator};
-use crate::sparse::{add_times, difference, norm_max};
+use crate::rounding::{INDEPENDENT, ROUNDING};
+use crate::sparse::{add_times, difference, dot, norm_max};
 use std::ops::ControlFlow;
 
 /// What a subproblem proposes.
@@ -155,6 +156,13 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             add_times(1.0, &balance.coefficients(eta), &mut point.motion);
             add_times(-1.0, &balance.spread(eta), &mut point.r);
         }
+        // Forces below the rounding of those that they are left of are none.
+        let none = vec![0.0; point.lambda.len()];
+        if norm_max(&point.lambda) <= ROUNDING * norm_max(&from.lambda)
+            && self.balance.as_ref().is_none_or(|b| b.holds(&none))
+        {
+            point.lambda = none;
+        }
         let step = difference(&point.lambda, &from.lambda);
         let image = surrogate.times(&step);
         add_times(1.0, &image, &mut point.r);
@@ -193,7 +201,10 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let part = self.part_towards(&before, &end, way.err);
         way.point = before.towards(&end, part);
         self.refresh(&mut way.point, part)?;
-        self.learn(&rest, &new);
+        // A part outside the span of what is known that is but rounding of the step tells nothing.
+        if dot(&rest, &new) > INDEPENDENT * INDEPENDENT * dot(step, &image) {
+            self.learn(&rest, &new);
+        }
         Ok(())
     }
 

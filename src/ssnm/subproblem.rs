@@ -22,6 +22,7 @@ use crate::constraint::{at, put, row_of};
 use crate::control::Stop;
 use crate::dense::{solve, transposed_product};
 use crate::dual::balance::{Balance, CURVATURE};
+use crate::rounding::ROUNDING;
 use crate::sparse::{add_times, difference, dot, norm};
 use faer::Mat;
 
@@ -168,7 +169,10 @@ impl Subproblem<'_> {
         } = self.numbers;
         for step in 0..newton_steps {
             let is_met = |trial: &Trial| {
-                !(trial.merit > target) && self.balance.is_none_or(|b| b.holds(&trial.lambda))
+                !(trial.merit > target)
+                    && self
+                        .balance
+                        .is_none_or(|b| b.is_met(&trial.lambda, ROUNDING))
             };
             if is_met(&best) || self.stop.now().is_some() {
                 return (best, step);
