@@ -119,11 +119,15 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         }
     }
 
-    /// Solves the problem on the surrogate: from λᵏ, in shorter steps where the last ones were `fruitless`.
+    /// Solves the problem on the surrogate from λᵏ; under Coulomb's law in shorter steps where the last ones were
+    /// `fruitless`: under given bounds the minimum of q on the chord makes a step as short as need be.
     fn propose(&self, way: &Way<D>, fruitless: usize) -> Proposal {
         let (surrogate, from) = (&self.surrogate, &way.point);
         let base = surrogate.base();
-        let mut tau = base * (fruitless / self.numbers.fruitless.max(1)) as f64;
+        let mut tau = match self.law.is_coulomb() {
+            true => base * (fruitless / self.numbers.fruitless.max(1)) as f64,
+            false => 0.0,
+        };
         let mut steps = 0;
         let solved = loop {
             let subproblem = Subproblem {

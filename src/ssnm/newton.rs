@@ -21,7 +21,7 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub law: Law,
     /// Where bodies can move as a whole.
     pub balance: Option<Rc<Balance>>,
-    /// G on all multipliers. Products are made of balanced directions: what else a short step is made of is rounding of λ,
+    /// G on all multipliers that there are. Products are made of balanced directions: what else a short step is made of is rounding of λ,
     /// and along it A depends on where K⁻¹ holds the bodies.
     pub balanced: Option<FaceBalance<D>>,
     /// c.

@@ -115,8 +115,16 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         let mut newton = Newton {
             problem,
             law: start.law,
-            balanced: (start.balance.as_ref())
-                .map(|balance| balance.on_face(&vec![NodeSets::<D>::FREE; problem.m()], &[])),
+            balanced: start.balance.as_ref().map(|balance| {
+                let rubs = (0..problem.m()).map(|i| match problem.has_friction(i) {
+                    true => NodeSets::<D>::FREE,
+                    false => NodeSets {
+                        slip: Some([0.0; D]),
+                        ..NodeSets::FREE
+                    },
+                });
+                balance.on_face(&rubs.collect::<Vec<_>>(), &[])
+            }),
             balance: start.balance,
             beta: settings.beta,
             sigma: mean,
