@@ -97,9 +97,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 true => denied + 1,
                 false => 0,
             };
-            if denied == numbers.denied {
+            if denied == numbers.denied || self.hidden == numbers.denied {
                 self.products.sharpen(self.tolerance);
-                denied = 0;
+                (denied, self.hidden) = (0, 0);
             }
             way.err = err;
             let made = self.record(way, &proposal);

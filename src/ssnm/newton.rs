@@ -33,6 +33,8 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     /// What an entry of diag(A) is like.
     pub mean: f64,
     pub products: Products<'a, O>,
+    /// Pairs that errors of products have hidden, since products were made more accurate.
+    pub hidden: usize,
     /// What is known of A.
     pub surrogate: Surrogate,
     pub method: Method,
@@ -175,8 +177,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Takes a pair (v, Av) into the surrogate, and what it tells of σ_max.
     pub fn learn(&mut self, direction: &[f64], image: &[f64]) {
         let flat = DEPENDENT * self.sigma;
-        self.surrogate
-            .add(direction, image, self.products.part(), flat);
+        let clear = (self.surrogate).add(direction, image, self.products.part(), flat);
+        self.hidden += usize::from(!clear);
         self.sigma = self.surrogate.largest();
     }
 

@@ -130,6 +130,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             sigma: mean,
             mean,
             products: Products::new(dual, problem.load_case(), settings, stop, mean),
+            hidden: 0,
             surrogate: Default::default(),
             method: settings.method,
             numbers: settings.numbers,

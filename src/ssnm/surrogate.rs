@@ -92,17 +92,20 @@ impl Surrogate {
     /// Adds a direction with its image, in which an error of this part (in the norm of A⁻¹) is expected. Where what is new
     /// of it is hidden by errors, those of known pairs above all, the worst of these makes room. A direction along which A
     /// curves q by less than `flat` does not enter: where rows of B depend on each other, it is one of rounding.
-    pub fn add(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) {
+    /// False where errors have hidden something: where the pair has not entered, or others had to go.
+    pub fn add(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) -> bool {
         // Written so that NaN is refused.
         if !(dot(direction, image) > flat * dot(direction, direction))
             || image.iter().any(|v| !v.is_finite())
         {
-            return;
+            return true;
         }
+        let before = self.len();
         while let Some(worst) = self.extend(direction, image, error, flat) {
             self.remove(worst);
         }
         self.find_largest();
+        error == 0.0 || self.len() > before
     }
 
     /// Adds a pair unless too little of it is new; returns the known one whose error is in the way.
