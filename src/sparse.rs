@@ -6,7 +6,7 @@
 
 pub mod stored;
 
-use pulp::Arch;
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 /// A sparse matrix of `R × C` blocks in compressed block rows; square blocks if C is left out.
@@ -27,6 +27,32 @@ pub type Csr = BlockCsr<1>;
 
 /// Rows handled by one parallel task: enough work to hide the cost of starting it.
 pub(crate) const ROWS_PER_TASK: usize = 4096;
+
+/// Work of [`vectorised!`].
+pub(crate) struct Vectorised<F>(pub F);
+
+impl<T, F: FnMut() -> T> WithSimd for Vectorised<F> {
+    type Output = T;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) -> T {
+        (self.0)()
+    }
+}
+
+/// Does what a block says with all that the processor's vectors offer, its sums in the order that is written down.
+///
+/// A closure is compiled for them only where it becomes a part of the function that has them switched on: it has to be
+/// inlined, and no `FnOnce`, which would get a function of its own in between.
+macro_rules! vectorised {
+    ($work:block) => {
+        pulp::Arch::new().dispatch($crate::sparse::Vectorised(
+            #[inline(always)]
+            || $work,
+        ))
+    };
+}
+pub(crate) use vectorised;
 
 impl<const B: usize> BlockCsr<B> {
     /// A matrix of `n_rows × n_cols` scalars from triplets (row, column, value); repeated entries add up, in their
@@ -293,8 +319,7 @@ impl<const R: usize, const C: usize> BlockCsr<R, C> {
             .par_chunks_mut(ROWS_PER_TASK * R)
             .enumerate()
             .map(|(chunk, y)| {
-                // With all that the processor's vectors offer; sums have their order.
-                Arch::new().dispatch(|| {
+                vectorised!({
                     let mut total = 0.0;
                     for (k, y) in y.chunks_mut(R).enumerate() {
                         let row = chunk * ROWS_PER_TASK + k;

@@ -1,11 +1,11 @@
 //! The kernels of the multigrid levels on the CPU, in f32 or f64.
 //!
-//! They run with all vector instructions that the processor has (`Arch::dispatch`). Sums are made in an order that is
+//! They run with all vector instructions that the processor has (`vectorised!`). Sums are made in an order that is
 //! written down here, so that no processor changes them.
 
 use crate::backend::{BackendError, Product};
 use crate::sparse::stored::{BlockMatrix, Dense, Real, times};
-use pulp::Arch;
+use crate::sparse::vectorised;
 use rayon::prelude::*;
 
 /// Block rows of one parallel task.
@@ -115,9 +115,9 @@ pub(super) fn smooth<S: Real>(
             .zip(d.par_chunks_mut(ROWS_PER_TASK))
             .enumerate()
             .for_each(|(task, (x_next, d))| {
-                Arch::new().dispatch(|| {
+                vectorised!({
                     let rows = task * ROWS_PER_TASK..;
-                    let out = x_next.as_chunks_mut::<B>().0.iter_mut().zip(d);
+                    let out = x_next.as_chunks_mut::<B>().0.iter_mut().zip(&mut *d);
                     for (i, (x_next, d)) in rows.zip(out) {
                         let ax = a.row_times(i, x);
                         let r = std::array::from_fn(|c| b[i][c] - ax[c]);
@@ -159,7 +159,7 @@ pub(super) fn smooth_patches<S: Real>(
             .zip(x.par_chunks_mut(ROWS_PER_TASK * B))
             .enumerate()
             .for_each(|(task, (d, x))| {
-                Arch::new().dispatch(|| {
+                vectorised!({
                     let rows = (d.as_chunks_mut::<B>().0.iter_mut()).zip(x.as_chunks_mut::<B>().0);
                     for (i, (d, x)) in (task * ROWS_PER_TASK..).zip(rows) {
                         let z = patches.row_times(i, r);
@@ -212,7 +212,7 @@ fn rows<const R: usize, const C: usize, S: Real>(
     y.par_chunks_mut(ROWS_PER_TASK * R)
         .enumerate()
         .for_each(|(task, y)| {
-            Arch::new().dispatch(|| {
+            vectorised!({
                 let first = task * ROWS_PER_TASK;
                 for (k, y) in y.as_chunks_mut::<R>().0.iter_mut().enumerate() {
                     let sum = matrix.row_times(first + k, x);

@@ -1,7 +1,6 @@
 //! Products and transposes of block matrices for the set-up.
 
-use crate::sparse::BlockCsr;
-use pulp::Arch;
+use crate::sparse::{BlockCsr, vectorised};
 use rayon::prelude::*;
 
 /// Rows of A P that a run of coarse rows needs: enough that few rows of A P belong to two runs.
@@ -106,8 +105,7 @@ pub(super) fn galerkin<const B: usize, const M: usize>(
     let parts: Vec<Rows<M, M>> = (runs.par_iter())
         .map_init(scratch, |(place, buffered, ap), run| {
             let needed = || run.iter().flat_map(|&i| r.row(i as usize).0);
-            // With all that the processor's vectors offer: the sums stay the same.
-            let coarse = Arch::new().dispatch(|| {
+            let coarse = vectorised!({
                 ap.clear();
                 for &i in needed() {
                     if buffered[i as usize] == MISSING {

@@ -3,8 +3,7 @@
 use super::aggregation::{Graph, Groups, NONE};
 use super::product::add_product;
 use crate::rigid::Frame;
-use crate::sparse::{BlockCsr, ROWS_PER_TASK};
-use pulp::Arch;
+use crate::sparse::{BlockCsr, ROWS_PER_TASK, vectorised};
 use rayon::prelude::*;
 
 /// A column that keeps less than this part of its norm when the columns before it are projected out
@@ -351,12 +350,13 @@ impl<const B: usize, const M: usize> Step<'_, B, M> {
             tasks.push((first..last, head));
             rest = tail;
         }
-        tasks.into_par_iter().for_each(|(rows, mut values)| {
-            Arch::new().dispatch(|| {
-                for i in rows {
-                    let (row, tail) = values.split_at_mut(self.pattern.range(i).len());
+        tasks.into_par_iter().for_each(|(rows, values)| {
+            vectorised!({
+                let mut rest = &mut *values;
+                for i in rows.clone() {
+                    let (row, tail) = rest.split_at_mut(self.pattern.range(i).len());
                     self.row(i, &before, &motions, row);
-                    values = tail;
+                    rest = tail;
                 }
             });
         });

@@ -3,8 +3,7 @@
 use super::Inverse;
 use crate::dense::tridiagonal_largest;
 use crate::sparse::stored::{BlockMatrix, Real, times};
-use crate::sparse::{BlockCsr, ROWS_PER_TASK};
-use pulp::Arch;
+use crate::sparse::{BlockCsr, ROWS_PER_TASK, vectorised};
 use rayon::prelude::*;
 
 /// Steps of the estimate of the spectral radius.
@@ -70,7 +69,7 @@ pub(super) fn spectral_radius<const B: usize, S: Real>(
     let multiplied = |r: &[[S; B]], z: &mut [[S; B]]| {
         let rows = z.par_chunks_mut(ROWS_PER_TASK).enumerate();
         rows.for_each(|(task, z)| {
-            Arch::new().dispatch(|| {
+            vectorised!({
                 for (k, z) in z.iter_mut().enumerate() {
                     let i = task * ROWS_PER_TASK + k;
                     *z = match inverse {
@@ -110,7 +109,7 @@ pub(super) fn spectral_radius<const B: usize, S: Real>(
             .for_each(|(p, z)| *p = std::array::from_fn(|c| z[c] + b * p[c]));
         let rows = q.par_chunks_mut(ROWS_PER_TASK).enumerate();
         let pq = ordered_sum(rows.map(|(task, q)| {
-            Arch::new().dispatch(|| {
+            vectorised!({
                 let mut sum = 0.0;
                 for (k, q) in q.iter_mut().enumerate() {
                     let i = task * ROWS_PER_TASK + k;
