@@ -7,8 +7,7 @@ use crate::mesh::Kind;
 use crate::model::Elastic;
 use base64::Engine as _;
 
-/// What is given at the points or in the cells of a grid, as the elements of the file.
-#[derive(Default)]
+/// The text of a file as it grows: arrays are large, and stand there once.
 struct Arrays(String);
 
 impl Arrays {
@@ -79,37 +78,35 @@ fn cell_type<const D: usize>(corners: usize) -> u8 {
 fn grid<'a, const D: usize>(
     points: &[[f64; D]],
     cells: impl ExactSizeIterator<Item = &'a [u32]> + Clone,
-    at_points: &Arrays,
-    in_cells: &Arrays,
+    at_points: impl FnOnce(&mut Arrays),
+    in_cells: impl FnOnce(&mut Arrays),
 ) -> String {
-    let (mut places, mut topology) = (Arrays::default(), Arrays::default());
-    places.vectors("Points", points);
-    let connectivity = cells.clone().flatten().map(|&node| i64::from(node));
-    topology.array("Int64", "connectivity", 1, connectivity, i64::to_le_bytes);
-    let ends = cells.clone().scan(0, |end, nodes| {
-        *end += nodes.len() as i64;
-        Some(*end)
-    });
-    topology.array("Int64", "offsets", 1, ends, i64::to_le_bytes);
-    let types = cells.clone().map(|nodes| cell_type::<D>(nodes.len()));
-    topology.array("UInt8", "types", 1, types, u8::to_le_bytes);
-    format!(
+    let mut file = Arrays(format!(
         "<?xml version=\"1.0\"?>\n\
          <VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n\
          <UnstructuredGrid>\n\
          <Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n\
-         <Points>\n{}</Points>\n\
-         <Cells>\n{}</Cells>\n\
-         <PointData Vectors=\"displacement\">\n{}</PointData>\n\
-         <CellData>\n{}</CellData>\n\
-         </Piece>\n</UnstructuredGrid>\n</VTKFile>\n",
+         <Points>\n",
         points.len(),
         cells.len(),
-        places.0,
-        topology.0,
-        at_points.0,
-        in_cells.0
-    )
+    ));
+    file.vectors("Points", points);
+    file.0 += "</Points>\n<Cells>\n";
+    let connectivity = cells.clone().flatten().map(|&node| i64::from(node));
+    file.array("Int64", "connectivity", 1, connectivity, i64::to_le_bytes);
+    let ends = cells.clone().scan(0, |end, nodes| {
+        *end += nodes.len() as i64;
+        Some(*end)
+    });
+    file.array("Int64", "offsets", 1, ends, i64::to_le_bytes);
+    let types = cells.map(|nodes| cell_type::<D>(nodes.len()));
+    file.array("UInt8", "types", 1, types, u8::to_le_bytes);
+    file.0 += "</Cells>\n<PointData Vectors=\"displacement\">\n";
+    at_points(&mut file);
+    file.0 += "</PointData>\n<CellData>\n";
+    in_cells(&mut file);
+    file.0 += "</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n";
+    file.0
 }
 
 /// The file of a step.
@@ -122,9 +119,6 @@ where
     Kind: Space<D>,
 {
     let mesh = &elastic.mesh;
-    let (mut at_nodes, mut in_elements) = (Arrays::default(), Arrays::default());
-    at_nodes.vectors("displacement", &fields.displacement);
-    at_nodes.stresses(&fields.at_nodes);
     let shown = shown_at_nodes(elastic, contact, None);
     let scattered = |values: &[f64]| {
         let mut field = vec![0.0; mesh.nodes.len()];
@@ -133,23 +127,6 @@ where
         }
         field
     };
-    at_nodes.scalars("contact_pressure", &scattered(&contact.pressure));
-    if D == 2 {
-        at_nodes.scalars("tangential_traction", &scattered(&contact.traction));
-    } else {
-        // Along the axes: the tangents of each node are its own.
-        let (mut whole, mut tangential) = (
-            vec![[0.0; D]; mesh.nodes.len()],
-            vec![[0.0; D]; mesh.nodes.len()],
-        );
-        for (&node, &i) in &shown {
-            let [pressed, rubbed] = contact.traction_vectors(i);
-            tangential[node as usize] = rubbed;
-            whole[node as usize] = std::array::from_fn(|c| pressed[c] + rubbed[c]);
-        }
-        at_nodes.vectors("tangential_traction", &tangential);
-        at_nodes.vectors("contact_traction", &whole);
-    }
     // 0: on no contact boundary.
     let status = |node: u32| {
         shown.get(&node).map_or(0, |&i| match contact.status(i) {
@@ -159,12 +136,34 @@ where
             NodeStatus::Frictionless => 4,
         })
     };
-    at_nodes.kinds("contact_status", (0..mesh.nodes.len() as u32).map(status));
-
-    in_elements.stresses(&fields.in_elements);
-    in_elements.kinds("region", mesh.elements.iter().map(|e| e.region as i32));
+    let at_points = |at_nodes: &mut Arrays| {
+        at_nodes.vectors("displacement", &fields.displacement);
+        at_nodes.stresses(&fields.at_nodes);
+        at_nodes.scalars("contact_pressure", &scattered(&contact.pressure));
+        if D == 2 {
+            at_nodes.scalars("tangential_traction", &scattered(&contact.traction));
+        } else {
+            // Along the axes: the tangents of each node are its own.
+            let (mut whole, mut tangential) = (
+                vec![[0.0; D]; mesh.nodes.len()],
+                vec![[0.0; D]; mesh.nodes.len()],
+            );
+            for (&node, &i) in &shown {
+                let [pressed, rubbed] = contact.traction_vectors(i);
+                tangential[node as usize] = rubbed;
+                whole[node as usize] = std::array::from_fn(|c| pressed[c] + rubbed[c]);
+            }
+            at_nodes.vectors("tangential_traction", &tangential);
+            at_nodes.vectors("contact_traction", &whole);
+        }
+        at_nodes.kinds("contact_status", (0..mesh.nodes.len() as u32).map(status));
+    };
+    let in_cells = |in_elements: &mut Arrays| {
+        in_elements.stresses(&fields.in_elements);
+        in_elements.kinds("region", mesh.elements.iter().map(|e| e.region as i32));
+    };
     let cells = mesh.elements.iter().map(|element| element.nodes());
-    grid(&mesh.nodes, cells, &at_nodes, &in_elements)
+    grid(&mesh.nodes, cells, at_points, in_cells)
 }
 
 #[cfg(test)]
@@ -189,10 +188,12 @@ mod tests {
     fn two_triangles_give_the_file_by_hand() {
         let points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let cells: [&[u32]; 2] = [&[0, 1, 2], &[0, 2, 3]];
-        let (mut at_points, mut in_cells) = (Arrays::default(), Arrays::default());
-        at_points.scalars("contact_pressure", &[0.0, 0.0, 1.0, 1.0]);
-        in_cells.kinds("region", [0, 1]);
-        let file = grid(&points, cells.into_iter(), &at_points, &in_cells);
+        let file = grid(
+            &points,
+            cells.into_iter(),
+            |at_points| at_points.scalars("contact_pressure", &[0.0, 0.0, 1.0, 1.0]),
+            |in_cells| in_cells.kinds("region", [0, 1]),
+        );
         // The arrays by Python: base64.b64encode(struct.pack("<Q12d", 96, 0, 0, 0, 1, …)).
         assert_eq!(
             file,
@@ -231,9 +232,9 @@ mod tests {
             [0.5, 0.5, 2.0],
         ];
         let cells: [&[u32]; 2] = [&[0, 1, 2, 3], &[1, 2, 3, 4]];
-        let mut at_points = Arrays::default();
-        at_points.vectors("displacement", &points.map(|p| p.map(|x| 2.0 * x)));
-        let file = grid(&points, cells.into_iter(), &at_points, &Arrays::default());
+        let doubled = points.map(|p| p.map(|x| 2.0 * x));
+        let at_points = |at_points: &mut Arrays| at_points.vectors("displacement", &doubled);
+        let file = grid(&points, cells.into_iter(), at_points, |_| {});
         assert_eq!(values(&file, "Points", f64::from_le_bytes), points.concat());
         let displacement = values(&file, "displacement", f64::from_le_bytes);
         assert_eq!(displacement[12..], [1.0, 1.0, 4.0]);
