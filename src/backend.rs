@@ -316,6 +316,13 @@ pub trait Backend {
         &mut self,
         m: BlockMatrix<Self::Stored>,
     ) -> Result<Self::LevelMatrix, BackendError>;
+    /// A symmetric matrix of a multigrid level.
+    fn symmetric_level_matrix(
+        &mut self,
+        m: BlockMatrix<Self::Stored>,
+    ) -> Result<Self::LevelMatrix, BackendError> {
+        self.level_matrix(m)
+    }
     /// D⁻¹ of a level: square blocks of `block` rows, by rows.
     fn level_diagonal(
         &mut self,

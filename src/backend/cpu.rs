@@ -1,7 +1,9 @@
 //! The CPU: f64, all cores.
 
+mod half;
 mod levels;
 
+pub use half::{Half, LevelMatrix};
 pub use levels::Diagonal;
 
 use super::{Backend, BackendError, Product, Progress, Run, block_is_full};
@@ -111,7 +113,7 @@ impl<S: Real> Backend for Cpu<S> {
     type State = State;
     type Stored = S;
     type LevelVector = Vec<S>;
-    type LevelMatrix = BlockMatrix<S>;
+    type LevelMatrix = LevelMatrix<S>;
     type LevelDiagonal = Diagonal<S>;
     type DenseMatrix = Dense<S>;
 
@@ -293,9 +295,17 @@ impl<S: Real> Backend for Cpu<S> {
         Ok(vec![S::default(); len])
     }
 
-    fn level_matrix(&mut self, m: BlockMatrix<S>) -> Result<BlockMatrix<S>, BackendError> {
+    fn level_matrix(&mut self, m: BlockMatrix<S>) -> Result<LevelMatrix<S>, BackendError> {
         levels::check_shape(m.block())?;
-        Ok(m)
+        Ok(LevelMatrix::Full(m))
+    }
+
+    fn symmetric_level_matrix(
+        &mut self,
+        m: BlockMatrix<S>,
+    ) -> Result<LevelMatrix<S>, BackendError> {
+        levels::check_shape(m.block())?;
+        Ok(LevelMatrix::symmetric(m))
     }
 
     fn level_diagonal(
@@ -328,7 +338,7 @@ impl<S: Real> Backend for Cpu<S> {
     fn smooth(
         &mut self,
         state: &State,
-        a: &BlockMatrix<S>,
+        a: &LevelMatrix<S>,
         inverse_diagonal: &Diagonal<S>,
         steps: [S; 2],
         b: &Vec<S>,
@@ -344,13 +354,16 @@ impl<S: Real> Backend for Cpu<S> {
     fn smooth_patches(
         &mut self,
         state: &State,
-        patches: &BlockMatrix<S>,
+        patches: &LevelMatrix<S>,
         c1: Option<S>,
         c2: S,
         r: &Vec<S>,
         d: &mut Vec<S>,
         x: &mut Vec<S>,
     ) {
+        let LevelMatrix::Full(patches) = patches else {
+            unreachable!("no other matrices than those that are smoothed with are stored by half");
+        };
         if !state.done {
             levels::smooth_patches(patches, c1, c2, r, d, x);
         }
@@ -359,7 +372,7 @@ impl<S: Real> Backend for Cpu<S> {
     fn level_multiply(
         &mut self,
         state: &State,
-        m: &BlockMatrix<S>,
+        m: &LevelMatrix<S>,
         product: Product,
         b: &Vec<S>,
         x: &Vec<S>,

@@ -157,6 +157,26 @@ impl<S: Real> BlockMatrix<S> {
         }
     }
 
+    /// The blocks on and above the diagonal, in the memory of all.
+    pub(crate) fn into_upper(mut self) -> Self {
+        let size = self.block[0] * self.block[1];
+        let (mut begin, mut kept) = (0, 0);
+        for i in 0..self.n_block_rows() {
+            let end = self.row_ptr[i + 1] as usize;
+            let upper = begin + self.col_idx[begin..end].partition_point(|&j| (j as usize) < i);
+            self.col_idx.copy_within(upper..end, kept);
+            self.values
+                .copy_within(upper * size..end * size, kept * size);
+            kept += end - upper;
+            (self.row_ptr[i + 1], begin) = (kept as u32, end);
+        }
+        self.col_idx.truncate(kept);
+        self.values.truncate(kept * size);
+        self.col_idx.shrink_to_fit();
+        self.values.shrink_to_fit();
+        self
+    }
+
     /// Rows and columns of a block.
     pub fn block(&self) -> [usize; 2] {
         self.block
@@ -220,14 +240,21 @@ pub(crate) struct BlockView<'a, const R: usize, const C: usize, S> {
 }
 
 impl<const R: usize, const C: usize, S: Real> BlockView<'_, R, C, S> {
+    /// The block columns and blocks of block row `i`.
+    #[inline(always)]
+    pub(crate) fn row(&self, i: usize) -> (&[u32], &[[[S; C]; R]]) {
+        let range = self.row_ptr[i] as usize..self.row_ptr[i + 1] as usize;
+        (&self.col_idx[range.clone()], &self.values[range])
+    }
+
     /// Block row `i` times x.
     #[inline(always)]
     pub(crate) fn row_times(&self, i: usize, x: &[[S; C]]) -> [S; R] {
-        let range = self.row_ptr[i] as usize..self.row_ptr[i + 1] as usize;
+        let (cols, blocks) = self.row(i);
         // One sum per entry of a block: the columns are added up at the end, so that a block costs as
         // few vector instructions as it can.
         let mut sums = [[S::default(); C]; R];
-        for (&j, block) in self.col_idx[range.clone()].iter().zip(&self.values[range]) {
+        for (&j, block) in cols.iter().zip(blocks) {
             let x = [x[j as usize]; R];
             for (sums, (block, x)) in sums
                 .as_flattened_mut()

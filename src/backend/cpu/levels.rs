@@ -3,6 +3,7 @@
 //! They run with all vector instructions that the processor has (`vectorised!`). Sums are made in an order that is
 //! written down here, so that no processor changes them.
 
+use super::half::LevelMatrix;
 use crate::backend::{BackendError, Product};
 use crate::sparse::stored::{BlockMatrix, Dense, Real, times};
 use crate::sparse::vectorised;
@@ -87,7 +88,7 @@ pub(super) fn smooth_first<S: Real>(
 
 /// d ← c₁ d + c₂ D⁻¹(b − A x), x_next = x + d.
 pub(super) fn smooth<S: Real>(
-    a: &BlockMatrix<S>,
+    a: &LevelMatrix<S>,
     inverse_diagonal: &Diagonal<S>,
     step: [S; 2],
     b: &[S],
@@ -96,7 +97,46 @@ pub(super) fn smooth<S: Real>(
     x_next: &mut [S],
 ) {
     fn kernel<const B: usize, const C: usize, S: Real>(
-        a: &BlockMatrix<S>,
+        a: &LevelMatrix<S>,
+        inverse_diagonal: &[S],
+        step: [S; 2],
+        b: &[S],
+        x: &[S],
+        d: &mut [S],
+        x_next: &mut [S],
+    ) {
+        let blocks = x.as_chunks::<B>().0;
+        match a {
+            LevelMatrix::Full(a) => {
+                let a = a.view::<B, B>();
+                with_product(
+                    #[inline(always)]
+                    |i| a.row_times(i, blocks),
+                    inverse_diagonal,
+                    step,
+                    b,
+                    x,
+                    d,
+                    x_next,
+                );
+            }
+            LevelMatrix::Half(a) => {
+                let product = a.times(blocks);
+                with_product(
+                    #[inline(always)]
+                    |i| product.row(i),
+                    inverse_diagonal,
+                    step,
+                    b,
+                    x,
+                    d,
+                    x_next,
+                );
+            }
+        }
+    }
+    fn with_product<const B: usize, S: Real>(
+        ax: impl Fn(usize) -> [S; B] + Sync,
         inverse_diagonal: &[S],
         [c1, c2]: [S; 2],
         b: &[S],
@@ -110,7 +150,6 @@ pub(super) fn smooth<S: Real>(
             x.as_chunks::<B>().0,
             d.as_chunks_mut::<B>().0,
         );
-        let a = a.view::<B, B>();
         (x_next.par_chunks_mut(ROWS_PER_TASK * B))
             .zip(d.par_chunks_mut(ROWS_PER_TASK))
             .enumerate()
@@ -119,7 +158,7 @@ pub(super) fn smooth<S: Real>(
                     let rows = task * ROWS_PER_TASK..;
                     let out = x_next.as_chunks_mut::<B>().0.iter_mut().zip(&mut *d);
                     for (i, (x_next, d)) in rows.zip(out) {
-                        let ax = a.row_times(i, x);
+                        let ax = ax(i);
                         let r = std::array::from_fn(|c| b[i][c] - ax[c]);
                         let z = times(&inverse_diagonal[i], &r);
                         for c in 0..B {
@@ -188,7 +227,7 @@ pub(super) fn smooth_patches<S: Real>(
 
 /// y of M x: see [`Product`].
 pub(super) fn multiply<S: Real>(
-    m: &BlockMatrix<S>,
+    m: &LevelMatrix<S>,
     product: Product,
     b: &[S],
     x: &[S],
@@ -203,19 +242,46 @@ pub(super) fn multiply<S: Real>(
 
 /// Calls `write(i, yᵢ, (M x)ᵢ)` for every row i of M.
 fn rows<const R: usize, const C: usize, S: Real>(
-    matrix: &BlockMatrix<S>,
+    matrix: &LevelMatrix<S>,
     x: &[S],
     y: &mut [S],
     write: impl Fn(usize, &mut S, S) + Sync,
 ) {
-    let (matrix, x) = (matrix.view::<R, C>(), x.as_chunks::<C>().0);
+    match matrix {
+        LevelMatrix::Full(matrix) => {
+            let (matrix, x) = (matrix.view::<R, C>(), x.as_chunks::<C>().0);
+            write_rows(
+                #[inline(always)]
+                |i| matrix.row_times(i, x),
+                y,
+                write,
+            );
+        }
+        LevelMatrix::Half(matrix) => {
+            let product = matrix.times(x.as_chunks::<R>().0);
+            write_rows(
+                #[inline(always)]
+                |i| product.row(i),
+                y,
+                write,
+            );
+        }
+    }
+}
+
+/// The same of a product by rows.
+fn write_rows<const R: usize, S: Real>(
+    mx: impl Fn(usize) -> [S; R] + Sync,
+    y: &mut [S],
+    write: impl Fn(usize, &mut S, S) + Sync,
+) {
     y.par_chunks_mut(ROWS_PER_TASK * R)
         .enumerate()
         .for_each(|(task, y)| {
             vectorised!({
                 let first = task * ROWS_PER_TASK;
                 for (k, y) in y.as_chunks_mut::<R>().0.iter_mut().enumerate() {
-                    let sum = matrix.row_times(first + k, x);
+                    let sum = mx(first + k);
                     for c in 0..R {
                         write((first + k) * R + c, &mut y[c], sum[c]);
                     }
@@ -254,13 +320,11 @@ mod tests {
     use crate::sparse::BlockCsr;
 
     /// Two rows of 2 × 3 blocks: 1 2 3 / 4 5 6 in the column 1 of the first, 1 0 0 / 0 1 0 in both of the second.
-    fn matrix() -> BlockMatrix<f64> {
+    fn matrix() -> LevelMatrix<f64> {
         let one = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let blocks = vec![[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], one, one];
-        BlockMatrix::new(
-            &BlockCsr::<2, 3>::from_parts(2, 2, vec![0, 1, 3], vec![1, 0, 1], blocks),
-            1.0,
-        )
+        let matrix = BlockCsr::<2, 3>::from_parts(2, 2, vec![0, 1, 3], vec![1, 0, 1], blocks);
+        LevelMatrix::Full(BlockMatrix::new(&matrix, 1.0))
     }
 
     #[test]
@@ -290,7 +354,7 @@ mod tests {
             vec![0, 1, 1],
             vec![identity, coupling, identity],
         );
-        let a = BlockMatrix::new(&a, 1.0);
+        let a = LevelMatrix::Full(BlockMatrix::new(&a, 1.0));
         let half = Diagonal {
             block: 2,
             values: [0.5, 0.0, 0.0, 0.5].repeat(2),

@@ -121,7 +121,7 @@ fn smoother<B: Backend>(
             }
             Inverse::Patches(patches) => InverseThere::Patches(backend.level_matrix(patches)?),
         },
-        matrix: backend.level_matrix(smoother.matrix)?,
+        matrix: backend.symmetric_level_matrix(smoother.matrix)?,
         steps: smoother.steps,
     })
 }
