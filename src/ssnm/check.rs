@@ -179,10 +179,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         // However it came about: what meets all conditions is a solution. After unloading, forces are known no better than
         // those before, which slip is counted from: rounding may hide what is left of them.
         if status == Status::Stagnated && kkt.max() <= MET * self.tolerance {
-            let mut before = self.problem.load_case().before.clone();
-            self.products.dual.divide(&mut before);
             let now = way.err0.max(self.own_motion(&way.point.lambda));
-            let err = err_relative * now / now.max(self.own_motion(&before));
+            let err = err_relative * now / now.max(self.own_motion(&self.before));
             let mut goal = Goal::new(self.tolerance, self.numbers);
             goal.by_start = true;
             let (lambda, r) = self.unscaled(&way.point);

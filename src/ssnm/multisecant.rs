@@ -160,9 +160,10 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             add_times(1.0, &balance.coefficients(eta), &mut point.motion);
             add_times(-1.0, &balance.spread(eta), &mut point.r);
         }
-        // Forces below the rounding of those that they are left of are none.
+        // Forces below the rounding of those that they are left of, step by step, are none.
         let none = vec![0.0; point.lambda.len()];
-        if norm_max(&point.lambda) <= ROUNDING * norm_max(&from.lambda)
+        let larger = norm_max(&from.lambda).max(norm_max(&self.before));
+        if norm_max(&point.lambda) <= 100.0 * ROUNDING * larger
             && self.balance.as_ref().is_none_or(|b| b.holds(&none))
         {
             point.lambda = none;

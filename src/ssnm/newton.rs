@@ -47,6 +47,8 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub tolerance: f64,
     /// The largest displacement when u was last seen, but for motions as a whole; 0 before.
     pub reach: f64,
+    /// λ before the load step, scaled; empty at rest.
+    pub before: Vec<f64>,
     /// Where bodies that can move as a whole are, as far as nothing moves them: coefficients of their motions.
     pub place: Option<&'a [f64]>,
 }

@@ -107,6 +107,8 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         let initial = settings.initial.filter(|_| start.imbalance.is_empty());
         let mut offsets = problem.load_case().offsets();
         dual.times(&mut offsets);
+        let mut before = problem.load_case().before.clone();
+        dual.divide(&mut before);
         // A guess of the entries of diag(A), as if nothing but their own unknowns moved: the first product tells more.
         let mean = mean(problem.compliance().iter().enumerate().map(|(i, c)| {
             let factor = dual.factor(i);
@@ -138,6 +140,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             check_accuracy: settings.tolerance,
             tolerance: settings.tolerance,
             reach: 0.0,
+            before,
             place: settings.place,
             offsets,
         };

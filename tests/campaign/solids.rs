@@ -10,6 +10,7 @@ use signorini::elasticity::Material;
 use signorini::mesh::Mesh;
 use signorini::mesh::structured::{SolidShape, block, join};
 use signorini::model::{BodyForce, Model, Pair, Support, Traction};
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
 /// The problem of a seed, or why it could not be built.
@@ -203,7 +204,7 @@ fn one_body(random: &mut Random, coulomb: bool, name: &mut String) -> Model<3> {
     let _ = write!(name, ", held: {held}");
     let turn = if chance(random, 0.3) {
         let axis = [(); 3].map(|()| random.between(-1.0, 1.0));
-        rotation(axis, random.between(0.0, 6.28))
+        rotation(axis, random.between(0.0, TAU))
     } else {
         UPRIGHT
     };
@@ -318,19 +319,20 @@ fn two_bodies(random: &mut Random, coulomb: bool, name: &mut String) -> Model<3>
     let mut low = Block::new(random, name);
     name.push_str(" under ");
     let mut up = Block::new(random, name);
-    // Steel on rubber, and more.
-    low.material.young = up.material.young * decade(random, -6.0, 6.0);
+    // Steel on rubber, or on foam.
+    low.material.young = up.material.young * decade(random, -4.5, 4.5);
     let is_held = chance(random, 0.4);
     let _ = write!(name, " of E {:.1e}, held {is_held}", low.material.young);
     // Of the same unit; the upper one stands on the lower one, or overhangs.
     let scale = low.size[0] / up.size[0];
     up.size = up.size.map(|edge| edge * scale * decade(random, -0.4, 0.1));
     low.pressure = up.pressure;
-    let place = [
-        low.size[0] * random.between(-0.1, 0.3),
-        low.size[1] * random.between(-0.1, 0.3),
-        low.size[2],
-    ];
+    // With a part of it beside the lower one, or not.
+    let mut along = |axis: usize| match random.between(-0.3, 0.3) {
+        part if part < 0.0 => part * up.size[axis],
+        part => part * low.size[axis],
+    };
+    let place = [along(0), along(1), low.size[2]];
     let _ = write!(name, ", at {place:.3?} of size {:.3?}", up.size);
     let mesh = join(
         low.mesh([0.0; 3], "low", "low-"),

@@ -92,6 +92,13 @@ impl Checker {
                 compliance[i + shift] += v * v / diagonal[j];
             }
         }
+        // Those of both tangents of a node together, whichever pair of tangents they are.
+        for of_node in compliance[m..].chunks_mut(D - 1) {
+            let moved: Vec<f64> = of_node.iter().copied().filter(|&c| c > 0.0).collect();
+            if moved.len() > 1 {
+                of_node.fill(moved.iter().sum::<f64>() / moved.len() as f64);
+            }
+        }
         let motions = match problem.coordinates() {
             Some(points) => rigid_motions(&k, n, points),
             None => Vec::new(),
