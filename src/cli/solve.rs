@@ -191,6 +191,7 @@ where
         let options = self.arguments.engine.options();
         let mut engine = Engine::new(&build.problem, options, |line| log.tell(line))
             .map_err(|error| self.failed(error))?;
+        give_back_freed();
         self.report.timings.factor = start.elapsed().as_secs_f64();
         self.report.timings.linear_reference = engine
             .cholesky()
@@ -315,5 +316,14 @@ where
         self.files.extend(drawn?);
         self.files.push(report);
         Ok(())
+    }
+}
+
+/// Gives the system back what was freed before the first load step: glibc keeps it, 0.3 GiB at a million unknowns.
+fn give_back_freed() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    // SAFETY: it touches nothing but free memory.
+    unsafe {
+        libc::malloc_trim(0);
     }
 }
