@@ -9,7 +9,7 @@ use super::subproblem::Subproblem;
 use super::{Settings, Status, Step};
 use crate::dual::{DualError, DualOperator};
 use crate::rounding::{INDEPENDENT, ROUNDING};
-use crate::sparse::{add_times, difference, dot, norm_max};
+use crate::sparse::{add_times, difference, norm, norm_max};
 use std::ops::ControlFlow;
 
 /// What a subproblem proposes.
@@ -207,7 +207,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         way.point = before.towards(&end, part);
         self.refresh(&mut way.point, part)?;
         // A part outside the span of what is known that is but rounding of the step tells nothing.
-        if dot(&rest, &new) > INDEPENDENT * INDEPENDENT * dot(step, &image) {
+        if norm(&rest) > INDEPENDENT * norm(step) {
             self.learn(&rest, &new);
         }
         Ok(())

@@ -86,12 +86,13 @@ numbers! {
     growth: f64 = 2.0;
     /// An error below this part of the least so far is progress.
     progress: f64 = 0.9;
-    /// Steps without progress before steps are made shorter. Bodies that find their place take up to 12 of them.
+    /// Steps without progress before steps are made shorter, under Coulomb's law. Bodies that find their place take up to 12 of them.
     fruitless: usize = 15;
     /// Steps without progress under Coulomb's law before the best point is gone back to.
     patience: usize = 45;
-    /// Steps in a row that do not lower the error before products by PCG are made more accurate; under given bounds also before
-    /// the best point is gone back to, if the last one has not lowered q either.
+    /// Steps in a row that do not lower the error, and pairs that errors of products have hidden, before products by PCG are made
+    /// more accurate; under given bounds also steps before the best point is gone back to, if the last one has not lowered q
+    /// either.
     denied: usize = 4;
     /// What the rest of the gradient could still move a pressure by at the end, in ε times the largest pressure, if nothing
     /// but the unknowns under the contact moved: a third of what is promised, as other unknowns move as well.
