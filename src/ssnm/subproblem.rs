@@ -151,9 +151,9 @@ impl Subproblem<'_> {
         solve(matrix, &right)
     }
 
-    /// Lowers the merit to `target`, from s = 0 and a motion to start from, and balances the bodies to rounding, as far as that
-    /// goes; also returns the number of Newton steps. A step along which forces change their balance is not one that q
-    /// must fall along: Gᵀα does work on it.
+    /// Lowers the merit to `target`, from s = 0 and a motion to start from, and under given bounds balances the bodies to
+    /// rounding, as far as that goes; also returns the number of Newton steps. A step along which forces change their balance
+    /// is not one that q must fall along: Gᵀα does work on it.
     pub fn solve<const D: usize>(&self, motion: Vec<f64>, target: f64) -> (Trial, usize) {
         let mut unknowns = vec![0.0; 2 * self.surrogate.len()];
         unknowns.extend(motion);
@@ -168,13 +168,17 @@ impl Subproblem<'_> {
             ..
         } = self.numbers;
         for step in 0..newton_steps {
-            let is_met = |trial: &Trial| {
-                !(trial.merit > target)
-                    && self
-                        .balance
-                        .is_none_or(|b| b.is_met(&trial.lambda, ROUNDING))
+            let balanced = |part: f64| {
+                let balance = self.balance;
+                balance.is_none_or(|balance| balance.is_met(&best.lambda, part))
             };
-            if is_met(&best) || self.stop.now().is_some() {
+            // Where the last step was no better, what is left of a small imbalance is rounding.
+            let stays = merits[merits.len() - 1] > best.merit;
+            let is_met = !(best.merit > target)
+                && (self.law.is_coulomb()
+                    || balanced(ROUNDING)
+                    || (stays && balanced(100.0 * ROUNDING)));
+            if is_met || self.stop.now().is_some() {
                 return (best, step);
             }
             let direction = self.direction::<D>(&here);
@@ -201,9 +205,6 @@ impl Subproblem<'_> {
             merits.push(here.merit);
             if here.merit < best.merit {
                 best = here.clone();
-            } else if !(best.merit > target) {
-                // What is left is rounding.
-                return (best, step + 1);
             }
         }
         (best, newton_steps)
