@@ -21,8 +21,8 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub law: Law,
     /// Where bodies can move as a whole.
     pub balance: Option<Rc<Balance>>,
-    /// G on all multipliers that there are. Products are made of balanced directions: what else a short step is made of is rounding of λ,
-    /// and along it A depends on where K⁻¹ holds the bodies.
+    /// G on all multipliers that there are. Products are made of balanced directions: what else a short step is made of is
+    /// rounding of λ, and along it A depends on where K⁻¹ holds the bodies.
     pub balanced: Option<FaceBalance<D>>,
     /// c.
     pub offsets: Vec<f64>,

@@ -86,7 +86,8 @@ numbers! {
     growth: f64 = 2.0;
     /// An error below this part of the least so far is progress.
     progress: f64 = 0.9;
-    /// Steps without progress before steps are made shorter, under Coulomb's law. Bodies that find their place take up to 12 of them.
+    /// Steps without progress before steps are made shorter, under Coulomb's law. Bodies that find their place take up to 12 of
+    /// them.
     fruitless: usize = 15;
     /// Steps without progress under Coulomb's law before the best point is gone back to.
     patience: usize = 45;

@@ -3,7 +3,7 @@
 
 use super::common::checker::{Checker, Entries, largest, length};
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SupportedConeT};
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 use signorini::problem::ContactProblem;
 use signorini::quasistatic::{Load, State};
 
@@ -344,15 +344,12 @@ impl Oracle {
             let beyond: Vec<f64> = (force.iter().zip(&slip))
                 .map(|(force, slip)| force + part * slip)
                 .collect();
+            // 1 for the NaN of no force at all.
             let scale = (bound[i] / length(&beyond)).min(1.0);
-            let lacks = match scale.is_nan() {
-                true => 0.0,
-                false => length(
-                    &(beyond.iter().zip(force))
-                        .map(|(beyond, force)| scale * beyond - force)
-                        .collect::<Vec<_>>(),
-                ),
-            };
+            let missing: Vec<f64> = (beyond.iter().zip(force))
+                .map(|(beyond, force)| scale * beyond - force)
+                .collect();
+            let lacks = length(&missing);
             let name = if lacks > bound[i] {
                 "slip the wrong way"
             } else {
@@ -530,10 +527,11 @@ pub(super) fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
     let tangential = columns(&oracle.of.tangential, tangents * m);
     if tangents > 1 {
         wanted.iter_mut().for_each(|w| *w /= size);
-        let imbalance = least_imbalance_of_cones(&oracle.of, &normal, &tangential, &wanted, size);
+        let (imbalance, proven) =
+            least_imbalance_of_cones(&oracle.of, &normal, &tangential, &wanted, size);
         return Balance {
             imbalance,
-            proven: true,
+            proven,
             resolution,
         };
     }
@@ -589,14 +587,14 @@ pub(super) fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
 }
 
 /// The same by a cone program, for columns of G and loads e of length 1 in units of `size`: Clarabel's minimum of t with
-/// ‖e − G λ‖ ≤ t.
+/// ‖e − G λ‖ ≤ t, and whether Clarabel says that it is the least.
 fn least_imbalance_of_cones(
     of: &Checker,
     normal: &[Vec<f64>],
     tangential: &[Vec<f64>],
     wanted: &[f64],
     size: f64,
-) -> f64 {
+) -> (f64, bool) {
     use SupportedConeT::{NonnegativeConeT, SecondOrderConeT};
     let (m, t) = (of.m, of.tangents);
     let of_law = |i: usize| of.mu[i] > 0.0 || of.given[i] > 0.0;
@@ -647,9 +645,12 @@ fn least_imbalance_of_cones(
     let mut solver = DefaultSolver::new(&none, &q, &a, &b, &cones, settings)
         .unwrap_or_else(|error| panic!("{error:?}"));
     solver.solve();
-    // What it has found in the end is on the cones, whatever it says.
-    let x = &solver.solution.x;
-    x[unknowns - 1]
+    let solution = &solver.solution;
+    let proven = matches!(
+        solution.status,
+        SolverStatus::Solved | SolverStatus::AlmostSolved
+    );
+    (solution.x[unknowns - 1], proven)
 }
 
 /// The rest b − A x with 0 ≤ x ≤ limits that is shortest; and the same without what rounding has left of it along the
