@@ -13,7 +13,7 @@ mod solver;
 mod tables;
 mod text;
 
-pub use build::{AnyBuild, Build, BuildError};
+pub use build::{BuildError, CaseProblem};
 pub use quantity::Figure;
 pub use solver::SolverTable;
 pub use tables::{
@@ -212,16 +212,16 @@ impl Case {
         }
     }
 
-    /// An algebraic case states one law of friction, and what its units are called if anything.
+    /// An algebraic case states a law of friction, and what its units are called if anything.
     fn check_algebraic(&self) -> Result<(), CaseError> {
         let Some(table) = &self.tables.algebraic else {
             return Ok(());
         };
         let given = table.get_ref();
-        if given.slip_bound.is_some() == given.friction_coefficient.is_some() {
+        if given.slip_bound.is_none() && given.friction_coefficient.is_none() {
             return self.invalid(
                 table.span(),
-                "[algebraic] needs either slip_bound (Tresca) or friction_coefficient (Coulomb)",
+                "[algebraic] needs slip_bound (Tresca) or friction_coefficient (Coulomb), or both",
             );
         }
         let units = self.tables.units.as_ref();
@@ -257,6 +257,17 @@ impl Case {
             Ok(()) => Ok(definition),
             Err(error) => self.invalid(self.tables.span(&error.entity), error.fault.to_string()),
         }
+    }
+
+    /// Tables of these names as they stand in the file, those that it has.
+    pub(crate) fn kept_tables<'a>(
+        &self,
+        names: impl IntoIterator<Item = &'a str>,
+    ) -> Vec<(&'a str, toml_edit::Item)> {
+        let document: toml_edit::DocumentMut =
+            self.text.parse().expect("it was read from this text");
+        let kept = |name| Some((name, document.get(name)?.clone()));
+        names.into_iter().filter_map(kept).collect()
     }
 
     /// What its units are called.

@@ -7,6 +7,7 @@ mod advice;
 mod bench;
 mod check;
 mod convert;
+mod export;
 mod solve;
 mod table1;
 
@@ -58,6 +59,8 @@ enum Command {
         #[arg(long, value_name = "NAME")]
         cell_data: Option<String>,
     },
+    /// Write a case as matrices and vectors (Matrix Market), with a case file that names them, for each load step
+    Export(ExportArguments),
     /// Reproduce Table 1 of the paper: outer steps and products with A
     Table1(Table1Arguments),
     /// CPU against GPU, direct against iterative, on the same contact problem (reference case B, in space case C)
@@ -89,6 +92,19 @@ struct SolveArguments {
     /// More about sizes and phases
     #[arg(long, short)]
     verbose: bool,
+}
+
+#[derive(clap::Args)]
+struct ExportArguments {
+    /// The case file (TOML)
+    case: PathBuf,
+    /// Where to write the files
+    directory: PathBuf,
+    #[command(flatten)]
+    engine: EngineArguments,
+    /// Replace an entry of the case, e.g. --set steps.factors=[1]
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    settings: Vec<String>,
 }
 
 #[derive(clap::Args)]
@@ -247,6 +263,7 @@ pub fn run() -> ExitCode {
             scale,
             cell_data,
         } => convert::run(&input, &output, scale, cell_data.as_deref()),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Table1(arguments) => table1::run(&arguments),
         #[cfg(feature = "gpu")]
         Command::Bench(arguments) => bench::run(&arguments),

@@ -13,6 +13,7 @@ mod tests;
 
 pub use mortar::{Mortar, MortarContact, Unmet, mortar_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
+#[cfg(feature = "files")]
 pub(crate) use rows::pooled;
 pub use rows::{ContactRows, contact_rows};
 

@@ -9,9 +9,9 @@ use crate::control::{Accuracy, Costs, Followed, Stop};
 use crate::dual::{DirectDual, DualError, DualOperator, NestedDual, plan};
 use crate::memory;
 use crate::problem::{ContactProblem, LoadCase};
+use crate::ssnm::RecycledSubspace;
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::{PcgError, Preconditioner};
-#[cfg(feature = "gpu")]
 use std::sync::Arc;
 
 /// Where to compute.
@@ -86,7 +86,8 @@ const FACTOR_UNKNOWN: f64 = 1.2e-6;
 const ITERATIVE_UNKNOWN: f64 = 12e-6;
 const ITERATIVE_UNKNOWN_IN_SPACE: f64 = 30e-6;
 const ITERATIVE_THREADS: f64 = 8.0;
-/// The factor, which no mesh can surprise, may take so many times longer.
+/// The factor is taken up to so many times the time that PCG is predicted to take: its own time is certain, while that of PCG
+/// grows on meshes with stretched elements or hard inclusions.
 const PREFERRED: f64 = 2.0;
 /// Predictions below this many seconds are not worth a word.
 const WORTH_A_WORD: f64 = 1.0;
@@ -119,30 +120,71 @@ impl Path {
     }
 }
 
-type Again<'a> =
-    Box<dyn Fn(bool, &Options, &mut dyn FnMut(&str)) -> Result<Path, EngineError> + 'a>;
+type Again = dyn Fn(bool, &Options, &mut dyn FnMut(&str)) -> Result<Path, EngineError> + Send;
 
 /// A dual operator by the means chosen.
 ///
 /// With [`Place::Auto`] a GPU that fails in the middle of a solve is replaced by the CPU: the product under
 /// way is made again and nothing else is lost.
-pub struct Engine<'a> {
+///
+/// It owns what it needs, and may be kept, moved to another thread and used again: for all problems that differ from the one it
+/// was made for by load, gap, origin of slip, slip bounds and coefficients of friction alone, there is one factor, or one
+/// hierarchy, and products made for one are known to the next.
+///
+/// # Example
+/// A block pressed on a plane and pushed along it, with 20 coefficients of friction:
+///
+/// ```
+/// use signorini::contact::Obstacle;
+/// use signorini::elasticity::Material;
+/// use signorini::engine::Engine;
+/// use signorini::mesh::structured::{CellShape, rectangle};
+/// use signorini::model::{Model, Pair, Support, Traction};
+/// use signorini::ssnm::Status;
+///
+/// let plane = Obstacle::HalfPlane { point: [0.0; 2], normal: [0.0, 1.0] };
+/// let built = Model::on(rectangle([0.0; 2], [3.0, 1.0], [12, 4], CellShape::Quad, "body", ""))
+///     .material(Material { young: 2e5, poisson: 0.3, density: 0.0 })
+///     .support(Support::on("left").fixed())
+///     .traction(Traction::on("top").pressure(100.0))
+///     .traction(Traction::on("right").x(50.0))
+///     .contact(Pair::obstacle("bottom", plane).coulomb(0.1))
+///     .build()?;
+/// let mut engine = Engine::new(&built.problem, Default::default(), |line| println!("{line}"))?;
+/// // What the fixed end carries of the push falls as friction rises.
+/// let (mut friction, mut products) = (Vec::new(), Vec::new());
+/// for k in 0..20 {
+///     let mu = vec![0.05 * f64::from(k); built.problem.m()];
+///     let problem = built.problem.clone().with_friction_coefficient(mu)?;
+///     let solution = problem.solve_on(&mut engine, &Default::default())?;
+///     assert_eq!(solution.status, Status::Converged);
+///     friction.push(-solution.lambda[problem.m()..].iter().sum::<f64>());
+///     products.push(solution.n_a());
+/// }
+/// assert!(friction.is_sorted_by(|a, b| a.abs() < b.abs()));
+/// assert!(products[19] <= products[0]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct Engine {
     /// [`again`] for the problem, whose dimension is no matter of the engine's.
-    again: Again<'a>,
+    again: Box<Again>,
+    /// Where K and B of the problem are, which it keeps: by these its problems are known.
+    matrices: [usize; 2],
     path: Path,
     options: Options,
-    log: Box<dyn FnMut(&str) + 'a>,
+    log: Box<dyn FnMut(&str) + Send>,
+    /// What solves on it have found out.
+    pub(crate) recycled: RecycledSubspace,
 }
 
-impl<'a> Engine<'a> {
+impl Engine {
     /// Chooses and sets up; `log` hears, in one line each, what was chosen and why, and of each way back to
     /// the CPU.
     pub fn new<const D: usize>(
-        problem: &'a ContactProblem<D>,
+        problem: &ContactProblem<D>,
         options: Options,
-        log: impl FnMut(&str) + 'a,
+        mut log: impl FnMut(&str) + Send + 'static,
     ) -> Result<Self, EngineError> {
-        let mut log: Box<dyn FnMut(&str) + 'a> = Box::new(log);
         let n = problem.n();
         let path = match (options.place, options.stiffness) {
             (Place::Gpu, Stiffness::Cholesky) => return Err(EngineError::NoCholeskyOnGpu),
@@ -177,12 +219,30 @@ impl<'a> Engine<'a> {
                 "no coordinates are given: multigrid has no rotations to work with and needs more iterations",
             );
         }
-        Ok(Self {
-            again: Box::new(move |lost, options, log| again(problem, lost, options, log)),
+        Ok(Self::on(path, problem.clone(), options, Box::new(log)))
+    }
+
+    /// On a path that has been set up for a problem.
+    fn on<const D: usize>(
+        path: Path,
+        problem: ContactProblem<D>,
+        options: Options,
+        log: Box<dyn FnMut(&str) + Send>,
+    ) -> Self {
+        Self {
+            matrices: addresses(&problem),
+            again: Box::new(move |lost, options, log| again(&problem, lost, options, log)),
             path,
             options,
             log,
-        })
+            recycled: RecycledSubspace::default(),
+        }
+    }
+
+    /// Whether it was made for a problem with the same K, N and T: for this one, or one that this one, or both, were made
+    /// from by [`ContactProblem::with_data`] and its like.
+    pub fn fits<const D: usize>(&self, problem: &ContactProblem<D>) -> bool {
+        self.matrices == addresses(problem)
     }
 
     /// "cpu" or "gpu".
@@ -297,6 +357,14 @@ impl<'a> Engine<'a> {
 /// If its pattern alone does not fit.
 pub fn factor_bytes<const D: usize>(problem: &ContactProblem<D>) -> Result<usize, FactorError> {
     plan(problem).map(|plan| plan.bytes())
+}
+
+/// Where K and B of a problem are.
+fn addresses<const D: usize>(problem: &ContactProblem<D>) -> [usize; 2] {
+    [
+        Arc::as_ptr(problem.stiffness()).addr(),
+        Arc::as_ptr(problem.contact_matrix()).addr(),
+    ]
 }
 
 /// Another path for a problem: without the GPU that is lost, or with the factor where PCG fails.
@@ -434,7 +502,7 @@ fn on_best<const D: usize>(
     }
 }
 
-impl DualOperator for Engine<'_> {
+impl DualOperator for Engine {
     fn size(&self) -> (usize, usize) {
         match &self.path {
             Path::Cholesky(dual) => dual.size(),
@@ -525,12 +593,8 @@ mod tests {
                 stiffness,
                 ..Default::default()
             };
-            let mut engine = Engine {
-                again: Box::new(|lost, options, log| again(&problem, lost, options, log)),
-                path: on_cpu(&problem, &options).expect("no GPU is needed"),
-                options,
-                log: Box::new(|_| {}),
-            };
+            let path = on_cpu(&problem, &options).expect("no GPU is needed");
+            let mut engine = Engine::on(path, problem.clone(), options, Box::new(|_| {}));
             let lost = BackendError::Lost {
                 adapter: "some".to_owned(),
                 reason: "pulled out".to_owned(),

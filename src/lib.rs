@@ -115,40 +115,36 @@
 //! # A case file
 //!
 //! ```
+//! # #[cfg(feature = "case")] {
 //! use signorini::case::Case;
-//! use signorini::engine::{Engine, Options};
 //! use signorini::output::ContactFields;
-//! use signorini::quasistatic::{self, State};
-//! use std::ops::ControlFlow;
 //! use std::path::Path;
 //!
 //! let case = Case::read(Path::new("examples/press.toml"), &["solver.tolerance=1e-6".to_owned()])?;
-//! let build = case.build()?;
-//! let mut engine = Engine::new(&build.problem, Options::default(), |line| println!("{line}"))?;
-//! let mut state = State::at_rest(&build.problem);
-//! for step in 0..case.n_steps() {
-//!     let data = case.step(&build, step)?.expect("an elastic case");
-//!     let solution = quasistatic::solve_step(
-//!         &build.problem,
-//!         &data.load,
-//!         &state,
-//!         &mut engine,
-//!         &case.settings(),
-//!         |_| ControlFlow::Continue(()),
-//!     )?;
-//!     let fields = ContactFields::new(&build, build.elastic.as_ref().expect("an elastic case"), &data, &solution);
-//!     let highest = fields.pressure.iter().copied().fold(0.0, f64::max);
-//!     assert!(highest > 4e7 && highest < 4.5e7);
-//!     state = solution.state(&data.load);
-//! }
+//! let built = case.build()?.plane().expect("an elastic case of the plane");
+//! let mut options = signorini::solve::Options::default();
+//! options.settings = case.settings();
+//! let solution = built.solve(&options)?.remove(0);
+//! let fields = ContactFields::new(&built.problem, &built.elastic, &built.step(0)?, &solution);
+//! let highest = fields.pressure.iter().copied().fold(0.0, f64::max);
+//! assert!(highest > 4e7 && highest < 4.5e7);
+//! # }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! # Load steps, watched
+//!
+//! [`model::Analysis::solve_on`] makes the load steps of a model, tells an observer of each, and stops when that says so;
+//! [`output::Results`] writes what `signorini solve` writes.
 
 #![warn(missing_docs)]
 
 pub mod backend;
-#[cfg(feature = "gpu")]
+// For the program and the tests only: no part of the library that anybody may rely on.
+#[cfg(all(feature = "cli", feature = "gpu"))]
+#[doc(hidden)]
 pub mod bench;
+#[cfg(feature = "case")]
 pub mod case;
 mod constraint;
 pub mod contact;
@@ -164,9 +160,11 @@ pub mod matrix_market;
 mod memory;
 pub mod mesh;
 pub mod model;
+#[cfg(feature = "files")]
 pub mod output;
 pub mod problem;
 pub mod quasistatic;
+#[doc(hidden)]
 pub mod reference;
 mod rigid;
 mod rounding;
@@ -174,4 +172,5 @@ pub mod solve;
 pub mod sparse;
 pub mod ssnm;
 pub mod stiffness;
+#[doc(hidden)]
 pub mod table1;

@@ -1,12 +1,13 @@
 //! Matrix Market files: real (or integer) matrices in coordinate or array form, general or symmetric.
 
 mod parse;
+mod write;
 
 use crate::input;
 use crate::sparse::{BlockCsr, Csr};
 use parse::Entry;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+pub use write::{write_columns, write_matrix};
 
 /// Why a file could not be read, or holds something else than what was asked of it.
 #[derive(Debug, thiserror::Error)]
@@ -168,18 +169,6 @@ pub fn read(path: &Path) -> Result<Matrix, MatrixMarketError> {
     }
 }
 
-/// A vector as the text of an array file with one column.
-pub fn vector_text(values: &[f64]) -> String {
-    let mut text = format!(
-        "%%MatrixMarket matrix array real general\n{} 1\n",
-        values.len()
-    );
-    for value in values {
-        writeln!(text, "{value:e}").expect("writing to a string cannot fail");
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -219,18 +208,9 @@ mod tests {
         let problem = reference::problem(Geometry::OneBody, &mesh, &CASE_A)
             .unwrap_or_else(|error| panic!("{error}"));
         let (k, n) = (problem.stiffness(), problem.n());
-        let lower: Vec<_> = k
-            .triplets()
-            .filter(|&(i, j, v)| i >= j && v != 0.0)
-            .collect();
-        let mut text = format!(
-            "%%MatrixMarket matrix coordinate real symmetric\n{n} {n} {}\n",
-            lower.len()
-        );
-        for (i, j, v) in lower {
-            writeln!(text, "{} {} {v:.16e}", i + 1, j + 1)
-                .unwrap_or_else(|error| panic!("{error}"));
-        }
+        let mut text = Vec::new();
+        write_matrix(&mut text, [n, n], true, || k.triplets())
+            .unwrap_or_else(|error| panic!("{error}"));
         let file = tempfile::NamedTempFile::new().unwrap_or_else(|error| panic!("{error}"));
         std::fs::write(&file, text).unwrap_or_else(|error| panic!("{error}"));
         for _ in 0..3 {

@@ -17,6 +17,7 @@ pub mod structured;
 #[cfg(test)]
 pub(crate) mod tests;
 pub(crate) mod vector;
+#[cfg(feature = "files")]
 mod vtu;
 
 pub use element::{Element, Facet, Kind, Topology, facet, facet_nodes};

@@ -32,6 +32,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod analysis;
 mod axis;
 mod build;
 mod contacts;
@@ -44,6 +45,7 @@ mod supports;
 mod tests;
 mod units;
 
+pub use analysis::{Analysis, AnyAnalysis, AnyBuilt};
 pub use axis::Axis;
 pub use build::{Built, Elastic};
 pub use contacts::PairData;
@@ -53,7 +55,7 @@ pub use loads::StepData;
 pub use quantity::Quantity;
 pub use units::Units;
 
-pub(crate) use build::{body_name, free_bodies, loose_body};
+#[cfg(feature = "case")]
 pub(crate) use error::{nearest, without_boundaries};
 
 use crate::elasticity::{Material, Plane};

@@ -1,6 +1,8 @@
-//! What a solve leaves behind: `report.json`, `solution.vtu`, `contact.csv`, or the vectors of an
-//! algebraic case; with the feature `plots`, pictures and `report.html`.
+//! What a solve leaves behind: `report.json`, `solution.vtu`, `contact.csv`, or the vectors of a problem from matrices; with
+//! the feature `plots`, pictures and `report.html`. [`Results`] writes all of it as load steps end.
 
+#[cfg(feature = "case")]
+mod export;
 mod fields;
 mod files;
 mod hints;
@@ -9,16 +11,18 @@ pub mod plots;
 mod reactions;
 mod report;
 mod resources;
+mod results;
 mod vtu;
 
+#[cfg(feature = "case")]
+pub use export::{ExportError, export};
 pub(crate) use fields::shown_at_nodes;
 pub use fields::{ContactFields, NodeStatus, StepFields};
-pub use files::{
-    OutputError, prepare, withdraw, write_index, write_report, write_solution, write_whole,
-};
+pub use files::{OutputError, prepare, withdraw, write_whole};
 pub use reactions::{ContactReport, SupportReport};
 pub use report::{EnginePath, HistoryRow, NotHeldReport, Report, StepReport, Timings};
 pub use resources::{forget_peak_memory, peak_memory_mib};
+pub use results::{Draw, OfBodies, Results, StepResults};
 
 /// Adds a line to a text.
 fn put(text: &mut String, line: std::fmt::Arguments) {

@@ -4,6 +4,7 @@
 //! D is the number of unknowns per node: 2 in the plane, where it may be left out, and 3 in space. There a contact
 //! node slides in two directions, so that T has two rows for each, one after the other.
 
+mod any;
 mod check;
 mod free;
 mod kkt;
@@ -13,6 +14,7 @@ mod system;
 #[cfg(test)]
 mod tests;
 
+pub use any::{AnyProblem, dimension};
 pub use check::ProblemError;
 pub(crate) use check::{LARGEST, SIZES, is_sized};
 pub use free::{FreeBodies, FreeBody};
@@ -22,7 +24,7 @@ pub use load::LoadCase;
 pub use matrices::{Index, Matrices, SparseRef};
 pub use system::System;
 
-use crate::sparse::{BlockCsr, Csr};
+use crate::sparse::{BlockCsr, Csr, norm};
 use std::borrow::Cow;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
@@ -123,6 +125,12 @@ impl<const D: usize> ContactProblem<D> {
         }
     }
 
+    /// Whether rows of B are seen to depend on each other, which [`ContactProblem::new`] refuses.
+    #[cfg(feature = "case")]
+    pub(crate) fn has_dependent_rows(&self) -> bool {
+        check::rank(self.normal(), self.tangential(), self.n()).is_err()
+    }
+
     /// K; where n is no multiple of D with decoupled unknowns that complete the last block.
     pub fn stiffness(&self) -> &Arc<BlockCsr<D>> {
         &self.stiffness
@@ -151,7 +159,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         }
     }
 
-    /// Gives contact nodes Coulomb's law: where μᵢ > 0 the slip bound is μᵢλν,i and `slip_bound` says nothing.
+    /// Gives contact nodes Coulomb's law, or other coefficients than before: where μᵢ > 0 the slip bound is μᵢλν,i and `slip_bound` says nothing.
     ///
     /// # Errors
     /// If the length is not m (or 0: no Coulomb friction), an entry is negative or not finite, or is above 0 on a
@@ -160,9 +168,9 @@ impl<const D: usize, K> ContactProblem<D, K> {
         if !mu.is_empty() {
             check::friction::<D>(&mu, self.m(), self.tangential())?;
         }
-        Arc::make_mut(&mut self.system).friction = match mu.iter().all(|&mu| mu == 0.0) {
-            true => Vec::new(),
-            false => mu,
+        self.case.friction = match mu.iter().all(|&mu| mu == 0.0) {
+            true => Arc::default(),
+            false => Arc::new(mu),
         };
         Ok(self)
     }
@@ -173,7 +181,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// # Errors
     /// If the length differs, or an entry is not a positive number.
     pub fn with_areas(mut self, areas: Vec<f64>) -> Result<Self, ProblemError> {
-        check::length("the areas", &areas, self.m())?;
+        check::length("the areas", &areas, self.m(), check::PER_NODE)?;
         check::finite("the areas", &areas)?;
         if let Some(i) = areas.iter().position(|&area| !(area > 0.0)) {
             return Err(ProblemError::Area {
@@ -182,6 +190,54 @@ impl<const D: usize, K> ContactProblem<D, K> {
             });
         }
         Arc::make_mut(&mut self.system).areas = areas;
+        Ok(self)
+    }
+
+    /// Another load f, as long as K has rows.
+    ///
+    /// # Errors
+    /// If the length differs, or an entry is not finite, or beyond what can be computed with.
+    pub fn with_load(mut self, load: Vec<f64>) -> Result<Self, ProblemError> {
+        let (name, reason) = ("the load f", "one entry per row of K");
+        check::length(name, &load, self.n_rows(), reason)?;
+        check::finite(name, &load)?;
+        check::sized_load(&load)?;
+        self.case.acting = norm(&load);
+        self.case.force = Arc::new(load);
+        Ok(self)
+    }
+
+    /// Another gap, which may be negative: what is pressed or shrunk on overlaps where it is to touch (an interference), and a
+    /// prescribed motion may have closed more than there was.
+    ///
+    /// # Errors
+    /// If the length is not m, or an entry is not finite.
+    pub fn with_gap(mut self, gap: Vec<f64>) -> Result<Self, ProblemError> {
+        check::length("the gap d", &gap, self.m(), check::PER_NODE)?;
+        check::finite("the gap d", &gap)?;
+        self.case.gap = gap;
+        Ok(self)
+    }
+
+    /// Another origin of slip, an entry per row of T: (3) is about T u less this.
+    ///
+    /// # Errors
+    /// If the length differs, or an entry is not finite.
+    pub fn with_slip_origin(mut self, origin: Vec<f64>) -> Result<Self, ProblemError> {
+        let (name, reason) = ("the origin of slip", "one entry per row of T");
+        check::length(name, &origin, self.tangential().n_rows(), reason)?;
+        check::finite(name, &origin)?;
+        self.case.slip_origin = origin;
+        Ok(self)
+    }
+
+    /// Another slip bound g, length m.
+    ///
+    /// # Errors
+    /// If the length differs, or an entry is negative or not finite.
+    pub fn with_slip_bound(mut self, bound: Vec<f64>) -> Result<Self, ProblemError> {
+        check::slip_bound(&bound, self.m())?;
+        self.case.slip_bound = bound;
         Ok(self)
     }
 
@@ -209,35 +265,13 @@ impl<const D: usize, K> ContactProblem<D, K> {
     where
         K: Clone,
     {
-        let lengths = [
-            ("the load f", &load, self.load(), "one entry per row of K"),
-            (
-                "the origin of slip",
-                &slip_origin,
-                self.slip_origin(),
-                "one entry per row of T",
-            ),
-        ];
-        for (name, new, old, reason) in lengths {
-            if new.len() != old.len() {
-                return Err(ProblemError::Length {
-                    name,
-                    found: new.len(),
-                    expected: old.len(),
-                    reason,
-                });
-            }
-        }
-        check::length("the gap d", &gap, self.m())?;
-        check::finite("the load f", &load)?;
-        check::sized_load(&load)?;
-        check::finite("the gap d", &gap)?;
-        check::finite("the origin of slip", &slip_origin)?;
-        check::slip_bound(&slip_bound, self.m())?;
-        Ok(self.under(LoadCase::new(load, gap, slip_origin, slip_bound)))
+        (self.clone().with_load(load)?)
+            .with_gap(gap)?
+            .with_slip_origin(slip_origin)?
+            .with_slip_bound(slip_bound)
     }
 
-    /// The same system under another load case.
+    /// The same system under another load case, which has its own coefficients of friction.
     ///
     /// # Panics
     /// If one of its vectors has another length than before.
@@ -285,7 +319,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
     pub fn friction_coefficient(&self) -> &[f64] {
         match self.case.frozen {
             true => &[],
-            false => &self.friction,
+            false => &self.case.friction,
         }
     }
 

@@ -18,12 +18,13 @@ use crate::dual::{DualOperator, conditions};
 use crate::problem::{ContactProblem, Elsewhere, Kkt, LoadCase, System};
 use crate::sparse::{difference, norm, norm_max};
 use crate::ssnm::{
-    self, Cause, Info, Memory, Numbers, Sets, SettingsError, Solution, SolveError, Status, Step,
+    self, Cause, Info, Numbers, RecycledSubspace, Sets, SettingsError, Solution, SolveError,
+    Status, Step, WarmStart,
 };
 use rounds::Rounds;
 use springs::{OnSprings, Springs, WEAK};
-use std::cell::RefCell;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// The load at the end of a step: totals, not increments.
@@ -46,7 +47,7 @@ impl Load {
             force: problem.load().to_vec(),
             acting: norm(problem.load()),
             gap: problem.gap().to_vec(),
-            slide: vec![0.0; problem.slip_origin().len()],
+            slide: problem.slip_origin().iter().map(|s| -s).collect(),
         }
     }
 
@@ -80,6 +81,16 @@ impl State {
         }
     }
 
+    /// Where slip is counted from in a step to this load: T ū, less what prescribed displacements slide meanwhile.
+    pub(crate) fn slip_origin<const D: usize>(&self, system: &System<D>, load: &Load) -> Vec<f64> {
+        let mut origin = vec![0.0; system.tangential().n_rows()];
+        system.tangential().mul(&self.u, &mut origin);
+        for (i, origin) in origin.iter_mut().enumerate() {
+            *origin -= load.slide[i] - self.slide[i];
+        }
+        origin
+    }
+
     /// Whether it is one of this problem.
     fn check_for<const D: usize>(&self, system: &System<D>) -> Result<(), SettingsError> {
         let (n, m) = (system.n_rows(), system.m());
@@ -90,10 +101,10 @@ impl State {
 }
 
 /// Settings of a step.
-#[derive(Clone, Copy, Debug)]
-pub struct Settings<'a> {
-    /// Those of the method; `initial` and `place` are ignored.
-    pub ssnm: ssnm::Settings<'a>,
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Those of the method.
+    pub ssnm: ssnm::Settings,
     /// Under Coulomb's law: whether the bounds are part of the Newton steps. If not, there are only rounds.
     pub coupled: bool,
     /// max |μλν − g| / max μλν that rounds have to reach; ten times the tolerance of the problems if None.
@@ -102,7 +113,7 @@ pub struct Settings<'a> {
     pub max_rounds: usize,
 }
 
-impl Settings<'_> {
+impl Settings {
     /// max |μλν − g| / max μλν that rounds have to reach.
     pub fn friction_tolerance(&self) -> f64 {
         self.friction_tolerance
@@ -121,7 +132,7 @@ impl Settings<'_> {
     }
 }
 
-impl Default for Settings<'_> {
+impl Default for Settings {
     fn default() -> Self {
         Self {
             ssnm: ssnm::Settings::default(),
@@ -245,7 +256,8 @@ impl<const D: usize> StepSolution<D> {
 /// A body counts as pushed if this part of the largest imbalance is its own.
 const PUSHED: f64 = 1e-3;
 
-/// Solves one load step from `start`; the operator belongs to `problem`.
+/// Solves one load step from `start`; the operator belongs to `problem`. `recycled` is what earlier steps with the same K,
+/// N and T have left, and empty before the first.
 ///
 /// # Errors
 /// If a setting makes no sense, if something else is of another size than the problem, or if the operator fails; the
@@ -256,15 +268,14 @@ pub fn solve_step<const D: usize, K>(
     start: &State,
     dual: &mut (impl DualOperator + ?Sized),
     settings: &Settings,
+    recycled: &mut RecycledSubspace,
     mut observer: impl FnMut(Event) -> ControlFlow<()>,
 ) -> Result<StepSolution<D>, StepError> {
     settings.check()?;
     load.check_for(problem)?;
     start.check_for(problem)?;
-    let memory = RefCell::default();
-    let memory = settings.ssnm.memory.unwrap_or(&memory);
     let whole = problem.elsewhere();
-    let mut step = Process::new(whole, load, start, dual, settings, memory, &mut observer);
+    let mut step = Process::new(whole, load, start, dual, settings, recycled, &mut observer);
     match step.make(start) {
         Ok((solution, frozen)) => Ok(step.end(solution, frozen)),
         Err(error) => Err(StepError {
@@ -284,8 +295,8 @@ struct Process<'a, const D: usize, O: ?Sized, V> {
     /// Under the whole load; T u is counted from T ū, less what prescribed displacements slide meanwhile.
     lawful: ContactProblem<D, Elsewhere>,
     dual: &'a mut O,
-    settings: &'a Settings<'a>,
-    memory: &'a RefCell<Memory>,
+    settings: &'a Settings,
+    recycled: &'a mut RecycledSubspace,
     observer: V,
     begin: Instant,
     /// Rᵀū.
@@ -305,19 +316,16 @@ where
         load: &Load,
         start: &State,
         dual: &'a mut O,
-        settings: &'a Settings<'a>,
-        memory: &'a RefCell<Memory>,
+        settings: &'a Settings,
+        recycled: &'a mut RecycledSubspace,
         observer: V,
     ) -> Self {
-        let mut origin = vec![0.0; whole.tangential().n_rows()];
-        whole.tangential().mul(&start.u, &mut origin);
-        for (i, origin) in origin.iter_mut().enumerate() {
-            *origin -= load.slide[i] - start.slide[i];
-        }
+        let origin = start.slip_origin(&whole, load);
         let case = LoadCase {
             acting: load.acting,
             travelled: norm_max(&start.u),
             before: start.lambda.clone(),
+            friction: Arc::clone(&whole.load_case().friction),
             ..LoadCase::new(
                 load.force.clone(),
                 load.gap.clone(),
@@ -330,7 +338,7 @@ where
             lawful: whole.under(case),
             dual,
             settings,
-            memory,
+            recycled,
             observer,
             begin: Instant::now(),
             made: Vec::new(),
@@ -445,17 +453,15 @@ where
         }
         let problem = self.lawful.under(case);
         let ssnm = &self.settings.ssnm;
-        let mut settings = ssnm::Settings {
+        let settings = ssnm::Settings {
             tolerance,
             numbers,
-            initial: Some(initial).filter(|l| l.iter().all(|v| v.is_finite())),
-            place: Some(&self.place),
-            memory: Some(self.memory),
             time_limit: ssnm
                 .time_limit
                 .map(|limit| limit.saturating_sub(self.begin.elapsed())),
-            ..*ssnm
+            ..ssnm.clone()
         };
+        let lambda = Some(initial).filter(|l| l.iter().all(|v| v.is_finite()));
         let (observer, stopped) = (&mut self.observer, &mut self.stopped);
         let watch = |step: &Step| {
             let flow = observer(Event::Newton(step));
@@ -463,13 +469,23 @@ where
             flow
         };
         let solution = match springs {
-            None => ssnm::solve(&problem, self.dual, &settings, watch)?,
+            None => {
+                let start = WarmStart {
+                    lambda,
+                    motion: Some(&self.place),
+                    recycled: Some(self.recycled),
+                };
+                ssnm::solve_from(start, &problem, self.dual, &settings, watch)?
+            }
             Some(stiffness) => {
                 // Another A, and bodies that are not free.
-                (settings.memory, settings.place) = (None, None);
+                let start = WarmStart {
+                    lambda,
+                    ..WarmStart::default()
+                };
                 let mut dual = OnSprings::new(self.dual, &problem, stiffness);
                 let on_springs = dual.problem(&self.place);
-                ssnm::solve(&on_springs, &mut dual, &settings, watch)?
+                ssnm::solve_from(start, &on_springs, &mut dual, &settings, watch)?
             }
         };
         let friction_change = frozen.map_or(0.0, |bounds| {
@@ -503,9 +519,9 @@ where
         if !(load > BALANCED * acting && stiffness.is_normal()) {
             return Ok(Springs::Break);
         }
-        let ssnm::Settings {
+        let &ssnm::Settings {
             tolerance, numbers, ..
-        } = self.settings.ssnm;
+        } = &self.settings.ssnm;
         let solution = self.attempt(None, Some(stiffness), lambda, tolerance, numbers)?;
         if solution.status != Status::Converged {
             return Ok(Springs::Break);

@@ -1,107 +1,190 @@
-//! A contact problem, or a model with all its load steps, solved in one call.
+//! Load steps solved one after another: a model, or a contact problem, in one call, or watched step by step.
 
 use crate::contact::Space;
 use crate::engine::{self, Engine, EngineError};
 use crate::mesh::Kind;
-use crate::model::{Built, ModelError};
-use crate::problem::ContactProblem;
-use crate::quasistatic::{self, Load, State, StepError, StepSolution};
+use crate::model::{Analysis, AnyBuilt, Built, ModelError, StepData};
+use crate::problem::{AnyProblem, ContactProblem, Kkt};
+use crate::quasistatic::{self, Load, Round, State, StepError, StepSolution};
 use crate::ssnm::{SettingsError, Status};
-use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// How to solve a problem.
 #[derive(Clone, Debug, Default)]
-pub struct Options<'a> {
+pub struct Options {
     /// On what, and how to apply K⁻¹.
     pub engine: engine::Options,
     /// Of the method.
-    pub settings: quasistatic::Settings<'a>,
+    pub settings: quasistatic::Settings,
 }
 
 /// A problem could not be solved.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error<const D: usize = 2> {
+pub enum Error {
     /// A setting makes no sense.
     #[error(transparent)]
     Settings(#[from] SettingsError),
     /// No engine could be made: K is singular, say, or there is no such GPU.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// The engine was made for a problem with another K, N or T.
+    #[error(
+        "the engine was made for a problem with other matrices: make one for this problem, or make this problem from that one \
+         (ContactProblem::with_data, with_gap, with_friction_coefficient), which keeps the matrices"
+    )]
+    OtherMatrices,
     /// A load step cannot be meant.
     #[error(transparent)]
     Model(#[from] ModelError),
     /// A step has failed; what it had reached is kept.
-    #[error("{error}")]
-    Step {
-        /// What went wrong.
-        #[source]
-        error: Box<StepError>,
-        /// The steps before it.
-        finished: Vec<StepSolution<D>>,
-    },
+    #[error(transparent)]
+    Step(#[from] Box<StepError>),
 }
 
-/// Solves load steps, one after another from rest, until one does not converge.
-fn steps<const D: usize>(
-    problem: &ContactProblem<D>,
-    loads: impl ExactSizeIterator<Item = Result<Load, ModelError>>,
-    options: &Options,
-) -> Result<Vec<StepSolution<D>>, Error<D>> {
-    options.settings.check()?;
-    let mut engine = Engine::new(problem, options.engine.clone(), |_| {})?;
-    let (begin, memory) = (Instant::now(), RefCell::default());
-    let mut settings = options.settings;
-    settings.ssnm.memory = settings.ssnm.memory.or(Some(&memory));
-    let mut state = State::at_rest(problem);
-    let mut finished: Vec<StepSolution<D>> = Vec::with_capacity(loads.len());
-    for load in loads {
-        let load = load?;
-        let limit = options.settings.ssnm.time_limit;
-        settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(begin.elapsed()));
-        let go_on = |_: quasistatic::Event| ControlFlow::Continue(());
-        match quasistatic::solve_step(problem, &load, &state, &mut engine, &settings, go_on) {
-            Ok(solution) => {
-                state = solution.state(&load);
-                finished.push(solution);
+/// An error that has ended a solve, with the load steps made before.
+#[derive(Debug, thiserror::Error)]
+#[error("{error}")]
+pub struct Failed<const D: usize = 2> {
+    /// What went wrong.
+    #[source]
+    pub error: Error,
+    /// The steps before it.
+    pub finished: Vec<StepSolution<D>>,
+}
+
+/// What an observer of load steps hears.
+pub enum Event<'a, const D: usize = 2> {
+    /// A load step begins.
+    Begins {
+        /// Its number, from 1.
+        number: usize,
+        /// Its common load factor.
+        factor: f64,
+    },
+    /// It gets on.
+    Within(quasistatic::Event<'a>),
+    /// It has ended, in whichever way.
+    Ends(Solved<'a, D>),
+}
+
+/// A load step that has ended.
+pub struct Solved<'a, const D: usize = 2> {
+    /// Its number, from 1.
+    pub number: usize,
+    /// Its load and the displacements that its supports prescribe; None for a problem from matrices.
+    pub data: Option<&'a StepData<D>>,
+    /// What has come of it.
+    pub solution: StepSolution<D>,
+}
+
+impl<const D: usize> Analysis<'_, D>
+where
+    Kind: Space<D>,
+{
+    /// Makes the load steps one after another, from rest, until one does not converge or `observer` breaks off: a step
+    /// under way then ends as [`Status::Interrupted`]. The time limit is that of all steps together.
+    ///
+    /// # Errors
+    /// If a setting makes no sense, the engine was made for other matrices or fails, or a load step cannot be meant. Not to
+    /// converge is no error but the status of the solution.
+    pub fn solve_on(
+        &self,
+        engine: &mut Engine,
+        settings: &quasistatic::Settings,
+        mut observer: impl FnMut(Event<D>) -> ControlFlow<()>,
+    ) -> Result<(), Error> {
+        let begin = Instant::now();
+        if !engine.fits(self.problem) {
+            return Err(Error::OtherMatrices);
+        }
+        settings.check()?;
+        let limit = settings.ssnm.time_limit;
+        let mut settings = settings.clone();
+        let mut state = State::at_rest(self.problem);
+        for number in 1..=self.n_steps() {
+            let data = self.step(number - 1)?;
+            let factor = data.as_ref().map_or(1.0, |data| data.factor);
+            if observer(Event::Begins { number, factor }).is_break() {
+                break;
             }
-            Err(error) => {
-                return Err(Error::Step {
-                    error: Box::new(error),
-                    finished,
-                });
+            let of_problem;
+            let load = match &data {
+                Some(data) => &data.load,
+                None => {
+                    of_problem = Load::of(self.problem);
+                    &of_problem
+                }
+            };
+            settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(begin.elapsed()));
+            // What earlier solves on this engine have found out, and this one adds to.
+            let mut recycled = std::mem::take(&mut engine.recycled);
+            let within = |event: quasistatic::Event| observer(Event::Within(event));
+            let made = quasistatic::solve_step(
+                self.problem,
+                load,
+                &state,
+                engine,
+                &settings,
+                &mut recycled,
+                within,
+            );
+            engine.recycled = recycled;
+            let solution = made.map_err(Box::new)?;
+            let goes_on = solution.status == Status::Converged;
+            state = solution.state(load);
+            let solved = Solved {
+                number,
+                data: data.as_ref(),
+                solution,
+            };
+            if observer(Event::Ends(solved)).is_break() || !goes_on {
+                break;
             }
         }
-        if finished
-            .last()
-            .is_some_and(|made| made.status != Status::Converged)
-        {
-            break;
+        Ok(())
+    }
+
+    /// The same with an engine of its own, unwatched.
+    fn solve(&self, options: &Options) -> Result<Vec<StepSolution<D>>, Failed<D>> {
+        let mut finished = Vec::with_capacity(self.n_steps());
+        let made = (options.settings.check().map_err(Error::from))
+            .and_then(|()| Ok(Engine::new(self.problem, options.engine.clone(), |_| {})?))
+            .and_then(|mut engine| {
+                self.solve_on(&mut engine, &options.settings, |event| {
+                    if let Event::Ends(solved) = event {
+                        finished.push(solved.solution);
+                    }
+                    ControlFlow::Continue(())
+                })
+            });
+        match made {
+            Ok(()) => Ok(finished),
+            Err(error) => Err(Failed { error, finished }),
         }
     }
-    Ok(finished)
 }
 
 impl<const D: usize> Built<D>
 where
     Kind: Space<D>,
 {
-    /// Solves all load steps from rest; ends after the first one that does not converge.
+    /// Solves all load steps from rest; ends after the first one that does not converge. [`Analysis::solve_on`] is for
+    /// whoever wants to watch, to stop, or to keep the engine.
     ///
     /// # Errors
     /// As [`ContactProblem::solve`]; the steps before the one at fault are kept.
-    pub fn solve(&self, options: &Options) -> Result<Vec<StepSolution<D>>, Error<D>> {
-        let loads = (0..self.n_steps()).map(|number| self.step(number).map(|step| step.load));
-        steps(&self.problem, loads, options)
+    pub fn solve(&self, options: &Options) -> Result<Vec<StepSolution<D>>, Failed<D>> {
+        Analysis::from(self).solve(options)
     }
 }
 
-impl<const D: usize> ContactProblem<D> {
+impl<const D: usize> ContactProblem<D>
+where
+    Kind: Space<D>,
+{
     /// Solves the problem as it is given, from rest: Coulomb friction and bodies that only contact holds included.
-    ///
-    /// [`crate::quasistatic::solve_step`] is for load steps, and for whoever wants to watch or to keep the engine.
     ///
     /// # Errors
     /// If no engine can be made, a setting makes no sense, or the engine fails. Not to converge is no error but the
@@ -136,9 +219,117 @@ impl<const D: usize> ContactProblem<D> {
     /// assert_eq!(error.to_string(), "tolerance must lie between 0 and 1");
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn solve(&self, options: &Options) -> Result<StepSolution<D>, Error<D>> {
-        let mut made = steps(self, std::iter::once(Ok(Load::of(self))), options)?;
+    pub fn solve(&self, options: &Options) -> Result<StepSolution<D>, Error> {
+        let made = Analysis::from(self).solve(options);
+        let mut made = made.map_err(|failed| failed.error)?;
         Ok(made.pop().expect("there is one step"))
+    }
+
+    /// The same on an engine that was made for this problem, or for one with the same K, N and T.
+    ///
+    /// # Errors
+    /// As [`Analysis::solve_on`].
+    pub fn solve_on(
+        &self,
+        engine: &mut Engine,
+        settings: &quasistatic::Settings,
+    ) -> Result<StepSolution<D>, Error> {
+        let mut made = None;
+        Analysis::from(self).solve_on(engine, settings, |event| {
+            if let Event::Ends(solved) = event {
+                made = Some(solved.solution);
+            }
+            ControlFlow::Continue(())
+        })?;
+        Ok(made.expect("there is one step"))
+    }
+}
+
+/// The end of a load step in either dimension, for those who learn it at run time.
+#[derive(Clone, Debug)]
+pub enum AnySolution {
+    /// In the plane.
+    Plane(StepSolution),
+    /// In space.
+    Space(StepSolution<3>),
+}
+
+/// The same expression for both.
+macro_rules! of_either {
+    ($any:expr, $solution:ident => $value:expr) => {
+        match $any {
+            AnySolution::Plane($solution) => $value,
+            AnySolution::Space($solution) => $value,
+        }
+    };
+}
+
+impl AnySolution {
+    /// How it ended.
+    pub fn status(&self) -> Status {
+        of_either!(self, solution => solution.status)
+    }
+
+    /// u in all, as long as K has rows.
+    pub fn u(&self) -> &[f64] {
+        of_either!(self, solution => &solution.u)
+    }
+
+    /// λ = (λν, λτ): m numbers, then m in the plane and 2m in space.
+    pub fn lambda(&self) -> &[f64] {
+        of_either!(self, solution => &solution.lambda)
+    }
+
+    /// The slip bounds that the multipliers obey, length m.
+    pub fn slip_bound(&self) -> &[f64] {
+        of_either!(self, solution => &solution.slip_bound)
+    }
+
+    /// Slip in this step, an entry per row of T.
+    pub fn slip(&self) -> &[f64] {
+        of_either!(self, solution => &solution.slip)
+    }
+
+    /// The optimality conditions at the end.
+    pub fn kkt(&self) -> Kkt {
+        of_either!(self, solution => solution.kkt)
+    }
+
+    /// The solves of the step.
+    pub fn rounds(&self) -> &[Round] {
+        of_either!(self, solution => &solution.rounds)
+    }
+}
+
+impl AnyProblem {
+    /// [`ContactProblem::solve`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn solve(&self, options: &Options) -> Result<AnySolution, Error> {
+        Ok(match self {
+            Self::Plane(problem) => AnySolution::Plane(problem.solve(options)?),
+            Self::Space(problem) => AnySolution::Space(problem.solve(options)?),
+        })
+    }
+}
+
+impl AnyBuilt {
+    /// [`Built::solve`].
+    ///
+    /// # Errors
+    /// As there, without the steps made before.
+    pub fn solve(&self, options: &Options) -> Result<Vec<AnySolution>, Error> {
+        Ok(match self {
+            Self::Plane(built) => {
+                let made = built.solve(options).map_err(|failed| failed.error)?;
+                made.into_iter().map(AnySolution::Plane).collect()
+            }
+            Self::Space(built) => {
+                let made = built.solve(options).map_err(|failed| failed.error)?;
+                made.into_iter().map(AnySolution::Space).collect()
+            }
+        })
     }
 }
 
@@ -199,7 +390,8 @@ mod tests {
     fn what_is_wrong_is_told_first() {
         let mut options = Options::default();
         options.settings.ssnm.beta = -1.0;
-        let error = block(&[1.0]).solve(&options).err();
+        let failed = block(&[1.0]).solve(&options).err();
+        let error = failed.map(|failed| failed.error);
         assert!(matches!(error, Some(Error::Settings(_))), "{error:?}");
     }
 }

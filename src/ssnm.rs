@@ -73,7 +73,7 @@ mod tests;
 pub use numbers::Numbers;
 pub use point::project;
 pub use sets::{SetSizes, Sets, SlipSizes};
-pub use settings::{Memory, Method, Settings, SettingsError};
+pub use settings::{Method, RecycledSubspace, Settings, SettingsError, WarmStart};
 pub use solution::{Cause, Info, Solution, SolveError, Status, Step};
 
 use crate::dual::{DualError, DualOperator, conditions};
@@ -90,15 +90,29 @@ pub(crate) const MET: f64 = 10.0;
 /// its products by PCG, and the residual of a u that nothing is to be gained from making more accurate.
 const EXACT: f64 = 1e-12;
 
+/// Solves the problem from λ⁰ = 0: [`solve_from`].
+///
+/// # Errors
+/// As [`solve_from`].
+pub fn solve<const D: usize, K>(
+    problem: &ContactProblem<D, K>,
+    dual: &mut (impl DualOperator + ?Sized),
+    settings: &Settings,
+    observer: impl FnMut(&Step) -> ControlFlow<()>,
+) -> Result<Solution<D>, SolveError> {
+    solve_from(WarmStart::default(), problem, dual, settings, observer)
+}
+
 /// Solves the problem with a dual operator that was made for it, or for one with the same K, N and T: load and gap are
 /// handed to the operator with each request.
 ///
 /// `observer` is called after every outer step and may stop the solve.
 ///
 /// # Errors
-/// If a setting makes no sense, if the operator is that of a problem of another size, or if it fails; the error keeps
-/// λ and the steps made. To be stopped or not to converge is no error but a [`Status`].
-pub fn solve<const D: usize, K>(
+/// If a setting makes no sense, if the start or the operator is that of a problem of another size, or if the operator fails;
+/// the error keeps λ and the steps made. To be stopped or not to converge is no error but a [`Status`].
+pub fn solve_from<const D: usize, K>(
+    mut start: WarmStart,
     problem: &ContactProblem<D, K>,
     dual: &mut (impl DualOperator + ?Sized),
     settings: &Settings,
@@ -106,7 +120,9 @@ pub fn solve<const D: usize, K>(
 ) -> Result<Solution<D>, SolveError> {
     let begin = Instant::now();
     settings.check()?;
-    settings.check_for(problem)?;
+    start.check_for(problem)?;
+    let mut own = RecycledSubspace::default();
+    let recycled = start.recycled.take().unwrap_or(&mut own);
     let expected = (problem.n_rows(), D * problem.m());
     let found = dual.size();
     if found != expected {
@@ -114,17 +130,17 @@ pub fn solve<const D: usize, K>(
     }
     let problem = &problem.elsewhere();
     let dual = Scaled::new(problem, dual, settings.numbers.scaling);
-    let start = Start::new(problem, &dual);
-    let (imbalance, driven) = (start.imbalance.clone(), start.driven.clone());
+    let first = Start::new(problem, &dual);
+    let (imbalance, driven) = (first.imbalance.clone(), first.driven.clone());
     // What no contact can balance of the load is left out of it, so that there is a u under the rest.
-    let held = &problem.under(start.held(problem));
+    let held = &problem.under(first.held(problem));
     let SetUp {
         mut newton,
         mut way,
         n_a_sigma,
         seconds: setup_seconds,
         outcome,
-    } = SetUp::new(held, dual, start, settings, begin);
+    } = SetUp::new(held, dual, first, settings, &start, recycled, begin);
 
     let outcome = outcome.and_then(|()| match settings.method {
         // Known before the first step. The rest of the load is on the edge of what can be balanced, often by forces that
@@ -133,8 +149,8 @@ pub fn solve<const D: usize, K>(
         Method::Multisecant => newton.run_multisecant(&mut way, settings, &mut observer),
         _ => newton.run_as_printed(&mut way, settings, &mut observer),
     });
-    if let (Method::Multisecant, Some(memory)) = (settings.method, settings.memory) {
-        memory.borrow_mut().surrogate = std::mem::take(&mut newton.surrogate);
+    if settings.method == Method::Multisecant {
+        recycled.surrogate = std::mem::take(&mut newton.surrogate);
     }
     let failed = |error: DualError, lambda, history| SolveError {
         cause: error.into(),

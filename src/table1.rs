@@ -1,8 +1,8 @@
 //! The paper's Table 1: its figures beside ours.
 
-use crate::engine::{Engine, EngineError, Options};
-use crate::reference::{self, Geometry, ReferenceError, TABLE1};
-use crate::ssnm::{self, Method, Settings, Status};
+use crate::dual::DualOperator;
+use crate::problem::ContactProblem;
+use crate::ssnm::{self, Method, Settings, SolveError, Status};
 use serde::Serialize;
 use std::ops::ControlFlow;
 
@@ -69,34 +69,18 @@ pub struct Cell {
     pub seconds: f64,
 }
 
-/// A row could not be computed.
-#[derive(Debug, thiserror::Error)]
-pub enum Table1Error {
-    /// The problem could not be built.
-    #[error(transparent)]
-    Reference(#[from] ReferenceError),
-    /// The solver could not be set up.
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-    /// The solve failed.
-    #[error(transparent)]
-    Solve(#[from] ssnm::SolveError),
-}
-
-/// The cells of one row by a method and the engine chosen; `log` is that of [`Engine::new`], and `before_cell` may stop
-/// the row early.
+/// The cells of one row by a method, with an operator of the problem of refinement k; `before_cell` may stop the row early.
+///
+/// # Errors
+/// If a solve fails.
 pub fn row(
-    geometry: Geometry,
+    problem: &ContactProblem,
+    dual: &mut impl DualOperator,
     k: usize,
     betas: &[f64],
     method: Method,
-    engine: &Options,
-    log: impl FnMut(&str),
     mut before_cell: impl FnMut(f64) -> ControlFlow<()>,
-) -> Result<Vec<Cell>, Table1Error> {
-    let mesh = reference::mesh(geometry, k);
-    let problem = reference::problem(geometry, &mesh, &TABLE1)?;
-    let mut dual = Engine::new(&problem, engine.clone(), log)?;
+) -> Result<Vec<Cell>, SolveError> {
     let mut cells = Vec::new();
     for &beta in betas {
         if before_cell(beta).is_break() {
@@ -108,12 +92,7 @@ pub fn row(
             method,
             ..Default::default()
         };
-        let solution = ssnm::solve(
-            &problem,
-            &mut dual,
-            &settings,
-            |_| ControlFlow::Continue(()),
-        )?;
+        let solution = ssnm::solve(problem, dual, &settings, |_| ControlFlow::Continue(()))?;
         let info = &solution.info;
         let (iter, n_a) = info.first_met.unwrap_or((info.iter, info.n_a));
         let row = SIZES.iter().position(|&size| size == k);

@@ -747,6 +747,7 @@ fn the_check_tells_a_neighbouring_problem() {
                 &start,
                 &mut dual,
                 &Settings::default(),
+                &mut Default::default(),
                 |_| ControlFlow::Continue(()),
             )
             .unwrap_or_else(|error| panic!("{error}"));

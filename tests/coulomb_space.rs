@@ -236,7 +236,7 @@ fn random(seed: u64) -> (String, Model<3>) {
 /// Errors that products are counted to.
 const ERRORS: [f64; 2] = [1e-4, 1e-6];
 
-fn engine(problem: &ContactProblem<3>, stiffness: Stiffness) -> Engine<'_> {
+fn engine(problem: &ContactProblem<3>, stiffness: Stiffness) -> Engine {
     let options = Options {
         place: Place::Cpu,
         stiffness,
@@ -284,7 +284,15 @@ fn counted(
         }
         ControlFlow::Continue(())
     };
-    let solution = quasistatic::solve_step(problem, load, start, engine, settings, observer);
+    let solution = quasistatic::solve_step(
+        problem,
+        load,
+        start,
+        engine,
+        settings,
+        &mut Default::default(),
+        observer,
+    );
     (solution.unwrap_or_else(|error| panic!("{error}")), met)
 }
 

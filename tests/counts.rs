@@ -4,13 +4,14 @@ mod common;
 
 use common::{Random, solve};
 use signorini::dual::DirectDual;
-use signorini::engine::Options;
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::reference::{self, CASE_A, CASE_B, Geometry, Loads, TABLE1};
 use signorini::sparse::BlockCsr;
 use signorini::ssnm::{self, Method, Settings, Status};
+use signorini::ssnm::{Step, WarmStart};
 use signorini::table1::{self, BETAS, SIZES};
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 fn problem(geometry: Geometry, k: usize, loads: &Loads) -> ContactProblem {
     let mesh = reference::mesh(geometry, k);
@@ -39,16 +40,11 @@ fn table1_converges_below_the_paper() {
     let methods = [Method::Inexact, Method::Multisecant];
     for (geometry, method) in geometries.iter().flat_map(|&g| methods.map(|m| (g, m))) {
         for k in SIZES {
-            let cells = table1::row(
-                geometry,
-                k,
-                &BETAS,
-                method,
-                &Options::default(),
-                |_| {},
-                |_| ControlFlow::Continue(()),
-            )
-            .unwrap_or_else(|error| panic!("{error}"));
+            let problem = problem(geometry, k, &TABLE1);
+            let mut dual = DirectDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
+            let go_on = |_| ControlFlow::Continue(());
+            let cells = table1::row(&problem, &mut dual, k, &BETAS, method, go_on)
+                .unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(cells.len(), 5);
             for cell in cells {
                 let what = format!("{geometry:?} k = {k}: {cell:?}");
@@ -268,9 +264,9 @@ fn limits_end_with_an_honest_status() {
         ..Default::default()
     });
     assert_eq!(late.status, Status::TimeLimit);
-    let stop = AtomicBool::new(true);
+    let stop = Arc::new(AtomicBool::new(true));
     let interrupted = run(Settings {
-        interrupt: Some(&stop),
+        interrupt: Some(stop),
         ..Default::default()
     });
     assert_eq!(interrupted.status, Status::Interrupted);
@@ -286,11 +282,14 @@ fn limits_end_with_an_honest_status() {
 fn a_warm_start_from_the_solution_is_done_at_once() {
     let problem = problem(Geometry::OneBody, 3, &CASE_B);
     let first = solve(&problem, &Settings::default());
-    let again = Settings {
-        initial: Some(&first.lambda),
+    let mut dual = DirectDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
+    let start = WarmStart {
+        lambda: Some(&first.lambda),
         ..Default::default()
     };
-    let second = solve(&problem, &again);
+    let go_on = |_: &Step| ControlFlow::Continue(());
+    let second = ssnm::solve_from(start, &problem, &mut dual, &Settings::default(), go_on)
+        .unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(second.status, Status::Converged);
     // One product, for r at the start.
     assert_eq!((second.info.iter, second.info.n_a), (0, 1));

@@ -2,10 +2,11 @@
 
 mod common;
 
-use signorini::case::{Build, Case};
+use signorini::case::Case;
 use signorini::mesh::gmsh::read;
 use signorini::mesh::structured::{CellShape, join, rectangle};
 use signorini::mesh::{AnyMesh, BoundaryError, Element, FaultKind, Mesh, MeshError};
+use signorini::model::Built;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -301,14 +302,14 @@ fn message(bytes: &[u8]) -> String {
 }
 
 /// Builds a case about the file `test.msh`.
-fn case(bytes: &[u8], text: &str) -> Result<(Case, Build), String> {
+fn case(bytes: &[u8], text: &str) -> Result<Built, String> {
     let directory = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
     std::fs::write(directory.path().join("test.msh"), bytes)
         .unwrap_or_else(|error| panic!("{error}"));
     let case = Case::parse(&directory.path().join("case.toml"), text.to_owned(), &[])
         .map_err(|error| error.to_string())?;
-    let build = case.build().map_err(|error| error.to_string())?;
-    Ok((case, build))
+    let made = case.build().map_err(|error| error.to_string())?;
+    Ok(made.plane().expect("an elastic case in the plane"))
 }
 
 #[track_caller]
@@ -321,11 +322,9 @@ fn refused(bytes: &[u8], text: &str) -> String {
 
 #[track_caller]
 fn total_load(bytes: &[u8], text: &str) -> [f64; 2] {
-    let (case, build) = case(bytes, text).unwrap_or_else(|error| panic!("{error}"));
-    match case.step(&build, 0) {
-        Ok(Some(step)) => step.total_load,
-        _ => panic!("no load step"),
-    }
+    let built = case(bytes, text).unwrap_or_else(|error| panic!("{error}"));
+    let step = built.step(0).unwrap_or_else(|error| panic!("{error}"));
+    step.total_load
 }
 
 #[track_caller]
@@ -515,18 +514,18 @@ fn inner_boundaries_may_be_held_but_not_loaded() {
 
     let start = "[mesh]\nfile = \"test.msh\"\n[[material]]\nyoung = 1\npoisson = 0\n";
     let support = |name: &str| format!("[[support]]\nboundary = \"{name}\"\nx = 0\ny = 0\n");
-    let (_, build) = case(&bytes, &format!("{start}{}", support("middle")))
+    let build = case(&bytes, &format!("{start}{}", support("middle")))
         .unwrap_or_else(|error| panic!("{error}"));
-    let elastic = build.elastic.as_ref().expect("an elastic case");
+    let elastic = &build.elastic;
     let mut held: Vec<u32> = elastic.held.iter().map(|held| held.0).collect();
     held.sort_unstable();
     assert_eq!(held, [1, 1, 4, 4]);
-    let (_, build) = case(
+    let build = case(
         &bytes,
         &format!("{start}[[support]]\nboundary = \"middle\"\nsymmetry = true\n[[support]]\npoint = [0, 0]\ny = 0\n"),
     )
     .unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(build.elastic.as_ref().map(|e| e.held.len()), Some(3));
+    assert_eq!(build.elastic.held.len(), 3);
 
     let held = format!("{start}{}", support("left"));
     let traction = |name: &str| format!("{held}[[traction]]\nboundary = \"{name}\"\nx = 1\n");

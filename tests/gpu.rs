@@ -9,6 +9,7 @@ use signorini::backend::cpu::Cpu;
 use signorini::backend::gpu::{self, Context, Gpu};
 use signorini::backend::{Backend, BackendError, GpuOptions, Precision, Product, Progress, Run};
 use signorini::control::{Accuracy, Costs, Stop};
+use signorini::dual::DirectDual;
 use signorini::dual::{DualOperator as _, NestedDual};
 use signorini::elasticity::{Body, Elements, Material, Plane, Unknowns, assemble};
 use signorini::engine::{Engine, Options as EngineOptions, Place, Stiffness};
@@ -19,6 +20,7 @@ use signorini::reference::{self, Geometry, TABLE1};
 use signorini::sparse::stored::{BlockMatrix, Dense};
 use signorini::sparse::{BlockCsr, Csr, dot, norm};
 use signorini::ssnm::{self, Info, Settings, Solution, Status};
+use signorini::ssnm::{Step, WarmStart};
 use signorini::stiffness::amg::{Hierarchy, Multigrid};
 use signorini::stiffness::pcg::{Pcg, Preconditioner};
 use signorini::table1::BETAS;
@@ -749,9 +751,9 @@ fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
                 ..Default::default()
             },
         };
-        let log = std::cell::RefCell::new(Vec::new());
-        let mut engine = Engine::new(&problem, options, |line| {
-            log.borrow_mut().push(line.to_owned());
+        let (say, heard) = std::sync::mpsc::channel();
+        let mut engine = Engine::new(&problem, options, move |line| {
+            say.send(line.to_owned()).expect("somebody listens");
         })
         .unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(engine.backend(), "gpu");
@@ -779,7 +781,7 @@ fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
             );
             assert!(common::distance(&found.u, &expected.u) < 1e-5);
             drop(engine);
-            let log = log.into_inner();
+            let log: Vec<String> = heard.try_iter().collect();
             assert!(
                 log.last().is_some_and(|line| line.contains("lost")),
                 "{log:?}"
@@ -790,11 +792,14 @@ fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
             assert!(text.contains("lost"), "{text}");
             assert_eq!(error.history.len(), 2, "the steps made are kept");
             // What was reached is a start for another solve.
-            let start = Settings {
-                initial: Some(&error.lambda),
-                ..settings
+            let mut dual = DirectDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
+            let start = WarmStart {
+                lambda: Some(&error.lambda),
+                ..Default::default()
             };
-            let (again, _) = solve(&problem, &EngineOptions::default(), &start);
+            let go_on = |_: &Step| ControlFlow::Continue(());
+            let again = ssnm::solve_from(start, &problem, &mut dual, &settings, go_on)
+                .unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(again.status, Status::Converged);
             let first = |solution: &Solution| solution.info.history[0].err;
             assert!(first(&again) < first(&expected), "it starts ahead");
@@ -932,9 +937,9 @@ fn a_request_to_stop_is_heard_inside_a_solve_with_k() {
     for (path, options) in paths() {
         let mut engine =
             Engine::new(&problem, options, |_| {}).unwrap_or_else(|error| panic!("{error}"));
-        let flag = AtomicBool::new(true);
+        let flag = Arc::new(AtomicBool::new(true));
         let settings = Settings {
-            interrupt: Some(&flag),
+            interrupt: Some(Arc::clone(&flag)),
             ..Default::default()
         };
         let stopped = ssnm::solve(&problem, &mut engine, &settings, |_| {

@@ -2,12 +2,15 @@
 
 mod common;
 
-use common::{Random, Solved, case, distance, price_of_coulomb, solve_case, solve_case_twice};
+use common::{
+    Random, Solved, built, case, distance, price_of_coulomb, solve_case, solve_case_twice,
+};
 use signorini::case::Case;
 use signorini::contact::{PairOptions, mortar_contact};
 use signorini::dual::DirectDual;
 use signorini::elasticity::{Body, Material, Plane};
 use signorini::mesh::structured::{CellShape, join, rectangle};
+use signorini::model::Analysis;
 use signorini::output::NodeStatus;
 use signorini::quasistatic::{self, Event, Load, State};
 use signorini::ssnm::Status;
@@ -263,18 +266,16 @@ fn bodies_that_only_contact_holds() {
         "[[traction]]\nboundary = \"up-top\"\npressure = -3",
         "",
     ));
-    let build = case.build().unwrap_or_else(|error| panic!("{error}"));
+    let build = built(&case);
     let mut dual = DirectDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
-    let data = case
-        .step(&build, 0)
-        .unwrap_or_else(|error| panic!("{error}"))
-        .expect("an elastic case");
+    let data = build.step(0).unwrap_or_else(|error| panic!("{error}"));
     let solution = quasistatic::solve_step(
         &build.problem,
         &data.load,
         &State::at_rest(&build.problem),
         &mut dual,
         &case.settings(),
+        &mut Default::default(),
         |_| ControlFlow::Continue(()),
     )
     .unwrap_or_else(|error| panic!("{error}"));
@@ -282,7 +283,7 @@ fn bodies_that_only_contact_holds() {
     let [up] = &solution.not_held[..] else {
         panic!("{:?}", solution.not_held);
     };
-    assert!(build.free_body_name(up.body).contains("\"up\""));
+    assert!(Analysis::from(&build).body_name(up.body).contains("\"up\""));
     assert!(up.motion.starts_with("slides along ("), "{}", up.motion);
 }
 
@@ -325,7 +326,7 @@ fn coupled_steps_and_rounds_come_to_the_same() {
         [[contact]]\nboundary = \"bottom\"\nfriction = { coulomb = 1 }\n\
         obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
     let case = case(text);
-    let build = case.build().unwrap_or_else(|error| panic!("{error}"));
+    let build = built(&case);
     let run = |coupled: bool| {
         let mut dual = DirectDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
         let mut settings = case.settings();
@@ -340,6 +341,7 @@ fn coupled_steps_and_rounds_come_to_the_same() {
             &State::at_rest(&build.problem),
             &mut dual,
             &settings,
+            &mut Default::default(),
             |event| {
                 if let Event::Round(round) = event {
                     rounds = round.round;
@@ -433,12 +435,10 @@ fn gaps_are_crossed_and_loads_taken_away() {
 fn friction_is_that_of_the_pressures_there_are() {
     let solve = |text: &str| {
         let case = case(text);
-        let build = case.build().unwrap_or_else(|error| panic!("{error}"));
+        let build = built(&case);
         let mut dual = DirectDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
-        let data = case
-            .step(&build, 0)
-            .unwrap_or_else(|error| panic!("{error}"));
-        let load = data.expect("an elastic case").load;
+        let data = (build.step(0)).unwrap_or_else(|error| panic!("{error}"));
+        let load = data.load;
         let start = State::at_rest(&build.problem);
         let go_on = |_: Event| ControlFlow::Continue(());
         quasistatic::solve_step(
@@ -447,6 +447,7 @@ fn friction_is_that_of_the_pressures_there_are() {
             &start,
             &mut dual,
             &case.settings(),
+            &mut Default::default(),
             go_on,
         )
         .unwrap_or_else(|error| panic!("{error}"))

@@ -1,43 +1,46 @@
 //! Cases of solids against closed forms.
 
-use signorini::case::{AnyBuild, Build, Case};
+use signorini::case::{Case, CaseProblem};
 use signorini::dual::DirectDual;
+use signorini::model::{Analysis, Built};
 use signorini::model::{Elastic, StepData};
+use signorini::output::StepResults;
 use signorini::output::{ContactFields, NodeStatus, Report, StepFields, StepReport};
-use signorini::quasistatic::{self, Load, State, StepSolution};
+use signorini::quasistatic::{self, State, StepSolution};
 use signorini::ssnm::Status;
 use std::ops::ControlFlow;
 use std::path::Path;
 
 /// A case in space, solved in one step.
 struct Solved {
-    build: Build<3>,
-    data: Option<StepData<3>>,
+    build: Built<3>,
+    data: StepData<3>,
     solution: StepSolution<3>,
 }
 
 fn solve(text: &str) -> Solved {
     let case = Case::parse(Path::new("tests/case.toml"), text.to_owned(), &[]);
     let case = case.unwrap_or_else(|error| panic!("{error}"));
-    let build = match case.build_any() {
-        Ok(AnyBuild::Space(build)) => build,
-        Ok(AnyBuild::Plane(_)) => panic!("this is no case in space"),
+    let build = match case.build().map(CaseProblem::space) {
+        Ok(Some(build)) => build,
+        Ok(None) => panic!("this is no elastic case in space"),
         Err(error) => panic!("{error}"),
     };
-    let data = (case.step(&build, 0)).unwrap_or_else(|error| panic!("{error}"));
-    let load = match &data {
-        Some(data) => data.load.clone(),
-        None => Load::of(&build.problem),
-    };
+    let data = build.step(0).unwrap_or_else(|error| panic!("{error}"));
     let mut dual = DirectDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
     let mut settings = case.settings();
     settings.ssnm.tolerance = 1e-12;
     let start = State::at_rest(&build.problem);
-    let solution =
-        quasistatic::solve_step(&build.problem, &load, &start, &mut dual, &settings, |_| {
-            ControlFlow::Continue(())
-        })
-        .unwrap_or_else(|error| panic!("{error}"));
+    let solution = quasistatic::solve_step(
+        &build.problem,
+        &data.load,
+        &start,
+        &mut dual,
+        &settings,
+        &mut Default::default(),
+        |_| ControlFlow::Continue(()),
+    )
+    .unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(solution.status, Status::Converged);
     Solved {
         build,
@@ -48,21 +51,31 @@ fn solve(text: &str) -> Solved {
 
 impl Solved {
     fn elastic(&self) -> &Elastic<3> {
-        self.build.elastic.as_ref().expect("an elastic case")
+        &self.build.elastic
     }
 
     fn data(&self) -> &StepData<3> {
-        self.data.as_ref().expect("an elastic case")
+        &self.data
     }
 
     fn fields(&self) -> ContactFields<3> {
-        ContactFields::new(&self.build, self.elastic(), self.data(), &self.solution)
+        ContactFields::new(
+            &self.build.problem,
+            self.elastic(),
+            self.data(),
+            &self.solution,
+        )
     }
 
     /// What the report says of the step.
     fn report(&self) -> StepReport {
         let mut report = Report::new("", &self.build);
-        report.add_step(&self.build, self.data.as_ref(), &self.solution);
+        let solved = signorini::solve::Solved {
+            number: 1,
+            data: Some(self.data()),
+            solution: self.solution.clone(),
+        };
+        report.add_step(&StepResults::new(Analysis::from(&self.build), &solved));
         report.steps.remove(0)
     }
 }
@@ -316,6 +329,7 @@ fn states_are_those_of_a_finer_solution() {
         &start,
         &mut dual,
         &case.settings(),
+        &mut Default::default(),
         |_| ControlFlow::Continue(()),
     )
     .unwrap_or_else(|error| panic!("{error}"));
@@ -332,7 +346,7 @@ fn a_floor_that_supports_move_a_body_along_is_refused_where_friction_would_turn(
         let text = cube("", &format!("{friction}{support}"));
         let case = Case::parse(Path::new("tests/case.toml"), text, &[]);
         let case = case.unwrap_or_else(|error| panic!("{error}"));
-        case.build_any().err().map(|error| error.to_string())
+        case.build().err().map(|error| error.to_string())
     };
     let error = moved("x = 1e-5").expect("it is refused");
     assert!(

@@ -24,7 +24,7 @@ fn on(stiffness: Stiffness) -> Options {
     }
 }
 
-fn engine<'a>(problem: &'a ContactProblem<3>, options: Options) -> Engine<'a> {
+fn engine(problem: &ContactProblem<3>, options: Options) -> Engine {
     Engine::new(problem, options, |_| {}).unwrap_or_else(|error| panic!("{error}"))
 }
 

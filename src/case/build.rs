@@ -5,11 +5,10 @@ use crate::contact::Space;
 use crate::matrix_market::{self, Matrix, MatrixMarketError};
 use crate::mesh::{AnyMesh, FileError, Kind as ElementKind, Mesh, Topology};
 use crate::model::{
-    self, Built, Elastic, Fault, Kind, Model, ModelError, StepData, without_boundaries,
+    Analysis, AnyAnalysis, AnyBuilt, Built, Fault, Kind, Model, ModelError, without_boundaries,
 };
-use crate::problem::{ContactData, ContactProblem, ProblemError};
+use crate::problem::{AnyProblem, ContactData, ContactProblem, ProblemError, dimension};
 use std::path::PathBuf;
-use std::time::Instant;
 
 /// A case could not be turned into a contact problem.
 #[derive(Debug, thiserror::Error)]
@@ -41,122 +40,66 @@ pub enum BuildError {
     },
 }
 
-/// A contact problem made from a case.
+/// The contact problem that a case is about, in whichever dimension.
 #[derive(Debug)]
-pub struct Build<const D: usize = 2>
-where
-    ElementKind: Topology<D>,
-{
-    /// The problem with the load of the first step.
-    pub problem: ContactProblem<D>,
-    /// None for an algebraic case.
-    pub elastic: Option<Elastic<D>>,
-    /// Seconds for the mesh, or the matrices, to be read or made.
-    pub mesh_seconds: f64,
-    /// Seconds for K, f and the contact rows.
-    pub assembly_seconds: f64,
-    /// The part of it for the search and the integrals of the contacts.
-    pub pairing_seconds: f64,
+pub enum CaseProblem {
+    /// That of the bodies of an elastic case.
+    Elastic(AnyBuilt),
+    /// That of the matrices of an algebraic case.
+    Algebraic(AnyProblem),
 }
 
-/// That of a case of either dimension.
-#[derive(Debug)]
-pub enum AnyBuild {
-    /// Of the plane.
-    Plane(Build),
-    /// Of space.
-    Space(Build<3>),
-}
-
-impl<const D: usize> From<Built<D>> for Build<D>
-where
-    ElementKind: Topology<D>,
-{
-    fn from(built: Built<D>) -> Self {
-        Self {
-            problem: built.problem,
-            elastic: Some(built.elastic),
-            mesh_seconds: 0.0,
-            assembly_seconds: built.assembly_seconds,
-            pairing_seconds: built.pairing_seconds,
+impl CaseProblem {
+    /// The model, of an elastic case in the plane.
+    pub fn plane(self) -> Option<Built> {
+        match self {
+            Self::Elastic(AnyBuilt::Plane(built)) => Some(built),
+            _ => None,
         }
     }
-}
 
-impl<const D: usize> Build<D>
-where
-    ElementKind: Topology<D>,
-{
-    /// Which body one of [`System::free_bodies`](crate::problem::System::free_bodies) is: its region and a point of it.
-    pub fn free_body_name(&self, body: usize) -> String {
-        model::body_name(&self.problem, self.elastic.as_ref(), body)
+    /// The model, of an elastic case in space.
+    pub fn space(self) -> Option<Built<3>> {
+        match self {
+            Self::Elastic(AnyBuilt::Space(built)) => Some(built),
+            _ => None,
+        }
     }
 
-    /// The bodies that only contact holds, and what they could do without, in words.
-    pub fn free_bodies(&self) -> Vec<String> {
-        model::free_bodies(&self.problem, self.elastic.as_ref())
+    /// What there is to solve.
+    pub fn analysis(&self) -> AnyAnalysis<'_> {
+        match self {
+            Self::Elastic(built) => built.into(),
+            Self::Algebraic(problem) => problem.into(),
+        }
     }
 }
 
 impl Case {
-    /// Reads the mesh or the matrices of a case in the plane and assembles the contact problem; [`Case::build_any`]
-    /// does so for solids, too.
-    ///
-    /// # Errors
-    /// If the case is one in space, or as [`Case::build_any`].
-    pub fn build(&self) -> Result<Build, BuildError> {
-        match self.build_any()? {
-            AnyBuild::Plane(build) => Ok(build),
-            AnyBuild::Space(_) => {
-                Err(self.unsupported("this case is one in space (Case::build_any)"))
-            }
-        }
-    }
-
     /// Reads the mesh or the matrices, which choose between the plane and space, and assembles the contact problem.
     ///
     /// # Errors
     /// If a file cannot be read, or the case cannot be meant as it stands: the error names the line or the file.
-    pub fn build_any(&self) -> Result<AnyBuild, BuildError> {
-        let start = Instant::now();
+    pub fn build(&self) -> Result<CaseProblem, BuildError> {
         if let Some(table) = &self.tables.algebraic {
-            return self.build_algebraic(table.get_ref());
+            return Ok(CaseProblem::Algebraic(
+                self.build_algebraic(table.get_ref())?,
+            ));
         }
-        Ok(match self.mesh()? {
-            AnyMesh::Plane(mesh) => AnyBuild::Plane(self.build_on(mesh, start)?),
-            AnyMesh::Space(mesh) => AnyBuild::Space(self.build_on(mesh, start)?),
-        })
+        Ok(CaseProblem::Elastic(match self.mesh()? {
+            AnyMesh::Plane(mesh) => AnyBuilt::Plane(self.build_on(mesh)?),
+            AnyMesh::Space(mesh) => AnyBuilt::Space(self.build_on(mesh)?),
+        }))
     }
 
-    /// The contact problem on a mesh that has been made since `start`.
-    fn build_on<const D: usize>(
-        &self,
-        mesh: Mesh<D>,
-        start: Instant,
-    ) -> Result<Build<D>, BuildError>
+    /// The model on its mesh.
+    fn build_on<const D: usize>(&self, mesh: Mesh<D>) -> Result<Built<D>, BuildError>
     where
         ElementKind: Space<D>,
     {
-        let mesh_seconds = start.elapsed().as_secs_f64();
         let definition = self.definition()?;
         let built = Model { mesh, definition }.build();
-        Ok(Build {
-            mesh_seconds,
-            ..built.map_err(|error| self.at_line(error))?.into()
-        })
-    }
-
-    /// The load at the end of a step, counted from 0; None for an algebraic case, which has one.
-    pub fn step<const D: usize>(
-        &self,
-        build: &Build<D>,
-        step: usize,
-    ) -> Result<Option<StepData<D>>, BuildError>
-    where
-        ElementKind: Space<D>,
-    {
-        let data = build.elastic.as_ref().map(|elastic| elastic.step(step));
-        data.transpose().map_err(|error| self.at_line(error))
+        built.map_err(|error| self.at_line(error))
     }
 
     /// Something about the case as a whole.
@@ -167,8 +110,8 @@ impl Case {
         }
     }
 
-    /// What is wrong with a part of the model, said about the line that it stands in.
-    fn at_line(&self, error: ModelError) -> BuildError {
+    /// What is wrong with a part of the model, which was built by this case, said about the line that it stands in.
+    pub fn at_line(&self, error: ModelError) -> BuildError {
         let ModelError { entity, fault } = error;
         let fault = *fault;
         let message = match fault {
@@ -220,8 +163,7 @@ impl Case {
     }
 
     /// The problem of matrices: T has a row per contact node in the plane, two in space.
-    fn build_algebraic(&self, table: &AlgebraicTable) -> Result<AnyBuild, BuildError> {
-        let start = Instant::now();
+    fn build_algebraic(&self, table: &AlgebraicTable) -> Result<AnyProblem, BuildError> {
         let matrix = |path: &PathBuf| matrix_market::read(&self.beside(path));
         let stiffness = matrix(&table.stiffness)?;
         let mu = table.friction_coefficient.as_ref();
@@ -236,46 +178,37 @@ impl Case {
             Some(path) => matrix(path)?.into_vector()?,
             None => vec![0.0; coefficient.len()],
         };
+        let slip_origin = table.slip_origin.as_ref().map(matrix);
+        let slip_origin = slip_origin
+            .transpose()?
+            .map(Matrix::into_vector)
+            .transpose()?;
         let coordinates = table.coordinates.as_ref().map(matrix).transpose()?;
 
-        let (m, rows) = (normal.n_rows(), tangential.n_rows());
         let columns = coordinates.as_ref().map(Matrix::n_cols);
-        let is_solid = if m > 0 {
-            rows == 2 * m
-        } else {
-            columns == Some(3)
-        };
+        let dimension = dimension(normal.n_rows(), tangential.n_rows(), columns)
+            .map_err(|message| self.unsupported(message))?;
         let of_matrices = OfMatrices {
             stiffness,
             load,
             normal,
             tangential,
             gap,
+            interference: table.interference,
+            dependent_rows: table.dependent_rows,
             slip_bound,
+            slip_origin,
             coefficient,
             coordinates,
         };
-        match (is_solid, columns) {
-            (false, Some(3)) if rows == m => Err(self.unsupported(format!(
-                "the coordinates have three columns, so this is a problem in space, but T has {rows} rows like N: there \
-                 it has two for each contact node, {} in all",
-                2 * m
-            ))),
-            (true, Some(2)) => Err(self.unsupported(format!(
-                "T has two rows for each of the {m} contact nodes, so this is a problem in space, but the coordinates \
-                 have two columns: there they have three"
-            ))),
-            (true, _) => Ok(AnyBuild::Space(self.build_of(of_matrices, start)?)),
-            (false, _) => Ok(AnyBuild::Plane(self.build_of(of_matrices, start)?)),
-        }
+        Ok(match dimension {
+            2 => AnyProblem::Plane(self.build_of(of_matrices)?),
+            _ => AnyProblem::Space(self.build_of(of_matrices)?),
+        })
     }
 
-    /// The contact problem of matrices that have been read since `start`.
-    fn build_of<const D: usize>(
-        &self,
-        read: OfMatrices,
-        start: Instant,
-    ) -> Result<Build<D>, BuildError>
+    /// The contact problem of matrices that have been read.
+    fn build_of<const D: usize>(&self, read: OfMatrices) -> Result<ContactProblem<D>, BuildError>
     where
         ElementKind: Topology<D>,
     {
@@ -284,12 +217,13 @@ impl Case {
             source,
         };
         let (rows, cols) = (read.stiffness.n_rows(), read.stiffness.n_cols());
+        let open = |d: &f64| if read.interference { d.max(0.0) } else { *d };
         let data = ContactData {
             stiffness: read.stiffness.into_stiffness()?,
             load: read.load,
             normal: read.normal.into_csr(),
             tangential: read.tangential.into_csr(),
-            gap: read.gap,
+            gap: read.gap.iter().map(open).collect(),
             slip_bound: read.slip_bound,
             coordinates: read.coordinates.map(Matrix::into_points).transpose()?,
         };
@@ -305,20 +239,21 @@ impl Case {
                 reason: "one entry per row of K",
             }));
         }
-        let mesh_seconds = start.elapsed().as_secs_f64();
-        let problem = ContactProblem::new(data)
+        let checked = match read.dependent_rows {
+            true => ContactProblem::of_bodies(data),
+            false => ContactProblem::new(data),
+        };
+        let mut problem = checked
             .and_then(|problem| problem.with_friction_coefficient(read.coefficient))
+            .and_then(|problem| problem.with_gap(read.gap))
             .map_err(failed)?;
-        if let Some(text) = model::loose_body(&problem, None) {
+        if let Some(origin) = read.slip_origin {
+            problem = problem.with_slip_origin(origin).map_err(failed)?;
+        }
+        if let Some(text) = Analysis::from(&problem).loose_body() {
             return Err(self.unsupported(format!("the stiffness matrix is singular: {text}")));
         }
-        Ok(Build {
-            problem,
-            elastic: None,
-            mesh_seconds,
-            assembly_seconds: start.elapsed().as_secs_f64() - mesh_seconds,
-            pairing_seconds: 0.0,
-        })
+        Ok(problem)
     }
 }
 
@@ -329,7 +264,10 @@ struct OfMatrices {
     normal: Matrix,
     tangential: Matrix,
     gap: Vec<f64>,
+    interference: bool,
+    dependent_rows: bool,
     slip_bound: Vec<f64>,
+    slip_origin: Option<Vec<f64>>,
     coefficient: Vec<f64>,
     /// A row per node.
     coordinates: Option<Matrix>,

@@ -52,7 +52,7 @@ impl Default for SolverTable {
 
 impl Case {
     /// The solver table as settings.
-    pub fn settings(&self) -> quasistatic::Settings<'static> {
+    pub fn settings(&self) -> quasistatic::Settings {
         let s = &self.tables.solver;
         quasistatic::Settings {
             ssnm: ssnm::Settings {

@@ -390,10 +390,19 @@ pub struct AlgebraicTable {
     pub tangential: PathBuf,
     /// d, m.
     pub gap: PathBuf,
+    /// Whether entries of d below 0 are meant.
+    #[serde(default)]
+    pub interference: bool,
     /// g, m, or
     pub slip_bound: Option<PathBuf>,
     /// μ, m: Coulomb friction.
     pub friction_coefficient: Option<PathBuf>,
+    /// Where slip is counted from, an entry per row of T; zero if left out.
+    pub slip_origin: Option<PathBuf>,
+    /// Whether rows of N and T may depend on each other, as those of bodies do where several parts of one lie under one facet
+    /// of another: forces on the bodies are unique even so, multipliers need not be.
+    #[serde(default)]
+    pub dependent_rows: bool,
     /// n/2 × 2; in space n/3 × 3.
     pub coordinates: Option<PathBuf>,
 }
@@ -411,6 +420,7 @@ impl AlgebraicTable {
         let others = [
             &self.slip_bound,
             &self.friction_coefficient,
+            &self.slip_origin,
             &self.coordinates,
         ];
         needed.into_iter().chain(others.into_iter().flatten())

@@ -7,9 +7,9 @@ use signorini::case::CaseError;
 use signorini::dual::DualError;
 use signorini::engine::EngineError;
 use signorini::quasistatic::StepError;
+use signorini::solve;
 use signorini::ssnm::{Cause, SolveError};
 use signorini::stiffness::pcg::PcgError;
-use signorini::table1::Table1Error;
 use std::error::Error;
 
 /// An error as the user reads it: what the library says, and what to type if that may help.
@@ -39,8 +39,8 @@ fn advice(error: &(dyn Error + 'static)) -> Option<&'static str> {
         }
     } else if let Some(error) = error.downcast_ref() {
         match error {
-            Table1Error::Engine(error) => advice(error),
-            Table1Error::Solve(error) => advice(error),
+            solve::Error::Engine(error) => advice(error),
+            solve::Error::Step(error) => advice(&**error),
             _ => None,
         }
     } else if let Some(StepError { error, .. }) = error.downcast_ref() {
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn errors_inside_errors_are_found() {
-        let solve = |error: DualError| SolveError::from(Cause::from(error));
+        let failed = |error: DualError| SolveError::from(Cause::from(error));
         let cpu = "; or use --backend cpu";
         let stalled = || PcgError::Stalled {
             reached: 1e-3,
@@ -115,13 +115,15 @@ mod tests {
                 Box::new(EngineError::Pcg(PcgError::Backend(lost_memory()))),
                 cpu,
             ),
-            (Box::new(solve(inside(lost_memory()))), cpu),
+            (Box::new(failed(inside(lost_memory()))), cpu),
             (
-                Box::new(Table1Error::Solve(solve(inside(lost_memory())))),
+                Box::new(solve::Error::Engine(
+                    PcgError::Backend(lost_memory()).into(),
+                )),
                 cpu,
             ),
             (Box::new(EngineError::Pcg(stalled())), cholesky),
-            (Box::new(solve(DualError::Pcg(stalled()))), cholesky),
+            (Box::new(failed(DualError::Pcg(stalled()))), cholesky),
             (
                 Box::new(EngineError::NoCholeskyOnGpu),
                 "; use --stiffness pcg (or auto) with --backend gpu",

@@ -1,29 +1,29 @@
 //! `signorini check`.
 
 use super::advice::told;
-use signorini::case::{AnyBuild, Build, Case};
+use signorini::case::Case;
 use signorini::contact::Space;
 use signorini::elasticity::Plane;
 use signorini::engine::factor_bytes;
 use signorini::mesh::{FaultKind, Kind, Mesh, Topology};
-use signorini::model::Elastic;
-use signorini::model::PairData;
+use signorini::model::{Analysis, AnyAnalysis, Elastic, PairData};
 use signorini::problem::ContactProblem;
 use std::path::Path;
 use toml::Spanned;
 
 pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
     let case = Case::read(path, settings).map_err(|e| told(&e))?;
-    let lines = match case.build_any().map_err(|e| told(&e))? {
-        AnyBuild::Plane(build) => describe(&case, &build)?,
-        AnyBuild::Space(build) => describe(&case, &build)?,
+    let made = case.build().map_err(|e| told(&e))?;
+    let lines = match made.analysis() {
+        AnyAnalysis::Plane(analysis) => describe(&case, analysis)?,
+        AnyAnalysis::Space(analysis) => describe(&case, analysis)?,
     };
     super::print(&(lines.join("\n") + "\n"))?;
     Ok(0)
 }
 
 /// What was understood of a case.
-fn describe<const D: usize>(case: &Case, build: &Build<D>) -> Result<Vec<String>, String>
+fn describe<const D: usize>(case: &Case, analysis: Analysis<D>) -> Result<Vec<String>, String>
 where
     Kind: Space<D>,
 {
@@ -31,11 +31,11 @@ where
     if !case.tables.title.is_empty() {
         lines.push(case.tables.title.clone());
     }
-    match &build.elastic {
+    match analysis.elastic {
         Some(elastic) => {
             bodies(&mut lines, case, elastic);
             boundaries(&mut lines, case, &elastic.mesh);
-            loads(&mut lines, case, build, elastic)?;
+            loads(&mut lines, case, analysis, elastic)?;
             for pair in &elastic.pairs {
                 contact(&mut lines, case, pair);
             }
@@ -45,15 +45,15 @@ where
         }
         None => lines.push(format!(
             "algebraic     n = {}, m = {}, {} coordinates",
-            build.problem.n(),
-            build.problem.m(),
-            match build.problem.coordinates() {
+            analysis.problem.n(),
+            analysis.problem.m(),
+            match analysis.problem.coordinates() {
                 Some(_) => "with",
                 None => "without",
             }
         )),
     }
-    lines.push(size(&build.problem));
+    lines.push(size(analysis.problem));
     Ok(lines)
 }
 
@@ -160,7 +160,7 @@ where
 fn loads<const D: usize>(
     lines: &mut Vec<String>,
     case: &Case,
-    build: &Build<D>,
+    analysis: Analysis<D>,
     elastic: &Elastic<D>,
 ) -> Result<(), String>
 where
@@ -179,15 +179,14 @@ where
         _ => "analysis      solid".to_owned(),
     });
     for step in 0..case.n_steps() {
-        let data = case.step(build, step).map_err(|e| told(&e))?;
-        let load = data.map_or([0.0; D], |data| data.total_load);
+        let data = elastic.step(step).map_err(|e| told(&case.at_line(e)))?;
         let name = match case.n_steps() {
             1 => String::new(),
             _ => format!(", step {}", step + 1),
         };
         lines.push(format!(
             "total load    ({}) {}{name}",
-            load.map(|v| format!("{v:.6e}")).join(", "),
+            data.total_load.map(|v| format!("{v:.6e}")).join(", "),
             units.force
         ));
     }
@@ -228,7 +227,7 @@ where
         let factors = &steps.get_ref().factors;
         lines.push(format!("steps         factors {factors:?}"));
     }
-    for body in build.free_bodies() {
+    for body in analysis.free_bodies() {
         lines.push(format!("supports      {body}: only contact holds it"));
     }
     Ok(())

@@ -1,32 +1,28 @@
 //! `signorini solve`.
 
 mod log;
-mod pictures;
 mod summary;
 
 use super::advice::told;
 use super::{NOT_CONVERGED, SolveArguments};
 use log::Log;
-use pictures::{Draw, Pictures};
-use signorini::case::{AnyBuild, Build, Case};
-use signorini::dual::DualOperator as _;
+use signorini::case::Case;
 use signorini::engine::Engine;
 use signorini::input::is_reading;
 use signorini::mesh::Kind;
-use signorini::model::StepData;
-use signorini::output::{
-    EnginePath, Report, Timings, prepare, withdraw, write_index, write_report, write_solution,
-};
-use signorini::quasistatic::{self, Event, Load, State, StepSolution};
+use signorini::model::{Analysis, AnyAnalysis};
+use signorini::output::{Draw, Results, prepare, withdraw};
+use signorini::quasistatic;
+use signorini::solve::{self, Event};
 use signorini::ssnm::Status;
-use std::cell::RefCell;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 /// Set by Ctrl-C.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+static INTERRUPTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
 /// Set when everything has been read.
 static READ: AtomicBool = AtomicBool::new(false);
@@ -52,7 +48,14 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         }
         std::thread::spawn(leave_reading);
     });
-    let pictures = arguments.plots.then(Pictures::new).transpose()?;
+    #[cfg(not(feature = "plots"))]
+    if arguments.plots {
+        return Err(
+            "--plots: this program was built without pictures; leave it out, or build the program with its feature \
+             `plots`: cargo build --release"
+                .to_owned(),
+        );
+    }
     let output = match &arguments.output {
         Some(directory) => directory.clone(),
         None => {
@@ -72,250 +75,153 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     withdraw(&output, &case.inputs()).map_err(|e| told(&e))?;
     let log = Log::new(arguments);
 
-    let prepared = Prepared {
+    let made = case.build().map_err(|e| told(&e))?;
+    READ.store(true, Ordering::Relaxed);
+    let run = Run {
         start,
         case: &case,
         arguments,
         output: &output,
-        log: &log,
-        pictures,
+        log,
     };
-    let build = case.build_any().map_err(|e| told(&e))?;
-    READ.store(true, Ordering::Relaxed);
-    match build {
-        AnyBuild::Plane(build) => prepared.run(&build),
-        AnyBuild::Space(build) => prepared.run(&build),
+    match made.analysis() {
+        AnyAnalysis::Plane(analysis) => run.make(analysis),
+        AnyAnalysis::Space(analysis) => run.make(analysis),
     }
 }
 
-/// What is known of a run before the dimension of its case is.
-struct Prepared<'a> {
+/// A run, of whichever dimension.
+struct Run<'a> {
     start: Instant,
     case: &'a Case,
     arguments: &'a SolveArguments,
     output: &'a Path,
-    log: &'a Log,
-    /// None: not asked for.
-    pictures: Option<Pictures>,
+    log: Log,
 }
 
-impl Prepared<'_> {
+impl Run<'_> {
     /// Solves, writes and tells; the exit code.
-    fn run<const D: usize>(self, build: &Build<D>) -> Result<u8, String>
+    fn make<const D: usize>(&self, analysis: Analysis<D>) -> Result<u8, String>
     where
         Kind: Draw<D>,
     {
-        let Self {
-            case,
-            arguments,
-            output,
-            log,
-            ..
-        } = self;
-        prepare(output, &case.inputs()).map_err(|e| told(&e))?;
+        let (case, log) = (self.case, self.log);
+        let made = self.start.elapsed().as_secs_f64();
+        prepare(self.output, &case.inputs()).map_err(|e| told(&e))?;
+        let mut results =
+            Results::new(self.output, &case.tables.title, analysis).map_err(|e| told(&e))?;
+        results.set_begin(self.start);
+        #[cfg(feature = "plots")]
+        if self.arguments.plots {
+            results.draw();
+        }
+        let timings = &mut results.report.timings;
+        timings.mesh = made - timings.assembly;
         log.say(format_args!(
-            "n = {}, m = {}: assembled in {:.3} s, of which the contacts {:.4} s",
-            build.problem.n_free(),
-            build.problem.m(),
-            build.mesh_seconds + build.assembly_seconds,
-            build.pairing_seconds
+            "n = {}, m = {}: assembled in {made:.3} s, of which the contacts {:.4} s",
+            analysis.problem.n_free(),
+            analysis.problem.m(),
+            timings.pairing
         ));
-        for body in build.free_bodies() {
+        for body in analysis.free_bodies() {
             log.tell(&format!("{body}: only contact holds it"));
         }
-        let mut run = Run {
-            start: self.start,
-            case,
-            arguments,
-            output,
-            log,
-            build,
-            report: Report::new(&case.tables.title, build),
-            files: Vec::new(),
-            pictures: self.pictures,
-            output_seconds: 0.0,
-        };
         // What was finished before an error is written nevertheless.
-        let solved = run.solve();
+        let solved = self.solve(analysis, &mut results);
         if let Err(error) = &solved {
-            run.report.fail(error);
+            results.report.fail(error);
         }
-        let written = run.write();
+        let written = results.finish().map(<[_]>::to_vec).map_err(|e| told(&e));
         solved?;
-        written?;
-        if !arguments.quiet {
-            super::print(&summary::text(&run.report, &run.files))?;
+        let files = written?;
+        if !self.arguments.quiet {
+            super::print(&summary::text(&results.report, &files))?;
         }
-        Ok(if run.report.status == Some(Status::Converged) {
+        Ok(if results.report.status == Some(Status::Converged) {
             0
         } else {
             NOT_CONVERGED
         })
     }
-}
 
-/// A solve on its way, with what it has written and drawn so far.
-struct Run<'a, const D: usize>
-where
-    Kind: Draw<D>,
-{
-    start: Instant,
-    case: &'a Case,
-    arguments: &'a SolveArguments,
-    output: &'a Path,
-    log: &'a Log,
-    build: &'a Build<D>,
-    report: Report,
-    files: Vec<PathBuf>,
-    /// None: not asked for.
-    pictures: Option<Pictures>,
-    output_seconds: f64,
-}
-
-impl<const D: usize> Run<'_, D>
-where
-    Kind: Draw<D>,
-{
     /// An error of the solver, with the case that it has met.
-    fn failed(&self, error: impl std::error::Error + 'static) -> String {
-        format!("{}: {}", self.arguments.case.display(), told(&error))
+    fn failed(&self, error: solve::Error) -> String {
+        match error {
+            solve::Error::Model(error) => told(&self.case.at_line(error)),
+            error => format!("{}: {}", self.arguments.case.display(), told(&error)),
+        }
     }
 
     /// Sets up and makes the load steps.
-    fn solve(&mut self) -> Result<(), String> {
-        let (build, log) = (self.build, self.log);
+    fn solve<const D: usize>(
+        &self,
+        analysis: Analysis<D>,
+        results: &mut Results<D>,
+    ) -> Result<(), String>
+    where
+        Kind: Draw<D>,
+    {
+        let log = self.log;
         if INTERRUPTED.load(Ordering::Relaxed) {
             return Ok(());
         }
         let start = Instant::now();
         let options = self.arguments.engine.options();
-        let mut engine = Engine::new(&build.problem, options, |line| log.tell(line))
-            .map_err(|error| self.failed(error))?;
+        let mut engine = Engine::new(analysis.problem, options, move |line| log.tell(line))
+            .map_err(|error| self.failed(error.into()))?;
         give_back_freed();
-        self.report.timings.factor = start.elapsed().as_secs_f64();
-        self.report.timings.linear_reference = engine
-            .cholesky()
-            .map(|dual| dual.factor().seconds + dual.solve_seconds);
-        log.engine(&engine, self.report.timings.factor);
+        let timings = &mut results.report.timings;
+        timings.factor = start.elapsed().as_secs_f64();
+        timings.linear_reference =
+            (engine.cholesky()).map(|dual| dual.factor().seconds + dual.solve_seconds);
+        log.engine(&engine, timings.factor);
 
-        let made = self.steps(&mut engine);
+        let made = self.steps(analysis, &mut engine, results);
         log.costs(&engine);
-        let mut path = EnginePath::of(&engine);
-        if self.report.status == Some(Status::Converged) {
-            // What the whole solve has cost in linear solves; whoever has asked to stop does not wait for it.
-            path.v_cycles_linear = engine.linear_iterations(1e-8).ok().flatten();
-        }
-        self.report.set_path(path);
+        results.add_engine(&mut engine);
         made
     }
 
     /// Makes the load steps, until one does not converge.
-    fn steps(&mut self, engine: &mut Engine) -> Result<(), String> {
-        let (build, log, n_steps) = (self.build, self.log, self.case.n_steps());
+    fn steps<const D: usize>(
+        &self,
+        analysis: Analysis<D>,
+        engine: &mut Engine,
+        results: &mut Results<D>,
+    ) -> Result<(), String>
+    where
+        Kind: Draw<D>,
+    {
+        let (log, n_steps) = (self.log, analysis.n_steps());
         let mut settings = self.case.settings();
-        let memory = RefCell::default();
-        settings.ssnm.memory = Some(&memory);
-        settings.ssnm.interrupt = Some(&INTERRUPTED);
+        settings.ssnm.interrupt = Some(Arc::clone(&INTERRUPTED));
         let limit = settings.ssnm.time_limit;
-        let mut state = State::at_rest(&build.problem);
-        for number in 0..n_steps {
-            let data = self.case.step(build, number).map_err(|e| told(&e))?;
-            let of_problem;
-            let load = match &data {
-                Some(data) => &data.load,
-                None => {
-                    of_problem = Load::of(&build.problem);
-                    &of_problem
+        settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(self.start.elapsed()));
+        let tolerance = settings.ssnm.tolerance;
+        let (mut outer, mut written) = (Vec::new(), Ok(()));
+        let observer = |event: Event<D>| {
+            match event {
+                Event::Begins { number, factor } if n_steps > 1 => {
+                    log.tell(&format!("load step {number} of {n_steps}, factor {factor}"));
                 }
-            };
-            if n_steps > 1 {
-                log.tell(&format!(
-                    "load step {} of {n_steps}, factor {}",
-                    number + 1,
-                    data.as_ref().map_or(1.0, |data| data.factor)
-                ));
-            }
-            settings.ssnm.time_limit =
-                limit.map(|limit| limit.saturating_sub(self.start.elapsed()));
-            let mut steps = Vec::new();
-            let observer = |event: Event| {
-                match event {
-                    Event::Newton(step) => {
-                        log.step(step);
-                        steps.push(*step);
-                    }
-                    Event::Round(round) => log.round(round),
+                Event::Begins { .. } => {}
+                Event::Within(quasistatic::Event::Newton(step)) => {
+                    log.step(step);
+                    outer.push(*step);
                 }
-                ControlFlow::Continue(())
-            };
-            let solution =
-                quasistatic::solve_step(&build.problem, load, &state, engine, &settings, observer)
-                    .map_err(|error| self.failed(error))?;
-            log.finish(&steps, settings.ssnm.tolerance);
-            self.report.add_step(build, data.as_ref(), &solution);
-            state = solution.state(load);
-            self.write_step(data.as_ref(), &solution)?;
-            if solution.status != Status::Converged {
-                break;
+                Event::Within(quasistatic::Event::Round(round)) => log.round(round),
+                Event::Ends(solved) => {
+                    log.finish(&std::mem::take(&mut outer), tolerance);
+                    written = results.add(&solved);
+                }
             }
-        }
-        Ok(())
-    }
-
-    /// Writes and draws the step that was added to the report last.
-    fn write_step(
-        &mut self,
-        data: Option<&StepData<D>>,
-        solution: &StepSolution<D>,
-    ) -> Result<(), String> {
-        let start = Instant::now();
-        let several = self.case.n_steps() > 1;
-        let number = self.report.steps.len();
-        let written = write_solution(
-            self.output,
-            self.build,
-            data,
-            solution,
-            several.then_some(number),
-        );
-        self.files.extend(written.map_err(|e| told(&e))?);
-        if several {
-            // After every step, so that ParaView can look in.
-            let index = write_index(self.output, &self.report.steps).map_err(|e| told(&e))?;
-            if number == 1 {
-                self.files.push(index);
+            match written {
+                Ok(()) => ControlFlow::Continue(()),
+                Err(_) => ControlFlow::Break(()),
             }
-        }
-        if let Some(pictures) = &mut self.pictures {
-            pictures.add_step(&self.report, self.build, data, solution, several);
-        }
-        self.output_seconds += start.elapsed().as_secs_f64();
-        Ok(())
-    }
-
-    /// Writes the pictures and the report.
-    fn write(&mut self) -> Result<(), String> {
-        self.report.timings = Timings {
-            mesh: self.build.mesh_seconds,
-            assembly: self.build.assembly_seconds,
-            pairing: self.build.pairing_seconds,
-            output: self.output_seconds,
-            total: self.start.elapsed().as_secs_f64(),
-            ..self.report.timings
         };
-        let drawn = match &mut self.pictures {
-            Some(pictures) => pictures.write(self.output, &self.report),
-            None => Ok(Vec::new()),
-        };
-        let drawn = drawn.map_err(|e| told(&e));
-        if let Err(error) = &drawn {
-            self.report.fail(error);
-        }
-        // Whether or not there was room for pictures.
-        let report = write_report(self.output, &self.report).map_err(|e| told(&e))?;
-        self.files.extend(drawn?);
-        self.files.push(report);
-        Ok(())
+        (analysis.solve_on(engine, &settings, observer)).map_err(|error| self.failed(error))?;
+        written.map_err(|error| told(&error))
     }
 }
 

@@ -2,12 +2,14 @@
 
 use super::advice::told;
 use super::{GeometryArgument, NOT_CONVERGED, Table1Arguments, print};
+use signorini::engine::Engine;
 use signorini::output::write_whole;
-use signorini::reference::Geometry;
+use signorini::reference::{self, Geometry, TABLE1};
 use signorini::ssnm::{Method, Status};
 use signorini::table1::{ASSUMPTIONS, Cell, SIZES, TOLERANCE, row};
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
+use std::sync::{Arc, Mutex, PoisonError};
 
 pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
     let usable = |beta: &f64| *beta > 0.0 && beta.is_finite();
@@ -49,7 +51,7 @@ pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
 
 /// Computes the table and prints it row by row.
 fn table(arguments: &Table1Arguments) -> Result<Vec<Cell>, String> {
-    let engine = arguments.engine.options();
+    let options = arguments.engine.options();
     let (geometry, name) = match arguments.geometry {
         GeometryArgument::OneBody => (Geometry::OneBody, "one body on a rigid plane"),
         GeometryArgument::TwoBody => (Geometry::TwoBodies, "two bodies, matching nodes"),
@@ -65,32 +67,28 @@ fn table(arguments: &Table1Arguments) -> Result<Vec<Cell>, String> {
     }
     print("\n")?;
     let mut cells: Vec<Cell> = Vec::new();
-    let mut said = String::new();
+    let said = Arc::new(Mutex::new(String::new()));
     for k in SIZES.into_iter().filter(|&k| k <= arguments.max_k) {
-        let log = |line: &str| {
+        let said = Arc::clone(&said);
+        let log = move |line: &str| {
             // Each row makes the same choice: once is enough.
-            if said != line {
+            let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
+            if *said != line {
                 eprintln!("{line}");
-                said = line.to_owned();
+                *said = line.to_owned();
             }
         };
-        let mut log = log;
+        let mesh = reference::mesh(geometry, k);
+        let problem = reference::problem(geometry, &mesh, &TABLE1).map_err(|e| told(&e))?;
+        let mut engine = Engine::new(&problem, options.clone(), log).map_err(|e| told(&e))?;
         let mut found = Vec::new();
         for method in [Method::Inexact, Method::Multisecant] {
-            let made = row(
-                geometry,
-                k,
-                &arguments.beta,
-                method,
-                &engine,
-                &mut log,
-                |beta| {
-                    if terminal {
-                        eprint!("\r\x1b[2Kk = {k}, β = {beta} …");
-                    }
-                    ControlFlow::Continue(())
-                },
-            );
+            let made = row(&problem, &mut engine, k, &arguments.beta, method, |beta| {
+                if terminal {
+                    eprint!("\r\x1b[2Kk = {k}, β = {beta} …");
+                }
+                ControlFlow::Continue(())
+            });
             found.push(made.map_err(|e| told(&e))?);
         }
         if terminal {

@@ -1,7 +1,9 @@
 //! Which reader a mesh file goes to.
 
 use super::file::FileError;
-use super::{AnyMesh, abaqus, gmsh, vtu};
+#[cfg(feature = "files")]
+use super::vtu;
+use super::{AnyMesh, abaqus, gmsh};
 use std::path::Path;
 
 /// Whether a file is called like those of VTK, whose regions a cell array tells.
@@ -23,7 +25,17 @@ fn extension(path: &Path) -> String {
 pub fn read(path: &Path, scale: f64, groups: Option<&str>) -> Result<AnyMesh, FileError> {
     match extension(path).as_str() {
         "inp" => abaqus::read(path, scale),
+        #[cfg(feature = "files")]
         "vtu" => vtu::read(path, scale, groups),
+        #[cfg(not(feature = "files"))]
+        "vtu" => {
+            let _ = groups;
+            Err(FileError::Foreign {
+                path: path.to_owned(),
+                what: "a grid of VTK, which this program was built without (the feature \"files\" of the crate)"
+                    .to_owned(),
+            })
+        }
         _ => gmsh::read(path, scale),
     }
 }

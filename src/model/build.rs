@@ -1,5 +1,6 @@
 //! From a model to a contact problem.
 
+use super::analysis::Analysis;
 use super::contacts::PairData;
 use super::error::{Entity, Fault, Kind, ModelError, listed};
 use super::loads::{StepData, acting, region};
@@ -8,7 +9,7 @@ use super::{Definition, Model, Units};
 use crate::contact::{ContactRows, Space, contact_rows};
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
 use crate::mesh::{Kind as ElementKind, Mesh, Topology};
-use crate::problem::{ContactData, ContactProblem, FreeBody, LoadCase};
+use crate::problem::{ContactData, ContactProblem, LoadCase};
 use std::time::Instant;
 
 /// A model that is ready to be solved: the contact problem, and the bodies that it is about.
@@ -21,10 +22,6 @@ where
     pub problem: ContactProblem<D>,
     /// What it is about.
     pub elastic: Elastic<D>,
-    /// Seconds for K, f and the contact rows.
-    pub assembly_seconds: f64,
-    /// The part of it for the search and the integrals of the contacts.
-    pub pairing_seconds: f64,
 }
 
 /// The elastic side of a problem: what the results are written on.
@@ -60,6 +57,10 @@ where
     pub units: Units,
     /// Whether the model says so itself.
     pub units_stated: bool,
+    /// Seconds for K, f and the contact rows.
+    pub assembly_seconds: f64,
+    /// The part of it for the search and the integrals of the contacts.
+    pub pairing_seconds: f64,
     /// What the load of each step follows from.
     pub(super) definition: Definition<D>,
     pub(super) prescriptions: Prescriptions<D>,
@@ -98,68 +99,6 @@ where
     pub fn step(&self, step: usize) -> Result<StepData<D>, ModelError> {
         self.elastic.step(step)
     }
-
-    /// The bodies that only contact holds, and what they could do without, in words.
-    pub fn free_bodies(&self) -> Vec<String> {
-        free_bodies(&self.problem, Some(&self.elastic))
-    }
-}
-
-/// Which body one of [`ContactProblem::free_bodies`] is: its region and a point of it, as far as that is known.
-pub(crate) fn body_name<const D: usize>(
-    problem: &ContactProblem<D>,
-    elastic: Option<&Elastic<D>>,
-    number: usize,
-) -> String
-where
-    ElementKind: Topology<D>,
-{
-    let listed = |point: [f64; D]| point.map(|x| format!("{x:.4e}")).join(", ");
-    let free = &problem.free_bodies().bodies()[number];
-    let Some(Elastic { mesh, unknowns, .. }) = elastic else {
-        return format!("the body around ({})", listed(free.centre()));
-    };
-    let node = unknowns.node(free.nodes()[0] as usize);
-    let region = (mesh.elements.iter())
-        .find(|element| element.nodes().contains(&node))
-        .map_or(0, |element| element.region);
-    format!(
-        "the body with region \"{}\" (at ({}))",
-        mesh.regions[region as usize],
-        listed(mesh.nodes[node as usize])
-    )
-}
-
-/// The bodies that can move as a whole, and how, in words.
-pub(crate) fn free_bodies<const D: usize>(
-    problem: &ContactProblem<D>,
-    elastic: Option<&Elastic<D>>,
-) -> Vec<String>
-where
-    ElementKind: Topology<D>,
-{
-    let bodies = problem.free_bodies().bodies().iter().enumerate();
-    bodies
-        .map(|(number, body)| {
-            let name = body_name(problem, elastic, number);
-            format!("{name} can {} as a whole", body.freedom())
-        })
-        .collect()
-}
-
-/// A body that can move as a whole and has no contact to hold it, in words.
-pub(crate) fn loose_body<const D: usize>(
-    problem: &ContactProblem<D>,
-    elastic: Option<&Elastic<D>>,
-) -> Option<String>
-where
-    ElementKind: Topology<D>,
-{
-    let touched = problem.touched();
-    let alone = |body: &FreeBody<D>| !body.nodes().iter().any(|&node| touched[node as usize]);
-    let number = problem.free_bodies().bodies().iter().position(alone)?;
-    let freedom = free_bodies(problem, elastic).swap_remove(number);
-    Some(format!("{freedom}, and it has no contact to hold it"))
 }
 
 impl<const D: usize> Model<D>
@@ -202,7 +141,7 @@ where
 
         let support_centres = definition.support_centres(&body, &prescriptions);
         let problem = problem(&body, &unknowns, &forces, &contact)?;
-        let elastic = Elastic {
+        let mut elastic = Elastic {
             plane: definition.plane,
             thickness: definition.thickness,
             unknowns,
@@ -214,21 +153,23 @@ where
             pair_of,
             units: definition.units(),
             units_stated: definition.units.is_some(),
+            assembly_seconds: 0.0,
+            pairing_seconds,
             mesh,
             materials,
             definition,
             prescriptions,
         };
-        if let Some(text) = loose_body(&problem, Some(&elastic)) {
+        let analysis = Analysis {
+            problem: &problem,
+            elastic: Some(&elastic),
+        };
+        if let Some(text) = analysis.loose_body() {
             return Err(Entity::all(Kind::Support)
                 .error(format!("{text}: add a support, symmetry, or hold a point")));
         }
-        Ok(Built {
-            problem,
-            elastic,
-            assembly_seconds: start.elapsed().as_secs_f64(),
-            pairing_seconds,
-        })
+        elastic.assembly_seconds = start.elapsed().as_secs_f64();
+        Ok(Built { problem, elastic })
     }
 }
 
@@ -260,9 +201,8 @@ where
     .map_err(failed)?
     .with_free_unknowns(unknowns.n_free());
     let zero = vec![0.0; (D - 1) * problem.m()];
-    Ok(problem
+    problem
         .with_areas(contact.pooled_areas())
-        .and_then(|problem| problem.with_friction_coefficient(contact.coefficient.clone()))
         .map_err(failed)?
         .under(LoadCase {
             acting: acting(forces),
@@ -272,7 +212,9 @@ where
                 zero,
                 contact.slip_bound.clone(),
             )
-        }))
+        })
+        .with_friction_coefficient(contact.coefficient.clone())
+        .map_err(failed)
 }
 
 impl<const D: usize> Definition<D>

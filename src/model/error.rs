@@ -191,7 +191,14 @@ pub(super) fn listed<'a>(names: impl IntoIterator<Item = &'a String>) -> String 
     }
 }
 
+/// Names are guessed in programs that read them from files.
+#[cfg(not(feature = "case"))]
+fn nearest<'a>(_: &str, _: impl IntoIterator<Item = &'a String>) -> Option<&'a String> {
+    None
+}
+
 /// The known name that a wrong one is most like, if it is like any.
+#[cfg(feature = "case")]
 pub(crate) fn nearest<'a>(
     wrong: &str,
     known: impl IntoIterator<Item = &'a String>,

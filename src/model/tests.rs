@@ -2,7 +2,7 @@ mod around;
 mod space;
 
 use super::*;
-use crate::case::{Build, Case};
+use crate::case::Case;
 use crate::contact::Obstacle;
 use crate::mesh::structured::{CellShape, join, rectangle};
 use std::path::Path;
@@ -40,11 +40,11 @@ fn blocks() -> Mesh {
     )
 }
 
-fn case(text: &str) -> (Case, Build) {
+fn case(text: &str) -> Built {
     let case = Case::parse(Path::new("c.toml"), text.to_owned(), &[]);
     let case = case.unwrap_or_else(|error| panic!("{error}"));
-    let build = case.build().unwrap_or_else(|error| panic!("{error}"));
-    (case, build)
+    let made = case.build().unwrap_or_else(|error| panic!("{error}"));
+    made.plane().expect("an elastic case in the plane")
 }
 
 fn built(model: Model) -> Built {
@@ -61,7 +61,7 @@ fn refused(model: Model) -> String {
 /// K, f, N, T, d, g, μ and the loads of all steps, to the last bit.
 #[track_caller]
 fn same(model: Model, text: &str) {
-    let ((case, build), built) = (case(text), built(model));
+    let (build, built) = (case(text), built(model));
     let (a, b) = (&built.problem, &build.problem);
     assert!(a.stiffness().triplets().eq(b.stiffness().triplets()));
     assert!(a.normal().triplets().eq(b.normal().triplets()));
@@ -72,12 +72,12 @@ fn same(model: Model, text: &str) {
     assert_eq!(a.friction_coefficient(), b.friction_coefficient());
     assert_eq!(a.areas(), b.areas());
     assert_eq!(a.n_free(), b.n_free());
-    assert_eq!(built.free_bodies(), build.free_bodies());
-    let there = build.elastic.as_ref().expect("an elastic case");
-    let here = &built.elastic;
+    let bodies = [&built, &build].map(|built| Analysis::from(built).free_bodies());
+    assert_eq!(bodies[0], bodies[1]);
+    let (here, there) = (&built.elastic, &build.elastic);
     assert_eq!((&here.held, &here.supports), (&there.held, &there.supports));
-    assert_eq!(here.n_steps(), case.n_steps());
-    for step in 0..case.n_steps() {
+    assert_eq!(here.n_steps(), there.n_steps());
+    for step in 0..there.n_steps() {
         let a = built.step(step).unwrap_or_else(|error| panic!("{error}"));
         let b = there.step(step).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!((a.factor, &a.forces), (b.factor, &b.forces));
@@ -87,7 +87,7 @@ fn same(model: Model, text: &str) {
             (&b.load.slide, b.load.acting)
         );
     }
-    assert!(built.step(case.n_steps()).is_err());
+    assert!(built.step(there.n_steps()).is_err());
 }
 
 const BLOCKS: &str = "[[mesh.part]]\nname = \"low\"\nrectangle = { size = [3, 1], cells = [9, 3] }\n\
@@ -174,7 +174,7 @@ fn a_body_without_supports_is_found_and_needs_a_contact() {
         .support(Support::on("low-bottom").fixed())
         .traction(Traction::on("up-top").pressure(1e4));
     let held = built(model.clone().contact(Pair::new("up-bottom", "low-top")));
-    let bodies = held.free_bodies();
+    let bodies = Analysis::from(&held).free_bodies();
     assert!(
         bodies.len() == 1 && bodies[0].contains("\"up\"") && bodies[0].contains("as a whole"),
         "{bodies:?}"

@@ -1,11 +1,11 @@
 //! The fields of a step: displacements and stresses of the bodies, what happens at the contact nodes.
 
 use super::put;
-use crate::case::Build;
 use crate::contact::{Space, pooled};
 use crate::elasticity::{Stress, stresses};
 use crate::mesh::{Kind, Topology};
 use crate::model::{Elastic, StepData};
+use crate::problem::ContactProblem;
 use crate::quasistatic::StepSolution;
 use crate::ssnm::Sets;
 use std::collections::HashMap;
@@ -89,16 +89,16 @@ where
 {
     /// At the end of a step.
     pub fn new(
-        build: &Build<D>,
+        problem: &ContactProblem<D>,
         elastic: &Elastic<D>,
         data: &StepData<D>,
         solution: &StepSolution<D>,
     ) -> Self {
-        let m = build.problem.m();
+        let m = problem.m();
         let (normal, tangential) = solution.lambda.split_at(m);
         let (mut gap, mut slip) = (vec![0.0; m], vec![0.0; tangential.len()]);
-        build.problem.normal().mul(&solution.u, &mut gap);
-        build.problem.tangential().mul(&solution.u, &mut slip);
+        problem.normal().mul(&solution.u, &mut gap);
+        problem.tangential().mul(&solution.u, &mut slip);
         for (gap, before) in gap.iter_mut().zip(&data.load.gap) {
             *gap = before - *gap;
         }
@@ -115,7 +115,7 @@ where
             bound: per_area(&pooled(&solution.slip_bound), &areas, 1.0),
             slip,
             frames: places.iter().map(|place| place.frame).collect(),
-            has_friction: (0..m).map(|i| build.problem.has_friction(i)).collect(),
+            has_friction: (0..m).map(|i| problem.has_friction(i)).collect(),
             sets: solution.sets.clone(),
         }
     }

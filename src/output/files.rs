@@ -1,14 +1,14 @@
 //! The files of a run, each written whole or not at all.
 
-use super::{ContactFields, Report, StepFields, StepReport, put, vtu};
-use crate::case::Build;
+use super::{OfBodies, Report, StepReport, put, vtu};
 use crate::contact::Space;
-use crate::matrix_market::vector_text;
+use crate::matrix_market::write_columns;
 use crate::mesh::Kind;
-use crate::model::StepData;
+use crate::problem::ContactProblem;
 use crate::quasistatic::StepSolution;
+use std::fs::File;
 use std::io::ErrorKind::{NotADirectory, NotFound};
-use std::io::Read as _;
+use std::io::{BufWriter, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 /// A result could not be written.
@@ -30,10 +30,23 @@ impl OutputError {
 /// Writes a file beside its place and moves it there: under its name there is the old file or the new one, never half
 /// of it.
 pub fn write_whole(path: &Path, contents: &[u8]) -> Result<(), OutputError> {
+    whole_by(path, |to| to.write_all(contents))
+}
+
+/// The same for contents that are made as they are written.
+fn whole_by(
+    path: &Path,
+    contents: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<(), OutputError> {
+    let write = |place: &Path| {
+        let mut to = BufWriter::new(File::create(place)?);
+        contents(&mut to)?;
+        to.flush()
+    };
     // Pipes and devices are written as they are, and what a link points to stays in its place.
     let place = match std::fs::metadata(path) {
         Ok(there) if !there.is_file() => {
-            return std::fs::write(path, contents).map_err(OutputError::at(path));
+            return write(path).map_err(OutputError::at(path));
         }
         Ok(_) => std::fs::canonicalize(path).map_err(OutputError::at(path))?,
         Err(_) => path.to_owned(),
@@ -42,7 +55,7 @@ pub fn write_whole(path: &Path, contents: &[u8]) -> Result<(), OutputError> {
     name.push(place.file_name().unwrap_or_default());
     name.push(".part");
     let beside = place.with_file_name(name);
-    let written = std::fs::write(&beside, contents).and_then(|()| std::fs::rename(&beside, &place));
+    let written = write(&beside).and_then(|()| std::fs::rename(&beside, &place));
     if written.is_err() {
         // It may not even exist.
         let _ = std::fs::remove_file(&beside);
@@ -95,6 +108,18 @@ fn begins(path: &Path, begin: &[u8]) -> bool {
 
 /// The files of a directory that are called like results, if none of them is one of `inputs`.
 fn results(directory: &Path, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, OutputError> {
+    refuse_inputs(directory, inputs, is_result)
+}
+
+/// The files of a directory that are called like what is to be written there, if none of them is one of `inputs`.
+///
+/// # Errors
+/// If one is, or the directory cannot be read.
+pub(super) fn refuse_inputs(
+    directory: &Path,
+    inputs: &[PathBuf],
+    is_written: impl Fn(&str) -> bool,
+) -> Result<Vec<PathBuf>, OutputError> {
     // The dot is for the directory "".
     let entries = match std::fs::read_dir(directory.join(".")) {
         // Where there is none yet, there is nothing in it; what is in its place is told when it is made.
@@ -106,7 +131,7 @@ fn results(directory: &Path, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, OutputE
         let name = entry.map_err(OutputError::at(directory))?.file_name();
         let path = directory.join(&name);
         // Pipes and devices are written to; links have to lead to a file.
-        if name.to_str().is_some_and(is_result) && path.is_file() {
+        if name.to_str().is_some_and(&is_written) && path.is_file() {
             files.push(path);
         }
     }
@@ -116,8 +141,8 @@ fn results(directory: &Path, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, OutputE
     match files.iter().find(is_input) {
         None => Ok(files),
         Some(path) => {
-            let text = "this run reads it, and results are called so: choose another directory for them, or another \
-                        name for the file";
+            let text = "this run reads it, and what it writes is called so: choose another directory for that, or \
+                        another name for the file";
             Err(OutputError::at(path)(std::io::Error::other(text)))
         }
     }
@@ -179,50 +204,57 @@ pub(super) fn write(
     name: &str,
     contents: impl AsRef<[u8]>,
 ) -> Result<PathBuf, OutputError> {
-    std::fs::create_dir_all(directory).map_err(OutputError::at(directory))?;
-    let path = directory.join(name);
-    write_whole(&path, contents.as_ref()).map(|()| path)
+    write_by(directory, name, |to| to.write_all(contents.as_ref()))
 }
 
-/// Writes the fields of a step into `directory` (made if need be); returns the files. `number` is that of the
-/// step where there are several, and goes into the names.
-pub fn write_solution<const D: usize>(
+/// The same for contents that are made as they are written.
+pub(super) fn write_by(
     directory: &Path,
-    build: &Build<D>,
-    data: Option<&StepData<D>>,
-    solution: &StepSolution<D>,
-    number: Option<usize>,
+    name: &str,
+    contents: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<PathBuf, OutputError> {
+    std::fs::create_dir_all(directory).map_err(OutputError::at(directory))?;
+    let path = directory.join(name);
+    whole_by(&path, contents).map(|()| path)
+}
+
+/// Writes the fields of a step into `directory` (made if need be); returns the files. `suffix` goes into the names.
+pub(super) fn write_fields<const D: usize>(
+    directory: &Path,
+    of: &OfBodies<D>,
+    suffix: &str,
 ) -> Result<Vec<PathBuf>, OutputError>
 where
     Kind: Space<D>,
 {
-    if let (Some(elastic), Some(data)) = (&build.elastic, data) {
-        let contact = ContactFields::new(build, elastic, data, solution);
-        let grid = vtu::text(elastic, &StepFields::new(elastic, data, solution), &contact);
-        let suffix = number.map_or(String::new(), |number| format!("-{number:03}"));
-        return Ok(vec![
-            write(directory, &format!("solution{suffix}.vtu"), grid)?,
-            write(
-                directory,
-                &format!("contact{suffix}.csv"),
-                contact.csv(elastic),
-            )?,
-        ]);
-    }
-    let (normal, tangential) = solution.lambda.split_at(build.problem.m());
+    let grid = vtu::text(of.elastic, &of.fields, &of.contact);
+    let table = of.contact.csv(of.elastic);
+    Ok(vec![
+        write(directory, &format!("solution{suffix}.vtu"), grid)?,
+        write(directory, &format!("contact{suffix}.csv"), table)?,
+    ])
+}
+
+/// Writes u and λ of a problem from matrices into `directory` (made if need be); returns the files.
+pub(super) fn write_vectors<const D: usize>(
+    directory: &Path,
+    problem: &ContactProblem<D>,
+    solution: &StepSolution<D>,
+) -> Result<Vec<PathBuf>, OutputError> {
+    let (normal, tangential) = solution.lambda.split_at(problem.m());
     [
-        ("u.mtx", &solution.u[..build.problem.n()]),
+        ("u.mtx", &solution.u[..problem.n()]),
         ("lambda_normal.mtx", normal),
         ("lambda_tangential.mtx", tangential),
     ]
     .into_iter()
-    .map(|(name, values)| write(directory, name, vector_text(values)))
+    .map(|(name, values)| write_by(directory, name, |to| write_columns(to, &[values.to_vec()])))
     .collect()
 }
 
 /// Writes `solution.pvd`, the index of the steps 1 … n for ParaView, with their load factors as times where
 /// these increase, their numbers otherwise.
-pub fn write_index(directory: &Path, steps: &[StepReport]) -> Result<PathBuf, OutputError> {
+pub(super) fn write_index(directory: &Path, steps: &[StepReport]) -> Result<PathBuf, OutputError> {
     let factors: Vec<f64> = steps.iter().map(|step| step.factor).collect();
     write(directory, "solution.pvd", index(&factors))
 }
@@ -246,7 +278,7 @@ fn index(factors: &[f64]) -> String {
 }
 
 /// Writes `report.json`.
-pub fn write_report(directory: &Path, report: &Report) -> Result<PathBuf, OutputError> {
+pub(super) fn write_report(directory: &Path, report: &Report) -> Result<PathBuf, OutputError> {
     let text = serde_json::to_string_pretty(report)
         .map_err(|error| OutputError::at(&directory.join("report.json"))(error.into()))?;
     write(directory, "report.json", text + "\n")

@@ -1,11 +1,9 @@
 //! What the figures of a step suggest to look at: nothing here is an error.
 
-use super::{ContactFields, ContactReport, NodeStatus};
+use super::{ContactReport, NodeStatus, OfBodies};
 use crate::contact::Space;
 use crate::mesh::vector::{length, minus};
 use crate::mesh::{Kind, facet_nodes};
-use crate::model::{Elastic, StepData};
-use crate::quasistatic::StepSolution;
 
 /// So many nodes in contact at least, for a peak on one or two of them to be called unresolved.
 const RESOLVED: usize = 5;
@@ -19,19 +17,14 @@ fn rim<const D: usize>(nodes: usize) -> usize {
 }
 
 /// In the order of the contacts. (One text: a paragraph for each hint.)
-pub(super) fn hints<const D: usize>(
-    elastic: &Elastic<D>,
-    data: &StepData<D>,
-    solution: &StepSolution<D>,
-    fields: &ContactFields<D>,
-    contacts: &[ContactReport],
-) -> Vec<String>
+pub(super) fn hints<const D: usize>(of: &OfBodies<D>, contacts: &[ContactReport]) -> Vec<String>
 where
     Kind: Space<D>,
 {
+    let (elastic, fields) = (of.elastic, &of.contact);
     let mut hints = Vec::new();
     let unit = &elastic.units.length;
-    let displacement = data.unknowns.displacements(&solution.u);
+    let displacement = &of.fields.displacement;
     let (low, high) = elastic.mesh.bounding_box();
     let size = length(minus(high, low));
     let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));

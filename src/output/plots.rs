@@ -16,12 +16,10 @@ mod view;
 mod zbuffer;
 
 use super::files::write;
-use super::{ContactFields, OutputError, Report, StepFields};
-use crate::case::Build;
+use super::{ContactFields, OutputError, Report, StepFields, StepResults};
 use crate::contact::Space;
 use crate::mesh::{Kind, Topology};
-use crate::model::{Elastic, StepData};
-use crate::quasistatic::StepSolution;
+use crate::model::Elastic;
 use std::path::{Path, PathBuf};
 pub use view::View;
 
@@ -63,25 +61,17 @@ where
         pair: usize,
     ) -> String;
 
-    /// The pictures at the end of the step that was added to the report last. `several` says whether there are more
-    /// steps, which goes into the names.
-    fn step_pictures(
-        report: &Report,
-        build: &Build<D>,
-        data: Option<&StepData<D>>,
-        solution: &StepSolution<D>,
-        several: bool,
-    ) -> Vec<Picture> {
-        let (Some(elastic), Some(data)) = (&build.elastic, data) else {
+    /// The pictures of the step that was added to the report last.
+    fn step_pictures(report: &Report, results: &StepResults<D>) -> Vec<Picture> {
+        let Some(of) = &results.of_bodies else {
             return Vec::new();
         };
-        let names = Names::new(report, several);
-        let fields = StepFields::new(elastic, data, solution);
-        let contact = ContactFields::new(build, elastic, data, solution);
-        let (svg, view) = Self::deformed(&names.title(), names.step, elastic, &fields, &contact);
+        let (elastic, fields, contact) = (of.elastic, &of.fields, &of.contact);
+        let names = Names::new(report, elastic.n_steps() > 1);
+        let (svg, view) = Self::deformed(&names.title(), names.step, elastic, fields, contact);
         let mut pictures = vec![names.deformed(svg, view)];
         for pair in 0..elastic.pairs.len() {
-            let svg = Self::contact(&names.of_step, names.step, elastic, &contact, pair);
+            let svg = Self::contact(&names.of_step, names.step, elastic, contact, pair);
             pictures.push(names.contact(elastic, pair, svg));
         }
         pictures

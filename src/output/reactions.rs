@@ -1,11 +1,11 @@
 //! What contacts and supports carry at the end of a step: resultants, moments, work.
 
-use super::{ContactFields, NodeStatus};
+use super::{NodeStatus, OfBodies};
 use crate::contact::Space;
 use crate::elasticity::internal_forces;
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{Kind, Topology};
-use crate::model::{Elastic, StepData};
+use crate::model::Elastic;
 use crate::quasistatic::StepSolution;
 use serde::Serialize;
 use std::collections::HashSet;
@@ -118,14 +118,14 @@ where
 
 /// What the contacts carry; `before` is the slip at the beginning of the step, empty where it begins from rest.
 pub(super) fn contact_reports<const D: usize>(
-    elastic: &Elastic<D>,
+    of: &OfBodies<D>,
     solution: &StepSolution<D>,
-    fields: &ContactFields<D>,
     before: &[f64],
 ) -> Vec<ContactReport>
 where
     Kind: Topology<D>,
 {
+    let (elastic, fields) = (of.elastic, &of.contact);
     let (normal, tangential) = solution.lambda.split_at(elastic.contact.places.len());
     let centres = pair_centres(elastic);
     let mut contacts: Vec<ContactReport> = (elastic.pairs.iter().zip(&centres))
@@ -192,13 +192,13 @@ where
 
 /// What the supports carry: inner forces less all others at the nodes that they hold.
 pub(super) fn support_reports<const D: usize>(
-    elastic: &Elastic<D>,
-    data: &StepData<D>,
+    of: &OfBodies<D>,
     solution: &StepSolution<D>,
 ) -> Vec<SupportReport>
 where
     Kind: Space<D>,
 {
+    let (elastic, data) = (of.elastic, of.data);
     let mut outer = data.forces.clone();
     let forces = contact_forces(elastic, solution);
     for (place, [pressed, rubbed]) in (elastic.contact.places.iter()).zip(forces) {
@@ -212,8 +212,7 @@ where
             }
         }
     }
-    let displacement = data.unknowns.displacements(&solution.u);
-    let inner = internal_forces(&elastic.body(), &data.unknowns, &displacement);
+    let inner = internal_forces(&elastic.body(), &data.unknowns, &of.fields.displacement);
     let centres = &elastic.support_centres;
     let mut supports: Vec<SupportReport> = (elastic.supports.iter().zip(centres))
         .map(|(name, centre)| SupportReport {

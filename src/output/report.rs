@@ -1,27 +1,26 @@
 //! What `report.json` says.
 
 use super::reactions::{ContactReport, SupportReport, contact_reports, support_reports};
-use super::{ContactFields, hints, peak_memory_mib};
+use super::{StepResults, hints, peak_memory_mib};
 use crate::backend::Precision;
-use crate::case::Build;
 use crate::contact::Space;
 use crate::control::Costs;
 use crate::dual::DualOperator as _;
 use crate::engine::Engine;
 use crate::mesh::vector::{length, minus};
 use crate::mesh::{Kind, Topology};
-use crate::model::{StepData, Units};
+use crate::model::{Analysis, Units};
 use crate::problem::Kkt;
-use crate::quasistatic::{Round, StepSolution};
+use crate::quasistatic::Round;
 use crate::ssnm::{self, SetSizes, SlipSizes, Status};
 use serde::Serialize;
 
 /// Seconds of the phases of a solve.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Timings {
-    /// Reading or making the mesh, or reading the matrices.
+    /// Reading or making the mesh, or reading and checking the matrices.
     pub mesh: f64,
-    /// K, f, N, T, d, g, and their validation.
+    /// K, f, N, T, d, g, and their validation; 0 where they are read.
     pub assembly: f64,
     /// The part of it for the search and the integrals of the contacts.
     pub pairing: f64,
@@ -189,7 +188,7 @@ pub struct Report {
     /// The diagonal of the box around the mesh; 0 in an algebraic case.
     #[serde(skip)]
     pub size: f64,
-    /// [`ContactFields::slip`] at the end of the last step; empty before the first.
+    /// [`ContactFields::slip`](super::ContactFields::slip) at the end of the last step; empty before the first.
     #[serde(skip)]
     slip: Vec<f64>,
 }
@@ -203,19 +202,20 @@ fn or_error<S: serde::Serializer>(status: &Option<Status>, to: S) -> Result<S::O
 }
 
 impl Report {
-    /// Of a case of which no step is made yet.
-    pub fn new<const D: usize>(title: &str, build: &Build<D>) -> Self
+    /// Of what is to be solved, before its first step.
+    pub fn new<'a, const D: usize>(title: &str, analysis: impl Into<Analysis<'a, D>>) -> Self
     where
         Kind: Topology<D>,
     {
+        let Analysis { problem, elastic } = analysis.into();
         Self {
             title: title.to_owned(),
-            units: (build.elastic.as_ref()).map_or_else(Units::default, |e| e.units.clone()),
+            units: elastic.map_or_else(Units::default, |e| e.units.clone()),
             status: Some(Status::Interrupted),
             error: None,
             hints: Vec::new(),
-            n: build.problem.n_free(),
-            m: build.problem.m(),
+            n: problem.n_free(),
+            m: problem.m(),
             iter: 0,
             n_a: 0,
             n_a_sigma: 0,
@@ -232,12 +232,16 @@ impl Report {
             },
             kkt: Kkt::default(),
             steps: Vec::new(),
-            timings: Timings::default(),
+            timings: Timings {
+                assembly: elastic.map_or(0.0, |elastic| elastic.assembly_seconds),
+                pairing: elastic.map_or(0.0, |elastic| elastic.pairing_seconds),
+                ..Timings::default()
+            },
             peak_memory_mib: None,
             version: env!("CARGO_PKG_VERSION"),
             history: Vec::new(),
             friction_history: Vec::new(),
-            size: (build.elastic.as_ref()).map_or(0.0, |elastic| {
+            size: elastic.map_or(0.0, |elastic| {
                 let (low, high) = elastic.mesh.bounding_box();
                 length(minus(high, low))
             }),
@@ -246,16 +250,13 @@ impl Report {
     }
 
     /// Adds a step.
-    pub fn add_step<const D: usize>(
-        &mut self,
-        build: &Build<D>,
-        data: Option<&StepData<D>>,
-        solution: &StepSolution<D>,
-    ) where
+    pub fn add_step<const D: usize>(&mut self, results: &StepResults<D>)
+    where
         Kind: Space<D>,
     {
+        let (analysis, solution) = (results.analysis, results.solution);
         let last = solution.last();
-        let sets = solution.sets.sizes(|i| build.problem.has_friction(i));
+        let sets = (solution.sets).sizes(|i| analysis.problem.has_friction(i));
         self.status = Some(solution.status);
         self.err_relative = last.info.err_relative;
         self.rho = last.info.rho;
@@ -263,24 +264,24 @@ impl Report {
         self.sets = sets;
         self.kkt = solution.kkt;
         self.add_rounds(&solution.rounds);
-        let (contacts, supports) = match (&build.elastic, data) {
-            (Some(elastic), Some(data)) => {
-                let fields = ContactFields::new(build, elastic, data, solution);
-                let contacts = contact_reports(elastic, solution, &fields, &self.slip);
-                self.hints = hints::hints(elastic, data, solution, &fields, &contacts);
-                self.slip = fields.slip;
-                (contacts, support_reports(elastic, data, solution))
+        let of_bodies = results.of_bodies.as_ref();
+        let (contacts, supports) = match of_bodies {
+            Some(of) => {
+                let contacts = contact_reports(of, solution, &self.slip);
+                self.hints = hints::hints(of, &contacts);
+                self.slip.clone_from(&of.contact.slip);
+                (contacts, support_reports(of, solution))
             }
-            _ => Default::default(),
+            None => Default::default(),
         };
         self.steps.push(StepReport {
-            factor: data.map_or(1.0, |data| data.factor),
+            factor: of_bodies.map_or(1.0, |of| of.data.factor),
             status: solution.status,
             rounds: solution.rounds.len(),
             friction_change: last.friction_change,
             not_held: (solution.not_held.iter())
                 .map(|one| NotHeldReport {
-                    body: build.free_body_name(one.body),
+                    body: analysis.body_name(one.body),
                     motion: one.motion.clone(),
                     proven: one.proven,
                 })
@@ -289,7 +290,7 @@ impl Report {
             n_a: solution.n_a(),
             sets,
             kkt: solution.kkt,
-            total_load: data.map(|data| data.total_load.to_vec()),
+            total_load: of_bodies.map(|of| of.data.total_load.to_vec()),
             contacts,
             supports,
         });

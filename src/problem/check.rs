@@ -179,7 +179,7 @@ pub(super) fn checked<const D: usize>(
 ) -> Result<ContactData<D>, ProblemError> {
     let n = data.load.len();
     let data = checked_but_for_rank(data)?;
-    rank(&data, n)?;
+    rank(&data.normal, &data.tangential, n)?;
     Ok(data)
 }
 
@@ -238,7 +238,7 @@ fn shapes<const D: usize>(data: &ContactData<D>) -> Result<(), ProblemError> {
             reason: "one entry per row of K",
         });
     }
-    length("the slip bound g", &data.slip_bound, m)?;
+    length("the slip bound g", &data.slip_bound, m, PER_NODE)?;
     let shape = |matrix: &Csr| (matrix.n_rows(), matrix.n_cols());
     contact_shapes::<D>(shape(&data.normal), shape(&data.tangential), m, n)?;
     match &data.coordinates {
@@ -305,17 +305,25 @@ fn finite_entries<const D: usize>(data: &ContactData<D>) -> Result<(), ProblemEr
 }
 
 /// One entry per contact node.
-pub(super) fn length(name: &'static str, vector: &[f64], m: usize) -> Result<(), ProblemError> {
-    if vector.len() == m {
+pub(super) fn length(
+    name: &'static str,
+    vector: &[f64],
+    expected: usize,
+    reason: &'static str,
+) -> Result<(), ProblemError> {
+    if vector.len() == expected {
         return Ok(());
     }
     Err(ProblemError::Length {
         name,
         found: vector.len(),
-        expected: m,
-        reason: "one entry per entry of the gap d",
+        expected,
+        reason,
     })
 }
+
+/// Why a vector has m entries.
+pub(super) const PER_NODE: &str = "one entry per entry of the gap d";
 
 /// No entry is infinite or NaN.
 pub(super) fn finite(name: &'static str, vector: &[f64]) -> Result<(), ProblemError> {
@@ -331,7 +339,7 @@ pub(super) fn finite(name: &'static str, vector: &[f64]) -> Result<(), ProblemEr
 
 /// g is as it should be.
 pub(super) fn slip_bound(g: &[f64], m: usize) -> Result<(), ProblemError> {
-    length("the slip bound g", g, m)?;
+    length("the slip bound g", g, m, PER_NODE)?;
     finite("the slip bound g", g)?;
     match g.iter().position(|&v| v < 0.0) {
         Some(i) => Err(ProblemError::NegativeSlipBound {
@@ -348,7 +356,7 @@ pub(super) fn friction<const D: usize>(
     m: usize,
     tangential: &Csr,
 ) -> Result<(), ProblemError> {
-    length("the coefficient of friction μ", mu, m)?;
+    length("the coefficient of friction μ", mu, m, PER_NODE)?;
     finite("the coefficient of friction μ", mu)?;
     for (i, &value) in mu.iter().enumerate() {
         if value < 0.0 {
@@ -458,11 +466,11 @@ fn no_zero_rows<const D: usize>(data: &ContactData<D>) -> Result<(), ProblemErro
 }
 
 /// What can be seen cheaply of the row rank of B: parallel rows, too many rows.
-fn rank<const D: usize>(data: &ContactData<D>, n: usize) -> Result<(), ProblemError> {
-    let m = data.gap.len();
+pub(super) fn rank(normal: &Csr, tangential: &Csr, n: usize) -> Result<(), ProblemError> {
+    let m = normal.n_rows();
     let mut seen: HashMap<Vec<(u32, u64)>, usize> = HashMap::new();
     let mut count = 0;
-    for (matrix, offset) in [(&data.normal, 0), (&data.tangential, m)] {
+    for (matrix, offset) in [(normal, 0), (tangential, m)] {
         for i in 0..matrix.n_rows() {
             let entries: Vec<(u32, f64)> = entries(matrix, i).collect();
             let largest = entries

@@ -15,6 +15,8 @@ pub struct LoadCase {
     pub(crate) slip_origin: Vec<f64>,
     /// g, where it is given.
     pub(crate) slip_bound: Vec<f64>,
+    /// μ, length m, 0 where the slip bound is given; empty without Coulomb friction.
+    pub(crate) friction: Arc<Vec<f64>>,
     /// It is given everywhere, whatever the coefficients of friction.
     pub(crate) frozen: bool,
     /// ‖forces that act on the bodies‖: ‖f‖, but for what prescribed displacements add to f.
@@ -39,6 +41,7 @@ impl LoadCase {
             gap,
             slip_origin,
             slip_bound,
+            friction: Arc::default(),
             frozen: false,
             travelled: 0.0,
             before: Vec::new(),

@@ -39,6 +39,8 @@ pub struct Matrices<'a, const D: usize = 2> {
     pub tangential: SparseRef<'a>,
     /// d, length m.
     pub gap: &'a [f64],
+    /// Whether entries of d below 0 are meant: an overlap of what is pressed or shrunk on.
+    pub interference: bool,
     /// g, length m; may be empty where coefficients of friction are given.
     pub slip_bound: &'a [f64],
     /// μ, length m: Coulomb's law where it is above 0. Empty without.
@@ -52,7 +54,7 @@ impl<const D: usize> ContactProblem<D> {
     ///
     /// # Errors
     /// What is wrong with which entry: that of the matrices themselves (lengths, pointers, indices), and all that
-    /// [`ContactProblem::new`] and [`ContactProblem::with_friction_coefficient`] check.
+    /// [`ContactProblem::new`], [`ContactProblem::with_friction_coefficient`] and [`ContactProblem::with_gap`] check.
     pub fn from_matrices(matrices: Matrices<'_, D>) -> Result<Self, ProblemError> {
         let k = matrices.stiffness;
         // Blocks would hide these, or take memory for what a slip of the pen says.
@@ -79,16 +81,25 @@ impl<const D: usize> ContactProblem<D> {
             [] if !mu.is_empty() => vec![0.0; m],
             given => given.to_vec(),
         };
+        let gap = matrices.gap.to_vec();
+        let open = |d: &f64| {
+            if matrices.interference {
+                d.max(0.0)
+            } else {
+                *d
+            }
+        };
         Self::new(ContactData {
             stiffness: k.blocks("K")?,
             load: matrices.load.to_vec(),
             normal: normal.blocks("N")?,
             tangential: tangential.blocks("T")?,
-            gap: matrices.gap.to_vec(),
+            gap: gap.iter().map(open).collect(),
             slip_bound,
             coordinates: matrices.coordinates.map(<[_]>::to_vec),
         })?
-        .with_friction_coefficient(mu.to_vec())
+        .with_friction_coefficient(mu.to_vec())?
+        .with_gap(gap)
     }
 }
 

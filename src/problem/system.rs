@@ -1,4 +1,4 @@
-//! What K, N, T, the points, the areas and the coefficients of friction say: made once, and shared by all load cases.
+//! What K, N, T, the points and the areas say: made once, and shared by all load cases.
 
 use super::{ContactData, FreeBodies, tangents};
 use crate::sparse::{BlockCsr, Csr};
@@ -15,8 +15,6 @@ pub struct System<const D: usize = 2> {
     tangential: Csr,
     /// B.
     contact: Arc<Csr>,
-    /// μ, length m, 0 where the slip bound is given; empty without Coulomb friction.
-    pub(super) friction: Vec<f64>,
     coordinates: Option<Vec<[f64; D]>>,
     /// The areas that turn nodal forces into pressures, length m.
     pub(super) areas: Vec<f64>,
@@ -61,7 +59,6 @@ impl<const D: usize> System<D> {
             diagonal,
             normal: data.normal.clone(),
             tangential: data.tangential.clone(),
-            friction: Vec::new(),
             coordinates: data.coordinates.clone(),
         }
     }

@@ -80,9 +80,16 @@ fn solve(
     settings: &Settings,
 ) -> Result<StepSolution, StepError> {
     let start = State::at_rest(problem);
-    solve_step(problem, load, &start, dual, settings, |_| {
-        ControlFlow::Continue(())
-    })
+    let go_on = |_: Event| ControlFlow::Continue(());
+    solve_step(
+        problem,
+        load,
+        &start,
+        dual,
+        settings,
+        &mut Default::default(),
+        go_on,
+    )
 }
 
 fn direct(problem: &ContactProblem) -> DirectDual {
@@ -139,20 +146,20 @@ fn what_does_not_fit_is_an_error() {
     );
     let wrong = Settings {
         friction_tolerance: Some(2.0),
-        ..good
+        ..good.clone()
     };
     let text = said(&load, &mut dual, &wrong);
     assert_eq!(text, "friction_tolerance must lie between 0 and 1");
 
     let initial = [0.0; 3];
-    let wrong = ssnm::Settings {
-        initial: Some(&initial),
+    let start = WarmStart {
+        lambda: Some(&initial),
         ..Default::default()
     };
     let go_on = |_: &Step| ControlFlow::Continue(());
-    let error = ssnm::solve(&problem, &mut dual, &wrong, go_on).map(|_| ());
+    let error = ssnm::solve_from(start, &problem, &mut dual, &good.ssnm, go_on).map(|_| ());
     let text = error.expect_err("it is wrong").to_string();
-    assert_eq!(text, "initial must have 2 entries, it has 3");
+    assert_eq!(text, "start.lambda must have 2 entries, it has 3");
 }
 
 /// Springs on the motions of a block: the operator is that of K + k R Rᵀ, and rests where it was put.

@@ -3,7 +3,7 @@
 use super::numbers::Numbers;
 use super::surrogate::Surrogate;
 use crate::problem::ContactProblem;
-use std::cell::RefCell;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
@@ -21,8 +21,8 @@ pub enum Method {
 }
 
 /// Settings of the method; the defaults are those of the case file.
-#[derive(Clone, Copy, Debug)]
-pub struct Settings<'a> {
+#[derive(Clone, Debug)]
+pub struct Settings {
     /// ε, in (0, 1): what the answer may be off by. The error err = ‖r̃_ρ(P_Λ(λ))‖ is reached relative to err⁰, that at
     /// λ = 0 (or, where bodies can move as a whole, at the least forces that balance them); beside it what the rest of
     /// the gradient could still move is made so small that nodal pressures are right to 3000 ε of the largest.
@@ -39,20 +39,13 @@ pub struct Settings<'a> {
     pub max_iterations: usize,
     /// Wall time at most.
     pub time_limit: Option<Duration>,
-    /// λ⁰, length D m (2m in the plane), e.g. the multipliers of an earlier solve; zero if None.
-    pub initial: Option<&'a [f64]>,
-    /// Rᵀu before, for the motions of [`System::free_bodies`](crate::problem::System::free_bodies): what neither load nor contact moves stays
-    /// there; zero if None.
-    pub place: Option<&'a [f64]>,
-    /// What earlier solves with the same K, N and T have found out; this one adds to it.
-    pub memory: Option<&'a RefCell<Memory>>,
-    /// Set from outside to stop at the next product with A.
-    pub interrupt: Option<&'a AtomicBool>,
+    /// Set from outside, by another thread, to stop at the next product with A.
+    pub interrupt: Option<Arc<AtomicBool>>,
     /// What stands between the lines of the method, for whoever studies it.
     pub numbers: Numbers,
 }
 
-impl Default for Settings<'_> {
+impl Default for Settings {
     fn default() -> Self {
         Self {
             tolerance: 1e-6,
@@ -62,9 +55,6 @@ impl Default for Settings<'_> {
             method: Method::default(),
             max_iterations: 500,
             time_limit: None,
-            initial: None,
-            place: None,
-            memory: None,
             interrupt: None,
             numbers: Numbers::default(),
         }
@@ -110,7 +100,7 @@ impl SettingsError {
     }
 }
 
-impl Settings<'_> {
+impl Settings {
     /// Whether the numbers make sense for any problem; the same for a case file, for Rust, and at the start of each
     /// solve.
     ///
@@ -124,29 +114,44 @@ impl Settings<'_> {
         SettingsError::unless_part(self.c_fact, "c_fact")?;
         Ok(())
     }
+}
 
-    /// Whether what there is to start from belongs to a problem of this size.
+/// What a solve starts from, where it does not start from nothing.
+#[derive(Debug, Default)]
+pub struct WarmStart<'a> {
+    /// λ⁰, length D m (2m in the plane), e.g. the multipliers of an earlier solve; zero if None.
+    pub lambda: Option<&'a [f64]>,
+    /// Rᵀu before, for the motions of [`System::free_bodies`](crate::problem::System::free_bodies): what neither load nor
+    /// contact moves stays there; zero if None.
+    pub motion: Option<&'a [f64]>,
+    /// What earlier solves with the same K, N and T have found out; this one adds to it.
+    pub recycled: Option<&'a mut RecycledSubspace>,
+}
+
+impl WarmStart<'_> {
+    /// Whether it belongs to a problem of this size.
     pub(super) fn check_for<const D: usize, K>(
         &self,
         problem: &ContactProblem<D, K>,
     ) -> Result<(), SettingsError> {
         let len = D * problem.m();
-        if let Some(initial) = self.initial {
-            SettingsError::unless_numbers(initial, len, "initial")?;
+        if let Some(lambda) = self.lambda {
+            SettingsError::unless_numbers(lambda, len, "start.lambda")?;
         }
-        if let Some(place) = self.place {
-            SettingsError::unless_numbers(place, problem.free_bodies().n_motions(), "place")?;
+        if let Some(motion) = self.motion {
+            let n_motions = problem.free_bodies().n_motions();
+            SettingsError::unless_numbers(motion, n_motions, "start.motion")?;
         }
-        let fits = self
-            .memory
-            .is_none_or(|memory| memory.borrow().surrogate.fits_length(len));
-        SettingsError::unless(fits, "memory", "be that of a problem of the same size")
+        let fits = (self.recycled.as_ref()).is_none_or(|known| known.surrogate.fits_length(len));
+        let must = "be that of a problem of the same size";
+        SettingsError::unless(fits, "start.recycled", must)
     }
 }
 
-/// What holds for every load, gap and slip bound, as long as K, N and T stay what they are.
+/// Known products with A, and its spectrum: true for every load, gap, slip bound and coefficient of friction, as long as
+/// K, N and T stay what they are.
 #[derive(Clone, Debug, Default)]
-pub struct Memory {
+pub struct RecycledSubspace {
     /// Products with A that earlier solves have made.
     pub(super) surrogate: Surrogate,
     /// σ_max and the mean of diag(A), where an algorithm as printed has estimated them.
@@ -169,21 +174,21 @@ mod tests {
             wrong(
                 Settings {
                     tolerance: value,
-                    ..good
+                    ..good.clone()
                 },
                 "tolerance",
             );
             wrong(
                 Settings {
                     r_tol: value,
-                    ..good
+                    ..good.clone()
                 },
                 "r_tol",
             );
             wrong(
                 Settings {
                     c_fact: value,
-                    ..good
+                    ..good.clone()
                 },
                 "c_fact",
             );
@@ -191,7 +196,7 @@ mod tests {
                 wrong(
                     Settings {
                         beta: value,
-                        ..good
+                        ..good.clone()
                     },
                     "beta",
                 );

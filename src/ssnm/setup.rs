@@ -6,7 +6,7 @@ use super::newton::{Newton, Way};
 use super::point::Point;
 use super::products::Products;
 use super::scaling::Scaled;
-use super::{Method, Settings};
+use super::{Method, RecycledSubspace, Settings, WarmStart};
 use crate::constraint::NodeSets;
 use crate::control::Stop;
 use crate::dual::balance::Balance;
@@ -95,16 +95,18 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         problem: &'a ContactProblem<D, Elsewhere>,
         dual: Scaled<'a, O>,
         start: Start,
-        settings: &Settings<'a>,
+        settings: &'a Settings,
+        warm: &WarmStart<'a>,
+        recycled: &mut RecycledSubspace,
         begin: Instant,
     ) -> Self {
         let stop = Stop {
             // A limit beyond what the clock can show is none.
             deadline: (settings.time_limit).and_then(|limit| begin.checked_add(limit)),
-            interrupt: settings.interrupt,
+            interrupt: settings.interrupt.as_deref(),
         };
         // Forces that do not balance the bodies are no start from which to go anywhere.
-        let initial = settings.initial.filter(|_| start.imbalance.is_empty());
+        let initial = warm.lambda.filter(|_| start.imbalance.is_empty());
         let mut offsets = problem.load_case().offsets();
         dual.times(&mut offsets);
         let mut before = problem.load_case().before.clone();
@@ -141,11 +143,11 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             tolerance: settings.tolerance,
             reach: 0.0,
             before,
-            place: settings.place,
+            place: warm.motion,
             offsets,
         };
-        if let (Method::Multisecant, Some(memory)) = (settings.method, settings.memory) {
-            newton.surrogate = std::mem::take(&mut memory.borrow_mut().surrogate);
+        if settings.method == Method::Multisecant {
+            newton.surrogate = std::mem::take(&mut recycled.surrogate);
         }
         newton.surrogate.prepare(mean, settings.numbers.pairs);
         let first = Point {
@@ -163,7 +165,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             first_met: None,
         };
         let mut n_a_sigma = 0;
-        let outcome = newton.find_sigma(settings).and_then(|products| {
+        let outcome = newton.find_sigma(recycled).and_then(|products| {
             n_a_sigma = products;
             newton.start(&mut way, initial)
         });
@@ -190,13 +192,12 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Finds σ_max: on the surrogate what its products say, otherwise by Lanczos, unless an earlier solve has done so.
     /// Returns the products that it took.
-    fn find_sigma(&mut self, settings: &Settings) -> Result<usize, DualError> {
+    fn find_sigma(&mut self, recycled: &mut RecycledSubspace) -> Result<usize, DualError> {
         if self.method == Method::Multisecant {
             self.sigma = self.surrogate.largest();
             return Ok(0);
         }
-        let known = settings.memory.and_then(|memory| memory.borrow().spectrum);
-        if let Some((sigma, mean)) = known {
+        if let Some((sigma, mean)) = recycled.spectrum {
             (self.sigma, self.mean) = (sigma, mean);
             return Ok(0);
         }
@@ -208,9 +209,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let len = self.offsets.len();
         let found = spectrum(&mut self.products.dual, len, project, &self.products.stop)?;
         (self.sigma, self.mean) = (found.largest, found.mean);
-        if let Some(memory) = settings.memory {
-            memory.borrow_mut().spectrum = Some((found.largest, found.mean));
-        }
+        recycled.spectrum = Some((found.largest, found.mean));
         Ok(found.products)
     }
 

@@ -13,17 +13,18 @@
 use super::common::cases::Trial;
 use super::common::runs::name_of;
 use super::{number, problem, settings};
-use signorini::case::{AnyBuild, Build, Case};
+use signorini::case::Case;
 use signorini::contact::Space;
 use signorini::dual::DualOperator as _;
 use signorini::engine::{Engine, Options, Place, Stiffness};
 use signorini::mesh::Kind;
 use signorini::mesh::structured::SolidShape;
+use signorini::model::{Analysis, AnyAnalysis};
 use signorini::problem::ContactProblem;
 use signorini::quasistatic::{self, Load, Settings, State};
 use signorini::reference::{self, CASE_A, CASE_B, CASE_C, Geometry};
+use signorini::ssnm::RecycledSubspace;
 use signorini::ssnm::{Method, Numbers, Status};
-use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -126,7 +127,7 @@ struct Entry {
     /// On the factor or by PCG.
     paths: &'static [Stiffness],
     method: Method,
-    settings: Settings<'static>,
+    settings: Settings,
     solve: Solve,
 }
 
@@ -143,15 +144,21 @@ fn solve<const D: usize>(
         ..Options::default()
     };
     let mut engine = Engine::new(problem, options, |_| {}).map_err(|_| "no engine")?;
-    let memory = RefCell::default();
-    let mut settings = *settings;
-    settings.ssnm.memory = Some(&memory);
+    let mut recycled = RecycledSubspace::default();
     let mut state = State::at_rest(problem);
     let mut products = 0;
     for load in loads {
         let go_on = |_: quasistatic::Event| ControlFlow::Continue(());
-        let made = quasistatic::solve_step(problem, load, &state, &mut engine, &settings, go_on)
-            .map_err(|_| "error")?;
+        let made = quasistatic::solve_step(
+            problem,
+            load,
+            &state,
+            &mut engine,
+            settings,
+            &mut recycled,
+            go_on,
+        )
+        .map_err(|_| "error")?;
         products += made.n_a();
         if made.status != Status::Converged {
             return Err(name_of(made.status));
@@ -166,27 +173,22 @@ fn plain<const D: usize>(problem: ContactProblem<D>, loads: Vec<Load>) -> Solve 
     Box::new(move |stiffness, settings| solve(&problem, &loads, stiffness, settings))
 }
 
-fn loads<const D: usize>(case: &Case, build: &Build<D>) -> Vec<Load>
+fn loads<const D: usize>(analysis: Analysis<D>) -> Vec<Load>
 where
     Kind: Space<D>,
 {
     let step = |number| {
-        let step = case.step(build, number).unwrap_or_else(|e| panic!("{e}"));
-        step.map_or_else(|| Load::of(&build.problem), |step| step.load)
+        let step = analysis.step(number).unwrap_or_else(|e| panic!("{e}"));
+        step.map_or_else(|| Load::of(analysis.problem), |step| step.load)
     };
-    (0..case.n_steps()).map(step).collect()
+    (0..analysis.n_steps()).map(step).collect()
 }
 
 fn of_case(case: &Case, name: &str, paths: &'static [Stiffness]) -> Entry {
-    let solve = match case.build_any().unwrap_or_else(|e| panic!("{name}: {e}")) {
-        AnyBuild::Plane(build) => {
-            let loads = loads(case, &build);
-            plain(build.problem, loads)
-        }
-        AnyBuild::Space(build) => {
-            let loads = loads(case, &build);
-            plain(build.problem, loads)
-        }
+    let made = case.build().unwrap_or_else(|e| panic!("{name}: {e}"));
+    let solve = match made.analysis() {
+        AnyAnalysis::Plane(analysis) => plain(analysis.problem.clone(), loads(analysis)),
+        AnyAnalysis::Space(analysis) => plain(analysis.problem.clone(), loads(analysis)),
     };
     Entry {
         name: name.to_owned(),
@@ -327,8 +329,8 @@ impl Outcomes {
 }
 
 fn run(corpus: &[Entry], trials: &[Trial], numbers: Numbers) -> [Outcomes; 2] {
-    let with = |settings: &Settings<'static>, method: Method, seconds: u64| {
-        let mut settings = *settings;
+    let with = |settings: &Settings, method: Method, seconds: u64| {
+        let mut settings = settings.clone();
         settings.ssnm.numbers = numbers;
         settings.ssnm.method = method;
         settings.ssnm.time_limit = Some(Duration::from_secs(seconds));

@@ -93,7 +93,7 @@ const STEPS: usize = 60;
 // ---------------------------------------------------------------------------------------------------------
 // Runs
 
-fn settings(tolerance: f64) -> Settings<'static> {
+fn settings(tolerance: f64) -> Settings {
     let mut settings = Settings::default();
     settings.ssnm.time_limit = Some(TIME_LIMIT);
     settings.ssnm.tolerance = tolerance;
@@ -115,9 +115,15 @@ fn tight<const D: usize>(trial: &Trial<D>, load: &Load, start: &State) -> Option
     let solved = catch_unwind(AssertUnwindSafe(|| {
         let mut dual = Way::Cholesky.dual(&trial.problem).ok()?;
         let problem = &trial.problem;
-        quasistatic::solve_step(problem, load, start, &mut *dual, &settings(TIGHT), |_| {
-            ControlFlow::Continue(())
-        })
+        quasistatic::solve_step(
+            problem,
+            load,
+            start,
+            &mut *dual,
+            &settings(TIGHT),
+            &mut Default::default(),
+            |_| ControlFlow::Continue(()),
+        )
         .ok()
     }));
     solved

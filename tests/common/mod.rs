@@ -10,11 +10,11 @@ pub mod runs;
 pub mod space;
 
 use signorini::backend::cpu::Cpu;
-use signorini::case::{Build, Case};
+use signorini::case::Case;
 use signorini::control::Costs;
 use signorini::dual::DirectDual;
 use signorini::dual::{DualOperator, NestedDual};
-use signorini::model::{Elastic, StepData};
+use signorini::model::{Built, Elastic, StepData};
 use signorini::output::ContactFields;
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::quasistatic::{self, State, StepSolution};
@@ -200,7 +200,7 @@ pub fn distance(a: &[f64], b: &[f64]) -> f64 {
 
 /// An elastic case, solved.
 pub struct Solved {
-    pub build: Build,
+    pub build: Built,
     /// The load of the last step.
     pub data: StepData,
     /// The end of each step.
@@ -209,7 +209,7 @@ pub struct Solved {
 
 impl Solved {
     pub fn elastic(&self) -> &Elastic {
-        self.build.elastic.as_ref().expect("an elastic case")
+        &self.build.elastic
     }
 
     pub fn solution(&self) -> &StepSolution {
@@ -223,7 +223,12 @@ impl Solved {
     }
 
     pub fn fields(&self) -> ContactFields {
-        ContactFields::new(&self.build, self.elastic(), &self.data, self.solution())
+        ContactFields::new(
+            &self.build.problem,
+            self.elastic(),
+            &self.data,
+            self.solution(),
+        )
     }
 
     /// Displacement of every node.
@@ -253,10 +258,16 @@ pub fn case(text: &str) -> Case {
         .unwrap_or_else(|error| panic!("{error}"))
 }
 
+/// The model of an elastic case in the plane.
+pub fn built(case: &Case) -> Built {
+    let made = case.build().unwrap_or_else(|error| panic!("{error}"));
+    made.plane().expect("an elastic case in the plane")
+}
+
 /// All load steps of a case, each of which has to converge.
 pub fn run_steps(
     case: &Case,
-    build: &Build,
+    build: &Built,
     dual: &mut dyn DualOperator,
     settings: &quasistatic::Settings,
 ) -> (StepData, Vec<StepSolution>) {
@@ -264,15 +275,17 @@ pub fn run_steps(
     let mut steps = Vec::new();
     let mut last = None;
     for number in 0..case.n_steps() {
-        let data = case
-            .step(build, number)
-            .unwrap_or_else(|error| panic!("{error}"))
-            .expect("an elastic case");
-        let solution =
-            quasistatic::solve_step(&build.problem, &data.load, &state, dual, settings, |_| {
-                ControlFlow::Continue(())
-            })
-            .unwrap_or_else(|error| panic!("{error}"));
+        let data = build.step(number).unwrap_or_else(|error| panic!("{error}"));
+        let solution = quasistatic::solve_step(
+            &build.problem,
+            &data.load,
+            &state,
+            dual,
+            settings,
+            &mut Default::default(),
+            |_| ControlFlow::Continue(()),
+        )
+        .unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(solution.status, Status::Converged);
         state = solution.state(&data.load);
         steps.push(solution);
@@ -284,7 +297,7 @@ pub fn run_steps(
 /// Products with A of a case with Coulomb friction, of the same steps with the slip bounds given that it ends with,
 /// and of rounds alone; all on the direct path and from the same states.
 pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 3] {
-    let build = case.build().unwrap_or_else(|error| panic!("{error}"));
+    let build = built(&case);
     let problem = &build.problem;
     let mut dual = DirectDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
     let mut settings = case.settings();
@@ -292,20 +305,22 @@ pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 3] {
     let mut state = State::at_rest(problem);
     let mut products = [0; 3];
     for number in 0..case.n_steps() {
-        let data = case
-            .step(&build, number)
-            .unwrap_or_else(|error| panic!("{error}"))
-            .expect("an elastic case");
+        let data = build.step(number).unwrap_or_else(|error| panic!("{error}"));
         let mut run = |problem: &ContactProblem, coupled: bool| {
             let settings = quasistatic::Settings {
                 coupled,
-                ..settings
+                ..settings.clone()
             };
-            let solution =
-                quasistatic::solve_step(problem, &data.load, &state, &mut dual, &settings, |_| {
-                    ControlFlow::Continue(())
-                })
-                .unwrap_or_else(|error| panic!("{error}"));
+            let solution = quasistatic::solve_step(
+                problem,
+                &data.load,
+                &state,
+                &mut dual,
+                &settings,
+                &mut Default::default(),
+                |_| ControlFlow::Continue(()),
+            )
+            .unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(solution.status, Status::Converged);
             solution
         };
@@ -337,7 +352,7 @@ pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 3] {
 /// Solves a case on the direct path.
 pub fn solve_case(text: &str, tolerance: f64) -> Solved {
     let case = case(text);
-    let build = case.build().unwrap_or_else(|error| panic!("{error}"));
+    let build = built(&case);
     let mut dual = DirectDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
     let mut settings = case.settings();
     settings.ssnm.tolerance = tolerance;

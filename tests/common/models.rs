@@ -29,7 +29,7 @@ where
     answer_by(model, &on_the_cpu(tolerance, stiffness))
 }
 
-pub fn on_the_cpu(tolerance: f64, stiffness: Stiffness) -> Options<'static> {
+pub fn on_the_cpu(tolerance: f64, stiffness: Stiffness) -> Options {
     let mut options = Options::default();
     options.engine.place = Place::Cpu;
     options.engine.stiffness = stiffness;
@@ -79,9 +79,16 @@ where
     for step in &data {
         let go_on = |_: quasistatic::Event| ControlFlow::Continue(());
         let (problem, settings) = (&built.problem, &options.settings);
-        let solution =
-            quasistatic::solve_step(problem, &step.load, &state, &mut engine, settings, go_on)
-                .unwrap_or_else(|error| panic!("{error}"));
+        let solution = quasistatic::solve_step(
+            problem,
+            &step.load,
+            &state,
+            &mut engine,
+            settings,
+            &mut Default::default(),
+            go_on,
+        )
+        .unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(solution.status, Status::Converged, "{:?}", solution.kkt);
         state = solution.state(&step.load);
         steps.push(solution);

@@ -6,9 +6,8 @@ use signorini::dual::DirectDual;
 use signorini::dual::{DualOperator, NestedDual};
 use signorini::problem::ContactProblem;
 use signorini::quasistatic::{self, Settings, State, StepSolution};
-use signorini::ssnm::Status;
+use signorini::ssnm::{RecycledSubspace, Status};
 use signorini::stiffness::pcg::Preconditioner;
-use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
@@ -63,17 +62,21 @@ impl<const D: usize> Run<D> {
         let ended = catch_unwind(AssertUnwindSafe(|| {
             let problem = &trial.problem;
             let mut dual = way.dual(problem)?;
-            let memory = RefCell::default();
+            let mut recycled = RecycledSubspace::default();
             let mut settings = settings;
             settings.ssnm.time_limit = Some(TIME_LIMIT);
-            settings.ssnm.memory = Some(&memory);
             let mut state = State::at_rest(problem);
             for load in &trial.loads {
-                let solution =
-                    quasistatic::solve_step(problem, load, &state, &mut *dual, &settings, |_| {
-                        ControlFlow::Continue(())
-                    })
-                    .map_err(|e| e.to_string())?;
+                let solution = quasistatic::solve_step(
+                    problem,
+                    load,
+                    &state,
+                    &mut *dual,
+                    &settings,
+                    &mut recycled,
+                    |_| ControlFlow::Continue(()),
+                )
+                .map_err(|e| e.to_string())?;
                 let status = solution.status;
                 state = solution.state(load);
                 steps.push(solution);

@@ -1,11 +1,12 @@
 //! Problems of the plane, extruded: one layer of hexahedra that cannot move across gives the plane's answer. Between flat
 //! faces the mortar rows are the same, and so is everything.
 
-use crate::common::{case, published};
-use signorini::case::{AnyBuild, Build, Case};
+use crate::common::{built, case, published};
+use signorini::case::{Case, CaseProblem};
 use signorini::contact::Space;
 use signorini::dual::DirectDual;
 use signorini::mesh::Kind;
+use signorini::model::Built;
 use signorini::quasistatic::{self, State};
 use signorini::ssnm::Status;
 use std::collections::BTreeMap;
@@ -96,11 +97,11 @@ struct Solved<const D: usize> {
     products: usize,
 }
 
-fn solve<const D: usize>(case: &Case, build: &Build<D>, tolerance: f64) -> Solved<D>
+fn solve<const D: usize>(case: &Case, build: &Built<D>, tolerance: f64) -> Solved<D>
 where
     Kind: Space<D>,
 {
-    let elastic = build.elastic.as_ref().expect("an elastic case");
+    let elastic = &build.elastic;
     let mut dual = DirectDual::new(&build.problem).unwrap_or_else(|error| panic!("{error}"));
     let mut settings = case.settings();
     settings.ssnm.tolerance = tolerance;
@@ -108,12 +109,19 @@ where
     let mut last = None;
     let mut products = 0;
     for number in 0..case.n_steps() {
-        let step = case.step(build, number);
-        let data = (step.unwrap_or_else(|error| panic!("{error}"))).expect("an elastic case");
+        let data = (build.step(number)).unwrap_or_else(|error| panic!("{error}"));
         let go_on = |_: quasistatic::Event| ControlFlow::Continue(());
         let (problem, load) = (&build.problem, &data.load);
-        let solution = quasistatic::solve_step(problem, load, &state, &mut dual, &settings, go_on)
-            .unwrap_or_else(|error| panic!("{error}"));
+        let solution = quasistatic::solve_step(
+            problem,
+            load,
+            &state,
+            &mut dual,
+            &settings,
+            &mut Default::default(),
+            go_on,
+        )
+        .unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(solution.status, Status::Converged);
         products += solution.n_a();
         state = solution.state(&data.load);
@@ -164,13 +172,13 @@ struct Apart {
 /// Solves a case of the plane and its extrusion and compares displacements, tractions, sets, and the mortar rows.
 fn apart(name: &str, text: &str, tolerance: f64) -> Apart {
     let plane = case(text);
-    let build = plane.build().unwrap_or_else(|error| panic!("{error}"));
+    let build = built(&plane);
     let plane = solve(&plane, &build, tolerance);
     let text = extruded(text);
     let solid = case(&text);
-    let solid = match solid.build_any() {
-        Ok(AnyBuild::Space(build)) => solve(&solid, &build, tolerance),
-        Ok(AnyBuild::Plane(_)) => panic!("this is no case in space:\n{text}"),
+    let solid = match solid.build().map(CaseProblem::space) {
+        Ok(Some(build)) => solve(&solid, &build, tolerance),
+        Ok(None) => panic!("this is no case in space:\n{text}"),
         Err(error) => panic!("{error}\n{text}"),
     };
     // Each part has its nodes twice, one layer after the other: those of the same place are in the same order.

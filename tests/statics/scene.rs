@@ -320,7 +320,7 @@ pub fn path(random: &mut Random) -> Stiffness {
 /// As much time as none of these scenes takes by far.
 const TIME_LIMIT: Duration = Duration::from_secs(20);
 
-pub fn options(stiffness: Stiffness) -> Options<'static> {
+pub fn options(stiffness: Stiffness) -> Options {
     let mut options = on_the_cpu(1e-7, stiffness);
     options.settings.ssnm.time_limit = Some(TIME_LIMIT);
     options

@@ -9,6 +9,7 @@ use signorini::ssnm::{SlipSizes, Step};
 use std::io::{IsTerminal as _, Write as _};
 
 /// Who hears how much.
+#[derive(Clone, Copy)]
 pub struct Log {
     quiet: bool,
     verbose: bool,

@@ -369,7 +369,7 @@ fn radial_supports_leave_the_turn() {
         .contact(Pair::obstacle("front", wall))
         .build();
     let built = built.unwrap_or_else(|error| panic!("{error}"));
-    let told = built.free_bodies();
+    let told = Analysis::from(&built).free_bodies();
     assert_eq!(built.problem.free_bodies().n_motions(), 1, "{told:?}");
     assert!(told[0].ends_with("can rotate as a whole"), "{told:?}");
     let all: Vec<f64> = PATHS

@@ -1,0 +1,153 @@
+//! What is solved: a contact problem and, where a model has made it, the bodies that it is about.
+
+use super::build::{Built, Elastic};
+use super::error::ModelError;
+use super::loads::StepData;
+use crate::contact::Space;
+use crate::mesh::{Kind as ElementKind, Topology};
+use crate::problem::{AnyProblem, ContactProblem, FreeBody};
+
+/// A contact problem to be solved in one or more load steps: that of a [`Built`] model, with its bodies, or one from matrices.
+#[derive(Debug)]
+pub struct Analysis<'a, const D: usize = 2>
+where
+    ElementKind: Topology<D>,
+{
+    /// The problem with the load of the first step.
+    pub problem: &'a ContactProblem<D>,
+    /// The bodies; None where the problem was made from matrices.
+    pub elastic: Option<&'a Elastic<D>>,
+}
+
+impl<const D: usize> Clone for Analysis<'_, D>
+where
+    ElementKind: Topology<D>,
+{
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<const D: usize> Copy for Analysis<'_, D> where ElementKind: Topology<D> {}
+
+impl<'a, const D: usize> From<&'a Built<D>> for Analysis<'a, D>
+where
+    ElementKind: Topology<D>,
+{
+    fn from(built: &'a Built<D>) -> Self {
+        Self {
+            problem: &built.problem,
+            elastic: Some(&built.elastic),
+        }
+    }
+}
+
+impl<'a, const D: usize> From<&'a ContactProblem<D>> for Analysis<'a, D>
+where
+    ElementKind: Topology<D>,
+{
+    fn from(problem: &'a ContactProblem<D>) -> Self {
+        Self {
+            problem,
+            elastic: None,
+        }
+    }
+}
+
+impl<const D: usize> Analysis<'_, D>
+where
+    ElementKind: Space<D>,
+{
+    /// Number of load steps; 1 without bodies.
+    pub fn n_steps(&self) -> usize {
+        self.elastic.map_or(1, Elastic::n_steps)
+    }
+
+    /// The load at the end of a step, counted from 0; None without bodies, where the load is that of the problem.
+    ///
+    /// # Errors
+    /// As [`Elastic::step`].
+    pub fn step(&self, step: usize) -> Result<Option<StepData<D>>, ModelError> {
+        self.elastic.map(|elastic| elastic.step(step)).transpose()
+    }
+}
+
+impl<const D: usize> Analysis<'_, D>
+where
+    ElementKind: Topology<D>,
+{
+    /// Which body one of [`System::free_bodies`](crate::problem::System::free_bodies) is: its region and a point of it, as far
+    /// as that is known.
+    pub fn body_name(&self, body: usize) -> String {
+        let listed = |point: [f64; D]| point.map(|x| format!("{x:.4e}")).join(", ");
+        let free = &self.problem.free_bodies().bodies()[body];
+        let Some(Elastic { mesh, unknowns, .. }) = self.elastic else {
+            return format!("the body around ({})", listed(free.centre()));
+        };
+        let node = unknowns.node(free.nodes()[0] as usize);
+        let region = (mesh.elements.iter())
+            .find(|element| element.nodes().contains(&node))
+            .map_or(0, |element| element.region);
+        format!(
+            "the body with region \"{}\" (at ({}))",
+            mesh.regions[region as usize],
+            listed(mesh.nodes[node as usize])
+        )
+    }
+
+    /// The bodies that only contact holds, and how they could move as a whole, in words.
+    pub fn free_bodies(&self) -> Vec<String> {
+        let bodies = self.problem.free_bodies().bodies().iter().enumerate();
+        bodies
+            .map(|(number, body)| {
+                let name = self.body_name(number);
+                format!("{name} can {} as a whole", body.freedom())
+            })
+            .collect()
+    }
+
+    /// A body that can move as a whole and has no contact to hold it, in words.
+    pub(crate) fn loose_body(&self) -> Option<String> {
+        let touched = self.problem.touched();
+        let alone = |body: &FreeBody<D>| !body.nodes().iter().any(|&node| touched[node as usize]);
+        let number = self.problem.free_bodies().bodies().iter().position(alone)?;
+        let freedom = self.free_bodies().swap_remove(number);
+        Some(format!("{freedom}, and it has no contact to hold it"))
+    }
+}
+
+/// A [`Built`] model of either dimension, for those who learn it at run time.
+#[derive(Debug)]
+pub enum AnyBuilt {
+    /// Of the plane.
+    Plane(Built),
+    /// Of space.
+    Space(Built<3>),
+}
+
+/// An [`Analysis`] of either dimension.
+#[derive(Clone, Copy, Debug)]
+pub enum AnyAnalysis<'a> {
+    /// Of the plane.
+    Plane(Analysis<'a>),
+    /// Of space.
+    Space(Analysis<'a, 3>),
+}
+
+impl<'a> From<&'a AnyBuilt> for AnyAnalysis<'a> {
+    fn from(built: &'a AnyBuilt) -> Self {
+        match built {
+            AnyBuilt::Plane(built) => Self::Plane(built.into()),
+            AnyBuilt::Space(built) => Self::Space(built.into()),
+        }
+    }
+}
+
+impl<'a> From<&'a AnyProblem> for AnyAnalysis<'a> {
+    fn from(problem: &'a AnyProblem) -> Self {
+        match problem {
+            AnyProblem::Plane(problem) => Self::Plane(problem.into()),
+            AnyProblem::Space(problem) => Self::Space(problem.into()),
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! A case as an algebraic one: K, f, N, T, d, g or μ in files of Matrix Market, and the case file that names them.
+
+use super::files::write_by;
+use super::{OutputError, write_whole};
+use crate::case::Case;
+use crate::contact::Space;
+use crate::engine::{self, Engine};
+use crate::matrix_market::{write_columns, write_matrix};
+use crate::mesh::Kind;
+use crate::model::Analysis;
+use crate::problem::ContactProblem;
+use crate::quasistatic::{Load, State};
+use crate::solve::{self, Event};
+use crate::ssnm::Status;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use toml_edit::{DocumentMut, Table, value};
+
+/// A case could not be exported, or not all of it.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExportError {
+    /// A file could not be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// A load step could not be made.
+    #[error(transparent)]
+    Solve(#[from] solve::Error),
+    /// A load step has not converged, and the next one starts from its end.
+    #[error(
+        "load step {step} has not converged, and those behind it start from its end: the cases up to this one are written"
+    )]
+    NotConverged {
+        /// Its number, from 1.
+        step: usize,
+    },
+}
+
+/// The vectors and matrices of a case in a directory, and what they are called in its case file.
+struct Files<'a> {
+    directory: &'a Path,
+    written: Vec<PathBuf>,
+}
+
+impl Files<'_> {
+    /// Writes vectors, or points, as columns.
+    fn columns(&mut self, name: &str, columns: &[Vec<f64>]) -> Result<String, OutputError> {
+        let name = format!("{name}.mtx");
+        let path = write_by(self.directory, &name, |to| write_columns(to, columns))?;
+        self.written.push(path);
+        Ok(name)
+    }
+
+    /// Writes a matrix, but for the columns, and rows of K, that were added to complete a block.
+    fn matrix<I: Iterator<Item = (usize, usize, f64)>>(
+        &mut self,
+        name: &str,
+        shape: [usize; 2],
+        symmetric: bool,
+        entries: impl Fn() -> I,
+    ) -> Result<String, OutputError> {
+        let name = format!("{name}.mtx");
+        let is_inside = |&(i, j, _): &(usize, usize, f64)| i < shape[0] && j < shape[1];
+        let entries = || entries().filter(is_inside);
+        let path = write_by(self.directory, &name, |to| {
+            write_matrix(to, shape, symmetric, entries)
+        })?;
+        self.written.push(path);
+        Ok(name)
+    }
+}
+
+/// Writes each load step of a case as an algebraic case of its own with the same solution u and λ: `case.toml`, or
+/// `case-001.toml` … where there are several, and the files that these name. All but the first depend on the end of the step
+/// before, where slip is counted from: up to the last but one they are solved on the way. `log` is that of [`Engine::new`].
+///
+/// # Errors
+/// If a file cannot be written, or would be written over one that the case is read from; if a step fails or does not converge.
+/// What was written before stays.
+pub fn export<const D: usize>(
+    directory: &Path,
+    case: &Case,
+    analysis: Analysis<D>,
+    options: engine::Options,
+    log: impl FnMut(&str) + Send + 'static,
+) -> Result<Vec<PathBuf>, ExportError>
+where
+    Kind: Space<D>,
+{
+    let problem = analysis.problem;
+    let n_steps = analysis.n_steps();
+    super::files::refuse_inputs(directory, &case.inputs(), |name| {
+        name.ends_with(".mtx") || name.ends_with(".toml")
+    })?;
+    let mut files = Files {
+        directory,
+        written: Vec::new(),
+    };
+    let mut shared = shared_table(&mut files, problem)?;
+    if problem.has_dependent_rows() {
+        shared["dependent_rows"] = value(true);
+    }
+    let mut state = State::at_rest(problem);
+    let mut write = |number: usize, load: &Load, state: &State| -> Result<(), OutputError> {
+        let suffix = match n_steps {
+            1 => String::new(),
+            _ => format!("-{number:03}"),
+        };
+        let mut table = shared.clone();
+        let force = load.force[..problem.n()].to_vec();
+        table["load"] = value(files.columns(&format!("f{suffix}"), &[force])?);
+        table["gap"] = value(files.columns(&format!("d{suffix}"), &[load.gap.clone()])?);
+        if load.gap.iter().any(|&d| d < 0.0) {
+            table["interference"] = value(true);
+        }
+        let origin = state.slip_origin(problem, load);
+        if origin.iter().any(|&s| s != 0.0) {
+            table["slip_origin"] = value(files.columns(&format!("s{suffix}"), &[origin])?);
+        }
+        let title = match n_steps {
+            1 => case.tables.title.clone(),
+            _ => format!("{}, load step {number}", case.tables.title),
+        };
+        let mut document = DocumentMut::new();
+        document["title"] = value(title.trim_start_matches(", "));
+        for (key, item) in case.kept_tables(["units", "solver"]) {
+            document[key] = item;
+        }
+        document["algebraic"] = toml_edit::Item::Table(table);
+        let path = directory.join(format!("case{suffix}.toml"));
+        write_whole(&path, document.to_string().as_bytes())?;
+        files.written.push(path);
+        Ok(())
+    };
+    let load_of = |number: usize| -> Result<Load, solve::Error> {
+        let data = analysis.step(number - 1)?;
+        Ok(data.map_or_else(|| Load::of(problem), |data| data.load))
+    };
+    if n_steps == 1 {
+        write(1, &load_of(1)?, &state)?;
+        return Ok(files.written);
+    }
+    let mut engine = Engine::new(problem, options, log).map_err(solve::Error::from)?;
+    let mut outcome: Result<(), ExportError> = Ok(());
+    analysis.solve_on(&mut engine, &case.settings(), |event| {
+        let mut is_last = false;
+        outcome = match event {
+            Event::Begins { number, .. } => {
+                // Nothing starts from the end of the last one.
+                is_last = number == n_steps;
+                load_of(number)
+                    .map_err(ExportError::from)
+                    .and_then(|load| Ok(write(number, &load, &state)?))
+            }
+            Event::Within(_) => Ok(()),
+            Event::Ends(solved) => {
+                if let Some(data) = solved.data {
+                    state = solved.solution.state(&data.load);
+                }
+                match solved.solution.status {
+                    Status::Converged => Ok(()),
+                    _ => Err(ExportError::NotConverged {
+                        step: solved.number,
+                    }),
+                }
+            }
+        };
+        if is_last || outcome.is_err() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    })?;
+    outcome?;
+    Ok(files.written)
+}
+
+/// What all load steps have in common: K, N, T, g or μ, and the points.
+fn shared_table<const D: usize>(
+    files: &mut Files,
+    problem: &ContactProblem<D>,
+) -> Result<Table, OutputError> {
+    let (n, m) = (problem.n(), problem.m());
+    let mut table = Table::new();
+    let mut name = |key: &str, file: String| table[key] = value(file);
+    name(
+        "stiffness",
+        files.matrix("K", [n, n], true, || problem.stiffness().triplets())?,
+    );
+    name(
+        "normal",
+        files.matrix("N", [m, n], false, || problem.normal().triplets())?,
+    );
+    let rows = problem.tangential().n_rows();
+    name(
+        "tangential",
+        files.matrix("T", [rows, n], false, || problem.tangential().triplets())?,
+    );
+    let (mu, g) = (problem.friction_coefficient(), problem.slip_bound());
+    if !mu.is_empty() {
+        name("friction_coefficient", files.columns("mu", &[mu.to_vec()])?);
+    }
+    if mu.is_empty() || g.iter().any(|&g| g > 0.0) {
+        name("slip_bound", files.columns("g", &[g.to_vec()])?);
+    }
+    if let Some(points) = problem.coordinates() {
+        let column = |c: usize| points.iter().map(|point| point[c]).collect();
+        let columns: Vec<Vec<f64>> = (0..D).map(column).collect();
+        name("coordinates", files.columns("coordinates", &columns)?);
+    }
+    Ok(table)
+}
