@@ -6,12 +6,14 @@ mod advice;
 #[cfg(feature = "gpu")]
 mod bench;
 mod check;
+mod completions;
 mod convert;
 mod export;
+mod man;
 mod solve;
 mod table1;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{Parser, Subcommand, ValueEnum, ValueHint};
 use signorini::backend;
 use signorini::engine;
 use signorini::stiffness::pcg;
@@ -27,7 +29,8 @@ const NOT_CONVERGED: u8 = 3;
 #[command(
     version,
     about = "Contact with friction between elastic bodies and rigid obstacles",
-    after_help = "Exit codes: 0 converged, 1 error, 2 wrong usage, 3 stopped without convergence."
+    after_help = "Exit codes: 0 done, of a solve: converged; 1 error, with a message that says where and what to do; \
+                  2 wrong usage; 3 stopped without convergence. `signorini solve --help` says more about them."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -37,50 +40,71 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Solve a case and write report.json, solution.vtu, contact.csv and, with --plots, report.html
+    #[command(
+        after_help = "Exit codes: 0 converged; 1 error; 2 wrong usage; 3 stopped without convergence, by a limit, \
+                      stagnation, loads that nothing holds, or Ctrl-C (SIGTERM as well): what was computed is written, and \
+                      `status` in report.json says which. A second Ctrl-C ends the program at once, with 130."
+    )]
     Solve(SolveArguments),
-    /// Validate and describe a case, solve nothing
+    /// Read a case and its meshes, print what was understood and what memory the solve will take; solve nothing
     Check {
         /// The case file (TOML)
         case: PathBuf,
-        /// Replace an entry of the case, e.g. --set solver.tolerance=1e-8
+        /// Replace or add an entry of the case, e.g. --set solver.tolerance=1e-8; may be given several times
         #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
         settings: Vec<String>,
     },
-    /// Write a mesh of Abaqus (.inp), VTK (.vtu) or Gmsh as a file of Gmsh (MSH 2.2), and list its names
+    /// Write a mesh of Abaqus (.inp), VTK (.vtu) or Gmsh as a file of Gmsh (MSH 2.2), and list its regions and boundaries
     Convert {
-        /// The mesh to read
+        /// The mesh to read: .inp, .vtu or .msh
         input: PathBuf,
-        /// The file to write, .msh
+        /// The file to write, .msh; one that is there already is replaced
         output: PathBuf,
-        /// Factor for the coordinates, e.g. 1e-3 for a drawing in millimetres
-        #[arg(long, default_value_t = 1.0)]
+        /// Factor for the coordinates, e.g. 1e-3 to bring a drawing in millimetres to metres
+        #[arg(long, default_value_t = 1.0, value_name = "F")]
         scale: f64,
-        /// The cell array of a .vtu file that tells regions and boundaries
+        /// The cell array of a .vtu file whose values tell regions and boundaries apart
         #[arg(long, value_name = "NAME")]
         cell_data: Option<String>,
     },
     /// Write a case as matrices and vectors (Matrix Market), with a case file that names them, for each load step
     Export(ExportArguments),
-    /// Reproduce Table 1 of the paper: outer steps and products with A
+    /// Reproduce Table 1 of the paper: outer steps and products with A, beside the paper's figures
     Table1(Table1Arguments),
-    /// CPU against GPU, direct against iterative, on the same contact problem (reference case B, in space case C)
+    /// Measure the CPU against the GPU and Cholesky against PCG on one contact problem of growing size
+    ///
+    /// It is reference case B, in space case C. Every path solves the same problem, and their answers are compared: where
+    /// they disagree the exit code is 3. Times are those of this machine as it is; let nothing else run.
     #[cfg(feature = "gpu")]
     Bench(BenchArguments),
-    /// List the GPUs and software adapters, the one that would be taken first
+    /// List the GPUs and software adapters with what they can do, the one that would be taken first
     #[cfg(feature = "gpu")]
     Adapters,
+    /// Print a script that completes commands, options and their values in a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Write the man pages, signorini.1 and one of each command, into a directory, or print signorini.1
+    Man {
+        /// Where to write the pages, e.g. ~/.local/share/man/man1; made if it is not there [default: print signorini.1]
+        #[arg(value_name = "DIR", value_hint = ValueHint::DirPath)]
+        directory: Option<PathBuf>,
+    },
 }
 
 #[derive(clap::Args)]
 struct SolveArguments {
     /// The case file (TOML)
     case: PathBuf,
-    /// Where to write the results [default: beside the case, its name + "-out"]
-    #[arg(long, value_name = "DIR")]
+    /// Where to write the results; those of a run before are removed [default: beside the case, its name + "-out"]
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     output: Option<PathBuf>,
     #[command(flatten)]
     engine: EngineArguments,
-    /// Replace an entry of the case, e.g. --set solver.tolerance=1e-8 or --set contact.0.friction.tresca=2e6
+    /// Replace or add an entry of the case, e.g. --set solver.tolerance=1e-8 or --set contact.0.friction.tresca=2e6
+    ///
+    /// Entries of lists count from 0. May be given several times.
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     settings: Vec<String>,
     /// Draw pictures (SVG) and write report.html, a page with everything that any browser opens
@@ -89,7 +113,7 @@ struct SolveArguments {
     /// No progress, no summary: results go to files, errors to standard error
     #[arg(long, short)]
     quiet: bool,
-    /// More about sizes and phases
+    /// Tell more: what was chosen and why, sizes, levels of multigrid, the time of each phase, what a GPU was asked for
     #[arg(long, short)]
     verbose: bool,
 }
@@ -109,18 +133,18 @@ struct ExportArguments {
 
 #[derive(clap::Args)]
 struct Table1Arguments {
-    /// Which of the two geometries with the paper's sizes
+    /// What touches what; sizes are the paper's
     #[arg(long, value_enum, default_value = "one-body")]
     geometry: GeometryArgument,
-    /// Largest refinement: rows k = 1, 3, … up to this
+    /// Largest refinement: rows k = 1, 3, … up to this; the paper ends with 13
     #[arg(long, default_value_t = 13, value_name = "K")]
     max_k: usize,
-    /// Values of β
+    /// Values of β in ρ = β/σ_max, one column each
     #[arg(long, value_delimiter = ',', value_name = "B,…", default_values_t = signorini::table1::BETAS)]
     beta: Vec<f64>,
     #[command(flatten)]
     engine: EngineArguments,
-    /// Write the cells as JSON
+    /// Write the cells of the table to this file as well, as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -128,18 +152,18 @@ struct Table1Arguments {
 #[cfg(feature = "gpu")]
 #[derive(clap::Args)]
 struct BenchArguments {
-    /// Of space: 3 measures a block of hexahedra on a plane, 2 a rectangle of squares
+    /// 2 measures a rectangle of squares (reference case B), 3 a block of hexahedra (case C), both on a rigid plane
     #[arg(long, value_name = "D", default_value_t = 2, value_parser = clap::value_parser!(u8).range(2..=3))]
     dimension: u8,
     /// Refinements k of the mesh: n ≈ 1200 k², in space cells per metre: n ≈ 9 k³ [default: 3,7,13; in space 8,16,24]
     #[arg(long, value_delimiter = ',', value_name = "K,…")]
     k: Vec<usize>,
-    /// Unknowns up to which the direct path is measured as well [default: 1000000, in space 150000]
+    /// Unknowns up to which Cholesky is measured as well [default: 1000000, in space 150000]
     #[arg(long, value_name = "N")]
     max_cholesky: Option<usize>,
     #[command(flatten)]
     gpu: GpuArguments,
-    /// Write the figures as JSON
+    /// Write the figures to this file as well, as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -147,13 +171,13 @@ struct BenchArguments {
 /// What does the arithmetic.
 #[derive(clap::Args)]
 struct EngineArguments {
-    /// Where to compute
+    /// Where to compute, as far as --stiffness leaves it open: the sparse factor is made on the CPU
     #[arg(long, value_enum, default_value = "auto")]
     backend: Backend,
-    /// How to solve with the stiffness matrix
+    /// How to solve systems with the stiffness matrix K; both ways lead to the same accuracy
     #[arg(long, value_enum, default_value = "auto")]
     stiffness: Stiffness,
-    /// Inside the conjugate gradients
+    /// Preconditioner of the conjugate gradients
     #[arg(long, value_enum, default_value = "multigrid")]
     preconditioner: Preconditioner,
     #[command(flatten)]
@@ -163,10 +187,12 @@ struct EngineArguments {
 /// Which GPU, and how.
 #[derive(clap::Args)]
 struct GpuArguments {
-    /// Arithmetic of the GPU kernels; the answer is f64-accurate in any case
+    /// Arithmetic of the GPU's kernels; answers are accurate to f64 in any case, and the CPU is not concerned
     #[arg(long, value_enum, default_value = "auto")]
     precision: Precision,
-    /// A part of the adapter's name, or its number in the list of `signorini adapters`
+    /// The GPU or software adapter to take: a part of its name, or its number in the list of `signorini adapters`
+    ///
+    /// With --backend auto and --stiffness pcg it is taken however small the problem is.
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
 }
@@ -209,45 +235,48 @@ impl EngineArguments {
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Backend {
-    /// A real GPU where that gains time, the CPU otherwise
+    /// PCG on a real GPU, if there is one, from 50 000 unknowns on; the CPU otherwise, and where a GPU fails
     Auto,
     /// The CPU
     Cpu,
-    /// A GPU or, if there is no other, a software adapter
+    /// PCG on a GPU or, if there is none, on a software adapter; an error where there is neither, or where it fails
     Gpu,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Preconditioner {
-    /// Smoothed-aggregation multigrid
+    /// Smoothed-aggregation multigrid: few iterations, however fine the mesh; block-Jacobi where it does not fit
     Multigrid,
-    /// The inverse of the block of each node: cheap to set up, but iterations grow with the mesh
+    /// The inverse of the diagonal block of each node: cheap to set up, but iterations grow with the mesh
     BlockJacobi,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Stiffness {
-    /// The direct path on the CPU, the iterative one on a GPU
+    /// The sparse factor where it is predicted to fit into half of the memory and not to take much longer than PCG; PCG
+    /// otherwise, and with --backend gpu
     Auto,
-    /// Sparse Cholesky factor, on the CPU
+    /// The sparse Cholesky factor, on the CPU, whatever it takes; not with --backend gpu
     Cholesky,
-    /// Preconditioned conjugate gradients
+    /// Conjugate gradients with the --preconditioner, on the CPU or a GPU
     Pcg,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Precision {
-    /// f64 where the adapter has it
+    /// f64 where the adapter has it, f32 inside f64 refinement otherwise
     Auto,
-    /// f64
+    /// f64; an error where the adapter does not have it
     F64,
-    /// f32 inside f64 refinement
+    /// f32 inside f64 refinement, on any adapter
     F32,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 enum GeometryArgument {
+    /// A body on a rigid plane
     OneBody,
+    /// A body on another one, nodes on nodes
     TwoBody,
 }
 
@@ -269,6 +298,8 @@ pub fn run() -> ExitCode {
         Command::Bench(arguments) => bench::run(&arguments),
         #[cfg(feature = "gpu")]
         Command::Adapters => adapters::run(),
+        Command::Completions { shell } => completions::run(shell),
+        Command::Man { directory } => man::run(directory.as_deref()),
     };
     match outcome {
         Ok(code) => ExitCode::from(code),

@@ -1,0 +1,37 @@
+//! `signorini man`.
+
+use super::advice::told;
+use super::{Cli, print};
+use clap::{Command, CommandFactory as _};
+use clap_mangen::Man;
+use signorini::output::write_whole;
+use std::path::Path;
+
+pub fn run(directory: Option<&Path>) -> Result<u8, String> {
+    // `help` has nothing to say that the pages do not; building gives commands their full names.
+    let mut program = Cli::command().disable_help_subcommand(true);
+    program.build();
+    match directory {
+        None => print(&page(&Man::new(program)))?,
+        Some(directory) => {
+            std::fs::create_dir_all(directory)
+                .map_err(|error| format!("{}: cannot be made: {error}", directory.display()))?;
+            let commands: Vec<Command> = program.get_subcommands().cloned().collect();
+            for command in std::iter::once(program).chain(commands) {
+                let man = Man::new(command);
+                let path = directory.join(man.get_filename());
+                write_whole(&path, page(&man).as_bytes()).map_err(|e| told(&e))?;
+                print(&format!("{}\n", path.display()))?;
+            }
+        }
+    }
+    Ok(0)
+}
+
+/// A page in troff's language.
+fn page(man: &Man) -> String {
+    let mut text = Vec::new();
+    man.render(&mut text).expect("memory takes all");
+    // What follows the options is about exit codes; it stands where readers of man pages look for them.
+    String::from_utf8_lossy(&text).replace(".SH EXTRA\n", ".SH \"EXIT STATUS\"\n")
+}
