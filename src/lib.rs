@@ -138,6 +138,8 @@
 //! [`output::Results`] writes what `signorini solve` writes.
 
 #![warn(missing_docs)]
+// docs.rs tells which feature an item needs.
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub mod backend;
 // For the program and the tests only: no part of the library that anybody may rely on.
