@@ -9,7 +9,8 @@ cd "$(dirname "$0")/.."
 export LP_NUM_THREADS="${LP_NUM_THREADS:-0}"
 export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-/tmp}"
 
-cargo build --release
+# With what the tests need, so that nothing is compiled twice: their dependencies ask others for more than a build does.
+cargo test --release --no-run
 if ! target/release/signorini adapters | grep -q "f64 yes"; then
     echo "No adapter with f64 answers: installing a software one (mesa-vulkan-drivers, libvulkan1)."
     if ! command -v apt-get >/dev/null; then

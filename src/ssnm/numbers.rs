@@ -1,7 +1,7 @@
 //! The numbers of the method that are neither the paper's nor the user's, in one table.
 //!
 //! What each is worth was measured by halving and doubling it over templates, hard cases and random problems
-//! (`docs/constants.md`; `cargo test --release --test campaign -- --ignored --nocapture ablation`).
+//! (`docs/constants.md`; `cargo test --release --test suite -- --ignored --nocapture campaign::ablation`).
 
 /// Defines [`Numbers`] with its defaults, and the names by which an ablation changes them.
 macro_rules! numbers {

@@ -281,6 +281,61 @@ fn multipliers_are_scaled_where_stiffness_varies() {
     assert_eq!(x, vec![0.1; 2 * m]);
 }
 
+/// In space both tangents of a node have the factor of the softer one, so that a disc stays a disc; what cannot slide is left
+/// as it is. b̂ = S b and ĝ = S⁻¹ g by hand, and displacements are those of λ = S λ̂.
+#[test]
+fn both_tangents_of_a_node_are_scaled_alike() {
+    // Springs of the three unknowns of each node; the last one has no tangents.
+    let own = [
+        [1.0, 1.0, 1.0],
+        [1.0, 1.0, 1.0],
+        [64.0, 16.0, 1.0 / 64.0],
+        [1.0, 1.0, 1.0],
+    ];
+    let m = own.len();
+    let entries = (0..3 * m).map(|i| (i, i, own[i / 3][i % 3]));
+    let sliding = (0..m - 1).flat_map(|i| [0, 1].map(|a| (2 * i + a, 3 * i + 1 + a, 1.0)));
+    let problem: ContactProblem<3> = ContactProblem::new(ContactData {
+        stiffness: BlockCsr::from_triplets(3 * m, 3 * m, entries),
+        load: vec![32.0; 3 * m],
+        normal: Csr::from_triplets(m, 3 * m, (0..m).map(|i| (i, 3 * i, 1.0))),
+        tangential: Csr::from_triplets(2 * m, 3 * m, sliding),
+        gap: vec![0.25; m],
+        slip_bound: vec![3.0, 3.0, 3.0, 0.0],
+        coordinates: None,
+    })
+    .unwrap_or_else(|error| panic!("{error}"));
+    let mut dual = DirectDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
+    let mut scaled = Scaled::new(&problem, &mut dual, Numbers::default().scaling);
+    // 64 times as stiff is a factor of 8, but for the trace by which the power is below ½: the power of two below is 4.
+    let normal = [1.0, 1.0, 4.0, 1.0];
+    let tangential = [1.0, 1.0, 1.0, 1.0, 0.25, 0.25, 1.0, 1.0];
+    let scale = [&normal[..], &tangential].concat();
+    for (i, s) in scale.iter().enumerate() {
+        assert_eq!(scaled.factor(i), *s, "{i}");
+    }
+    assert_eq!(scaled.slip_bound::<3>(&[3.0; 4]), [3.0, 3.0, 12.0, 3.0]);
+    // b is f / K of the unknown, less the gap: 0.5 − 0.25 of the stiff one.
+    let (accuracy, stop) = (Accuracy::Residual(0.0), Stop::default());
+    let mut b = vec![0.0; 3 * m];
+    scaled
+        .right_hand_side(problem.load_case(), &mut b, accuracy, &stop)
+        .unwrap_or_else(|error| panic!("{error}"));
+    let expected = [
+        31.75, 31.75, 1.0, 31.75, 32.0, 32.0, 32.0, 32.0, 0.5, 512.0, 0.0, 0.0,
+    ];
+    for (i, (b, expected)) in b.iter().zip(expected).enumerate() {
+        assert!((b - expected).abs() < 1e-12 * 32.0, "{i}: {b}");
+    }
+    // λ̂ = 1 is λ = 4 on the stiff spring: (32 − 4) / 64.
+    let u = scaled
+        .displacement(problem.load_case(), &vec![1.0; 3 * m], 0.0, &stop)
+        .unwrap_or_else(|error| panic!("{error}"));
+    for (i, expected) in [(6, 28.0 / 64.0), (7, 31.75 / 16.0), (8, 31.75 * 64.0)] {
+        assert!((u[i] - expected).abs() < 1e-12 * expected, "{i}: {}", u[i]);
+    }
+}
+
 /// q(λ) = ½ λᵀAλ − λᵀb with A = diag(2, 4), b = (2, 4), on the way from 0 to (2, 0).
 #[test]
 fn q_is_known_on_a_chord() {

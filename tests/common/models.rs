@@ -1,5 +1,6 @@
 //! Models of either dimension that are made in code: their answers, from which tests take what they compare.
 
+use crate::common::or_panic::OrPanic as _;
 use signorini::contact::Space;
 use signorini::elasticity::{Stress, internal_forces, stresses};
 use signorini::engine::{Engine, Place, Stiffness};
@@ -42,16 +43,14 @@ pub fn answer_by<const D: usize>(model: Model<D>, options: &Options) -> Answer<D
 where
     Kind: Space<D>,
 {
-    let built = model.build().unwrap_or_else(|error| panic!("{error}"));
-    let mut steps = built
-        .solve(options)
-        .unwrap_or_else(|error| panic!("{error}"));
+    let built = model.build().or_panic();
+    let mut steps = built.solve(options).or_panic();
     for (number, step) in steps.iter().enumerate() {
         let (status, kkt) = (step.status, &step.kkt);
         assert_eq!(status, Status::Converged, "step {}: {kkt:?}", number + 1);
     }
     let solution = steps.pop().expect("there is a step");
-    let data = (built.step(steps.len())).unwrap_or_else(|error| panic!("{error}"));
+    let data = (built.step(steps.len())).or_panic();
     Answer {
         built,
         data,
@@ -66,14 +65,11 @@ pub fn answer_in_turn<const D: usize>(models: Vec<Model<D>>, options: &Options) 
 where
     Kind: Space<D>,
 {
-    let build = |model: Model<D>| model.build().unwrap_or_else(|error| panic!("{error}"));
+    let build = |model: Model<D>| model.build().or_panic();
     let mut all: Vec<Built<D>> = models.into_iter().map(build).collect();
-    let mut data: Vec<StepData<D>> = (all.iter())
-        .map(|built| built.step(0).unwrap_or_else(|error| panic!("{error}")))
-        .collect();
+    let mut data: Vec<StepData<D>> = (all.iter()).map(|built| built.step(0).or_panic()).collect();
     let built = all.swap_remove(0);
-    let mut engine = Engine::new(&built.problem, options.engine.clone(), |_| {})
-        .unwrap_or_else(|error| panic!("{error}"));
+    let mut engine = Engine::new(&built.problem, options.engine.clone(), |_| {}).or_panic();
     let mut state = State::at_rest(&built.problem);
     let mut steps = Vec::new();
     for step in &data {
@@ -88,7 +84,7 @@ where
             &mut Default::default(),
             go_on,
         )
-        .unwrap_or_else(|error| panic!("{error}"));
+        .or_panic();
         assert_eq!(solution.status, Status::Converged, "{:?}", solution.kkt);
         state = solution.state(&step.load);
         steps.push(solution);

@@ -10,10 +10,6 @@ use signorini::ssnm::{RecycledSubspace, Status};
 use signorini::stiffness::pcg::Preconditioner;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::time::{Duration, Instant};
-
-/// What a run may take.
-pub const TIME_LIMIT: Duration = Duration::from_secs(20);
 
 /// A path to products with A.
 #[derive(Clone, Copy, PartialEq)]
@@ -51,20 +47,17 @@ pub struct Run<const D: usize = 2> {
     pub end: String,
     /// Iterations of PCG.
     pub iterations: usize,
-    pub seconds: f64,
 }
 
 impl<const D: usize> Run<D> {
-    /// The run of a problem; within [`TIME_LIMIT`], and directions are handed on from step to step.
+    /// The run of a problem. Directions are handed on from step to step.
     pub fn new(trial: &Trial<D>, way: Way, settings: Settings) -> Self {
-        let begin = Instant::now();
         let mut steps: Vec<StepSolution<D>> = Vec::new();
         let ended = catch_unwind(AssertUnwindSafe(|| {
             let problem = &trial.problem;
             let mut dual = way.dual(problem)?;
             let mut recycled = RecycledSubspace::default();
-            let mut settings = settings;
-            settings.ssnm.time_limit = Some(TIME_LIMIT);
+
             let mut state = State::at_rest(problem);
             for load in &trial.loads {
                 let solution = quasistatic::solve_step(
@@ -102,7 +95,6 @@ impl<const D: usize> Run<D> {
             steps,
             end,
             iterations,
-            seconds: begin.elapsed().as_secs_f64(),
         }
     }
 

@@ -1,0 +1,53 @@
+//! A problem solved on a path.
+
+use crate::common::or_panic::OrPanic as _;
+use signorini::backend::cpu::Cpu;
+use signorini::control::Costs;
+use signorini::dual::DualOperator as _;
+use signorini::dual::{DirectDual, NestedDual};
+use signorini::engine::{Engine, Options, Place, Stiffness};
+use signorini::problem::ContactProblem;
+use signorini::ssnm::{self, Settings, Solution};
+use signorini::stiffness::pcg::Preconditioner;
+use std::ops::ControlFlow;
+
+/// The engine on the CPU.
+pub fn engine<const D: usize>(problem: &ContactProblem<D>, stiffness: Stiffness) -> Engine {
+    let options = Options {
+        place: Place::Cpu,
+        stiffness,
+        ..Default::default()
+    };
+    Engine::new(problem, options, |_| {}).or_panic()
+}
+
+/// Solves with an engine on the CPU.
+pub fn solve_on<const D: usize>(
+    problem: &ContactProblem<D>,
+    stiffness: Stiffness,
+    settings: &Settings,
+) -> Solution<D> {
+    let mut engine = engine(problem, stiffness);
+    let go_on = |_: &ssnm::Step| ControlFlow::Continue(());
+    ssnm::solve(problem, &mut engine, settings, go_on).or_panic()
+}
+
+/// Solves on the direct path.
+pub fn solve(problem: &ContactProblem, settings: &Settings) -> Solution {
+    let mut dual = DirectDual::new(problem).or_panic();
+    ssnm::solve(problem, &mut dual, settings, |_| ControlFlow::Continue(())).or_panic()
+}
+
+/// Solves with PCG on the CPU; also returns what that has cost, and the iterations of one K x = f to 1e-8.
+pub fn solve_nested(problem: &ContactProblem, settings: &Settings) -> (Solution, Costs, usize) {
+    let mut dual =
+        NestedDual::new(problem, Cpu::<f32>::default(), Preconditioner::Multigrid).or_panic();
+    let solution =
+        ssnm::solve(problem, &mut dual, settings, |_| ControlFlow::Continue(())).or_panic();
+    let costs = dual.costs().expect("the nested path counts");
+    let linear = dual
+        .linear_iterations(1e-8)
+        .or_panic()
+        .expect("it iterates");
+    (solution, costs, linear)
+}

@@ -1,0 +1,114 @@
+//! Every template of examples/ as a newcomer runs it: on the factor, by iterations on the CPU, and by kernels
+//! on an adapter in both precisions, with the same forces.
+
+use crate::or_panic::OrPanic as _;
+use crate::run::{command, report};
+use std::path::{Path, PathBuf};
+
+const TEMPLATES: [&str; 12] = [
+    "stack",
+    "press",
+    "cylinder",
+    "shear",
+    "dovetail",
+    "roller",
+    "bracket-3d",
+    "ball",
+    "shrink-fit",
+    "brake",
+    "ball-joint",
+    "matrices/block",
+];
+
+/// Solves a template and returns its report.
+fn solve(name: &str, options: &[&str], directory: &Path) -> serde_json::Value {
+    let run = command(&["solve", &format!("examples/{name}.toml"), "--quiet"])
+        .arg("--output")
+        .arg(directory)
+        .args(options)
+        .output()
+        .or_panic();
+    let message = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(0), "{name} {options:?}: {message}");
+    report(directory)
+}
+
+fn forces(report: &serde_json::Value) -> Vec<f64> {
+    report["steps"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .flat_map(|step| step["contacts"].as_array().into_iter().flatten())
+        .flat_map(|contact| [&contact["normal_force"], &contact["tangential_force"]])
+        .map(|force| force.as_f64().unwrap_or(f64::NAN))
+        .collect()
+}
+
+fn all(templates: &[&str], options: &[&str]) {
+    let directory = tempfile::tempdir().or_panic();
+    for name in templates {
+        let plain = solve(name, &["--stiffness", "cholesky"], directory.path());
+        let report = solve(name, options, directory.path());
+        println!("{name} {options:?}: n_A {}", report["n_A"]);
+        let (a, b) = (forces(&plain), forces(&report));
+        assert_eq!(a.len(), b.len());
+        let scale = a
+            .iter()
+            .fold(0.0, |scale: f64, force| scale.max(force.abs()));
+        for (a, b) in a.iter().zip(&b) {
+            assert!((a - b).abs() <= 1e-3 * scale, "{name} {options:?}: {a} {b}");
+        }
+    }
+}
+
+#[test]
+fn templates_by_iterations_on_the_cpu() {
+    all(&TEMPLATES, &["--stiffness", "pcg", "--backend", "cpu"]);
+}
+
+#[test]
+fn templates_on_an_adapter_in_f64() {
+    // One solid is enough: without a real GPU both take long.
+    let mut templates = TEMPLATES.to_vec();
+    templates.retain(|&name| name != "ball");
+    all(&templates, &["--backend", "gpu", "--precision", "f64"]);
+}
+
+#[test]
+fn templates_on_an_adapter_in_f32() {
+    // One of each kind: without a real GPU these take long.
+    all(
+        &[
+            "press",
+            "cylinder",
+            "dovetail",
+            "ball-joint",
+            "shrink-fit",
+            "matrices/block",
+        ],
+        &["--backend", "gpu", "--precision", "f32"],
+    );
+}
+
+/// None is missing above, and the README names them all.
+#[test]
+fn every_template_is_tested_and_named() {
+    let readme = std::fs::read_to_string("README.md").or_panic();
+    let mut found = 0;
+    for folder in ["examples", "examples/matrices"] {
+        let entries = std::fs::read_dir(folder).or_panic();
+        for entry in entries.flatten() {
+            let path: PathBuf = entry.path();
+            if path.extension().is_some_and(|e| e == "toml") {
+                let path = path.to_string_lossy().replace('\\', "/");
+                let name = path
+                    .trim_start_matches("examples/")
+                    .trim_end_matches(".toml");
+                assert!(TEMPLATES.contains(&name), "{name} is not tested");
+                assert!(readme.contains(&format!("({path})")), "README: {path}");
+                found += 1;
+            }
+        }
+    }
+    assert_eq!(found, TEMPLATES.len());
+}

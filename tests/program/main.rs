@@ -1,0 +1,18 @@
+//! The program as a user runs it: what is said, written and promised, and what is left behind when things go wrong.
+
+#[path = "../common/close.rs"]
+mod close;
+#[path = "../common/or_panic.rs"]
+mod or_panic;
+#[path = "../common/random.rs"]
+mod random;
+
+mod cli;
+mod converged;
+mod examples;
+#[cfg(unix)]
+mod faults;
+mod reports;
+mod run;
+mod solid_files;
+mod threads;

@@ -1,0 +1,108 @@
+//! Results are the same to the last bit, whatever the number of threads.
+
+use crate::or_panic::OrPanic as _;
+use crate::run::command;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What a run has written, without what it cost: the contents of each file by its name.
+fn results(arguments: &[&str], threads: usize) -> BTreeMap<String, Vec<u8>> {
+    let out = tempfile::tempdir().or_panic();
+    let run = command(&["solve"])
+        .env("RAYON_NUM_THREADS", threads.to_string())
+        .args(arguments)
+        .args([Path::new("--output"), out.path()])
+        .output()
+        .or_panic();
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(0), "{arguments:?}: {said}");
+    let files = std::fs::read_dir(out.path()).or_panic();
+    files
+        .map(|file| {
+            let path = file.or_panic().path();
+            let contents = std::fs::read(&path).or_panic();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let contents = match &*name {
+                "report.json" => without_costs(&contents),
+                _ => contents,
+            };
+            (name.into_owned(), contents)
+        })
+        .collect()
+}
+
+fn without_costs(report: &[u8]) -> Vec<u8> {
+    let mut report: serde_json::Value = serde_json::from_slice(report).or_panic();
+    let fields = report
+        .as_object_mut()
+        .unwrap_or_else(|| panic!("no object"));
+    for costs in ["timings", "peak_memory_mib"] {
+        assert!(fields.remove(costs).is_some(), "{costs}");
+    }
+    report.to_string().into_bytes()
+}
+
+/// Runs a case with several numbers of threads and compares everything.
+fn compare(arguments: &[&str], threads: &[usize]) {
+    let expected = results(arguments, threads[0]);
+    assert!(expected.contains_key("report.json") && expected.len() > 2);
+    for &more in &threads[1..] {
+        let found = results(arguments, more);
+        assert!(found.keys().eq(expected.keys()), "{:?}", found.keys());
+        for (name, contents) in &expected {
+            assert!(
+                *contents == found[name],
+                "{arguments:?}: {name} differs between {} and {more} threads",
+                threads[0]
+            );
+        }
+    }
+}
+
+const CHOLESKY: [&str; 2] = ["--stiffness", "cholesky"];
+const PCG: [&str; 4] = ["--stiffness", "pcg", "--backend", "cpu"];
+
+fn on_both_paths(case: &[&str], threads: &[usize]) {
+    compare(&[case, &CHOLESKY].concat(), threads);
+    compare(&[case, &PCG].concat(), threads);
+}
+
+/// Free bodies, load steps, Coulomb friction, rounds with frozen bounds, matrices.
+#[test]
+fn examples() {
+    for case in [
+        &["examples/stack.toml"][..],
+        &["examples/shear.toml"],
+        &["examples/dovetail.toml"],
+        &["examples/roller.toml"],
+        &["examples/matrices/block.toml"],
+    ] {
+        on_both_paths(case, &[1, 2, 3, 8]);
+    }
+}
+
+/// So many unknowns that all loops are split: n = 62 000.
+#[test]
+fn large_bodies() {
+    let case = [
+        "examples/stack.toml",
+        "--set",
+        "mesh.part.0.rectangle.cells=[240, 60]",
+        "--set",
+        "mesh.part.1.rectangle.cells=[190, 80]",
+    ];
+    on_both_paths(&case, &[1, 2, 3, 8]);
+}
+
+/// The kernels do not know how many threads the host has.
+#[test]
+fn gpu() {
+    let case = [
+        "examples/matrices/block.toml",
+        "--stiffness",
+        "pcg",
+        "--backend",
+        "gpu",
+    ];
+    compare(&case, &[1, 2]);
+}

@@ -1,0 +1,418 @@
+//! What may be in contact with what: supports that drive contact nodes, corners, lists of boundaries, distances.
+
+use crate::common::{Solved, case, solve_case_twice};
+use signorini::output::NodeStatus;
+
+const ROCK: &str = "[[material]]\nyoung = 1e9\npoisson = 0.3\n";
+
+fn run(text: &str) -> Solved {
+    solve_case_twice(text, 1e-9)
+}
+
+fn error(text: &str) -> String {
+    match case(text).build() {
+        Ok(_) => panic!("this was accepted:\n{text}"),
+        Err(error) => error.to_string(),
+    }
+}
+
+/// The resultant of the contact forces on the bodies of the boundaries named first.
+fn resultant(solved: &Solved) -> [f64; 2] {
+    let m = solved.build.problem.m();
+    let lambda = &solved.solution().lambda;
+    let mut sum = [0.0; 2];
+    for (i, node) in solved.elastic().contact.places.iter().enumerate() {
+        for c in 0..2 {
+            sum[c] -= lambda[i] * node.frame[0][c] + lambda[m + i] * node.frame[1][c];
+        }
+    }
+    sum
+}
+
+/// A block on a floor, 1 m wide and half as high.
+fn block(supports: &str, contacts: &str) -> String {
+    format!("[mesh.rectangle]\nsize = [1, 0.5]\ncells = [8, 4]\n{ROCK}{supports}{contacts}")
+}
+
+fn support(boundary: &str, x: Option<f64>, y: Option<f64>) -> String {
+    let line = |name: &str, value: Option<f64>| {
+        value.map_or(String::new(), |value| format!("{name} = {value:e}\n"))
+    };
+    format!(
+        "[[support]]\nboundary = {boundary}\n{}{}",
+        line("x", x),
+        line("y", y)
+    )
+}
+
+fn on_floor(boundary: &str, height: f64, more: &str) -> String {
+    format!(
+        "[[contact]]\nboundary = {boundary}\n\
+         obstacle = {{ half_plane = {{ point = [0, {height}], normal = [0, 1] }} }}\n{more}"
+    )
+}
+
+#[test]
+fn a_support_cannot_drive_a_node_into_a_floor() {
+    // All of the bottom, or one of its corners by a support of the side.
+    for held in ["\"bottom\"", "\"left\""] {
+        let at = |y| {
+            block(
+                &support(held, Some(0.0), Some(y)),
+                &on_floor("\"bottom\"", -0.005, ""),
+            )
+        };
+        if held == "\"left\"" {
+            // As far as the floor it may go, and not a hundredth of the way further.
+            run(&at(-0.005));
+            let message = error(&at(-0.00505));
+            assert!(message.contains("5.000e-5 into"), "{message}");
+        }
+        let message = error(&at(-0.01));
+        assert!(message.contains("line 7"), "{message}");
+        assert!(
+            message.contains("drive the node at (0.000000e0, 0.000000e0) 5.000e-3 into"),
+            "{message}"
+        );
+    }
+    // In a later step, before the first is solved.
+    let text = block(
+        &support("\"left\"", Some(0.0), Some(-0.01)),
+        &on_floor("\"bottom\"", -0.005, ""),
+    ) + "[steps]\nfactors = [0.1, 0.2, 1]\n";
+    let message = error(&text);
+    assert!(message.contains("load step 3"), "{message}");
+}
+
+/// A punch with its sides held and driven down, on a block: its corners are contact nodes that cannot move.
+fn punch(first: &str, second: &str, fine: usize, friction: &str) -> [f64; 2] {
+    let text = format!(
+        "[[mesh.part]]\nname = \"die\"\nrectangle = {{ size = [3, 1], cells = [{}, {}] }}\n\
+         [[mesh.part]]\nname = \"punch\"\nrectangle = {{ size = [0.6, 0.4], cells = [{}, {}] }}\nshift = [1.2, 1]\n\
+         {ROCK}{}{}\
+         [[contact]]\nboundary = \"{first}\"\nagainst = \"{second}\"\nfriction = {friction}\n",
+        24 * fine,
+        8 * fine,
+        5 * fine,
+        4 * fine,
+        support("\"die-bottom\"", Some(0.0), Some(0.0)),
+        support("[\"punch-left\", \"punch-right\"]", Some(1e-4), Some(-1e-3)),
+    );
+    let force = resultant(&run(&text));
+    if first == "die-top" {
+        force
+    } else {
+        force.map(|f| -f)
+    }
+}
+
+#[test]
+fn it_matters_little_which_side_is_named_first_where_supports_hold_corners() {
+    for friction in ["\"none\"", "{ coulomb = 0.4 }"] {
+        let mut before: Option<[[f64; 2]; 2]> = None;
+        for fine in [2, 4, 8] {
+            let a = punch("die-top", "punch-bottom", fine, friction);
+            let b = punch("punch-bottom", "die-top", fine, friction);
+            let off = ((a[0] - b[0]).hypot(a[1] - b[1])) / a[0].hypot(a[1]);
+            println!("{friction}, {fine}: {a:?} {b:?}, off by {off:.4}");
+            // The edges of a held punch are singular: forces settle slowly as the mesh is refined.
+            if let Some([a0, b0]) = before {
+                let change = |new: [f64; 2], old: [f64; 2]| {
+                    (new[0] - old[0]).hypot(new[1] - old[1]) / old[0].hypot(old[1])
+                };
+                assert!(off < change(a, a0).max(change(b, b0)), "{off}");
+            }
+            before = Some([a, b]);
+        }
+    }
+}
+
+#[test]
+fn a_side_that_cannot_move_at_all_carries_contact() {
+    // All of the punch is driven; its mesh is the coarser one, so that each of its nodes meets unknowns.
+    let text = |first: &str, second: &str| {
+        format!(
+            "[[mesh.part]]\nname = \"die\"\nrectangle = {{ size = [3, 1], cells = [60, 20] }}\n\
+             [[mesh.part]]\nname = \"punch\"\nrectangle = {{ size = [0.6, 0.4], cells = [3, 2] }}\nshift = [1.21, 1]\n\
+             {ROCK}{}{}[[contact]]\nboundary = \"{first}\"\nagainst = \"{second}\"\n",
+            support("\"die-bottom\"", Some(0.0), Some(0.0)),
+            support("\"punch-bottom\"", Some(0.0), Some(-1e-3)),
+        )
+    };
+    let a = resultant(&run(&text("punch-bottom", "die-top")))[1];
+    let b = -resultant(&run(&text("die-top", "punch-bottom")))[1];
+    assert!(a > 1e5 && (a / b - 1.0).abs() < 0.15, "{a} {b}");
+    // With more contact forces than unknowns that they meet, rows depend on each other: the resultant is what it is.
+    let fine = text("punch-bottom", "die-top").replace("cells = [3, 2]", "cells = [90, 2]");
+    let c = resultant(&run(&fine))[1];
+    assert!((c / b - 1.0).abs() < 0.15, "{c} {b}");
+}
+
+#[test]
+fn a_box_in_a_corner_rests_on_both_walls() {
+    // No supports at all: floor and wall hold the box, each with its own load, and the corner node with both.
+    let text = |friction: &str| {
+        format!(
+            "[mesh.rectangle]\nsize = [1, 0.5]\ncells = [8, 4]\n{ROCK}\
+             [[traction]]\nboundary = \"top\"\npressure = 2e6\n[[traction]]\nboundary = \"right\"\npressure = 3e6\n{}\
+             [[contact]]\nboundary = \"left\"\nobstacle = {{ half_plane = {{ point = [0, 0], normal = [1, 0] }} }}\n\
+             friction = {friction}\n",
+            on_floor("\"bottom\"", 0.0, &format!("friction = {friction}\n")),
+        )
+    };
+    let solved = run(&text("\"none\""));
+    let fields = solved.fields();
+    let elastic = solved.elastic();
+    assert_eq!(fields.pressure.len(), 9 + 5);
+    for (i, &pair) in elastic.pair_of.iter().enumerate() {
+        let expected = [2e6, 3e6][pair as usize];
+        assert!((fields.pressure[i] / expected - 1.0).abs() < 1e-6);
+        assert_eq!(fields.status(i), NodeStatus::Frictionless);
+    }
+    for friction in ["{ coulomb = 0.2 }", "{ tresca = 1e5 }"] {
+        let solved = run(&text(friction));
+        let [x, y] = resultant(&solved);
+        assert!(
+            (x / 1.5e6 - 1.0).abs() < 1e-6 && (y / 2e6 - 1.0).abs() < 1e-6,
+            "{x} {y}"
+        );
+        // The corner has two directions, and both are normals.
+        let kept: usize = solved.elastic().pairs.iter().map(|pair| pair.kept).sum();
+        assert_eq!(kept, 2);
+    }
+    // Between two bodies the corner keeps its friction: what it meets can move.
+    let between = format!(
+        "[[mesh.part]]\nname = \"box\"\nrectangle = {{ size = [1, 1], cells = [4, 4] }}\n\
+         [[mesh.part]]\nname = \"wall\"\nrectangle = {{ size = [1, 1], cells = [3, 3] }}\nshift = [-1, 0]\n\
+         [[mesh.part]]\nname = \"floor\"\nrectangle = {{ size = [1, 1], cells = [5, 3] }}\nshift = [0, -1]\n{ROCK}{}{}\
+         [[traction]]\nboundary = \"box-top\"\npressure = 2e6\n[[traction]]\nboundary = \"box-right\"\npressure = 3e6\n\
+         [[contact]]\nboundary = \"box-left\"\nagainst = \"wall-right\"\nfriction = {{ coulomb = 0.2 }}\n\
+         [[contact]]\nboundary = \"box-bottom\"\nagainst = \"floor-top\"\nfriction = {{ coulomb = 0.2 }}\n",
+        support("\"wall-left\"", Some(0.0), Some(0.0)),
+        support("\"floor-bottom\"", Some(0.0), Some(0.0)),
+    );
+    let solved = run(&between);
+    let [x, y] = resultant(&solved);
+    assert!(
+        (x / 3e6 - 1.0).abs() < 1e-6 && (y / 2e6 - 1.0).abs() < 1e-6,
+        "{x} {y}"
+    );
+    assert!(solved.elastic().pairs.iter().all(|pair| pair.kept == 0));
+}
+
+#[test]
+fn contacts_of_a_node_need_normals_that_differ() {
+    let twice = |second: &str| {
+        block(
+            &support("\"top\"", Some(0.0), Some(0.0)),
+            &(on_floor("\"bottom\"", 0.0, "") + second),
+        )
+    };
+    let message = error(&twice(&on_floor("\"bottom\"", -0.1, "")));
+    assert!(message.contains("normals are not independent"), "{message}");
+    // A wedge is no trouble.
+    let wedge = "[[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, 0], normal = [0.3, 1] } }\n";
+    run(&twice(wedge));
+    // Three directions in the plane are too many.
+    let message = error(&twice(&(wedge.to_owned() + &wedge.replace("0.3", "0.6"))));
+    assert!(message.contains("normals are not independent"), "{message}");
+}
+
+#[test]
+fn friction_is_never_dropped_in_silence() {
+    // All of a boundary between two rigid obstacles, one of them far away: its friction would have no direction.
+    let ramp = "[[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [-1, 0], normal = [0.3, 1] } }\n";
+    let driven = support("\"top\"", Some(1e-3), Some(-1e-4));
+    for friction in ["{ coulomb = 0.3 }", "{ tresca = 1e4 }"] {
+        let floor = on_floor("\"bottom\"", 0.0, &format!("friction = {friction}\n"));
+        let message = error(&block(&driven, &(floor.clone() + ramp)));
+        assert!(
+            message.contains("line 11") && message.contains("several rigid obstacles"),
+            "{message}"
+        );
+        assert!(resultant(&run(&block(&driven, &floor)))[0] < -1e3);
+    }
+    // A side held along the contact with the finer mesh: more tangential forces than the other side has unknowns.
+    let text = |first: &str, second: &str| {
+        format!(
+            "[[mesh.part]]\nname = \"punch\"\nrectangle = {{ origin = [0.25, 1], size = [0.5, 0.5], cells = [6, 6] }}\n\
+             [[mesh.part]]\nname = \"die\"\nrectangle = {{ size = [1, 1], cells = [25, 10] }}\n{ROCK}{}{}{}\
+             [[contact]]\nboundary = \"{first}\"\nagainst = \"{second}\"\nfriction = {{ coulomb = 0.3 }}\n",
+            support("\"die-top\"", Some(0.0), None),
+            support("\"punch-top\"", Some(1e-2), Some(-1e-3)),
+            support("\"die-bottom\"", Some(0.0), Some(0.0)),
+        )
+    };
+    for (first, second) in [("die-top", "punch-bottom"), ("punch-bottom", "die-top")] {
+        let [x, y] = resultant(&run(&text(first, second)));
+        assert!((x / y + 0.3).abs() < 1e-3, "{first}: {x} {y}");
+    }
+}
+
+#[test]
+fn symmetry_takes_sides_one_by_one() {
+    let text = |supports: &str| block(supports, "[[traction]]\nboundary = \"right\"\nx = 1e6\n");
+    let list = run(&text(
+        "[[support]]\nboundary = [\"left\", \"bottom\"]\nsymmetry = true\n",
+    ));
+    let single = run(&text(
+        &(support("\"left\"", Some(0.0), None) + &support("\"bottom\"", None, Some(0.0))),
+    ));
+    assert_eq!(list.displacement(), single.displacement());
+}
+
+#[test]
+fn boundaries_in_a_list_are_one() {
+    let text = |contacts: &str, traction: &str| {
+        format!(
+            "[[mesh.part]]\nname = \"a\"\nrectangle = {{ size = [1, 1], cells = [4, 4] }}\n\
+             [[mesh.part]]\nname = \"b\"\nrectangle = {{ size = [1, 1], cells = [5, 5] }}\nshift = [2, 0]\n{ROCK}{}\
+             {traction}{contacts}",
+            support("[\"a-left\", \"b-right\"]", Some(0.0), None),
+        )
+    };
+    let one = run(&text(
+        &on_floor(
+            "[\"a-bottom\", \"b-bottom\"]",
+            0.0,
+            "friction = { coulomb = 0.1 }\n",
+        ),
+        "[[traction]]\nboundary = [\"a-top\", \"b-top\"]\npressure = 1e6\n",
+    ));
+    let two = run(&text(
+        &["a-bottom", "b-bottom"]
+            .map(|name| {
+                on_floor(
+                    &format!("\"{name}\""),
+                    0.0,
+                    "friction = { coulomb = 0.1 }\n",
+                )
+            })
+            .concat(),
+        "[[traction]]\nboundary = \"a-top\"\npressure = 1e6\n[[traction]]\nboundary = \"b-top\"\npressure = 1e6\n",
+    ));
+    assert_eq!(
+        (one.elastic().pairs.len(), two.elastic().pairs.len()),
+        (1, 2)
+    );
+    assert_eq!(one.elastic().pairs[0].boundary, "a-bottom, b-bottom");
+    assert_eq!(one.build.problem.m(), two.build.problem.m());
+    assert!(crate::common::distance(&one.solution().u, &two.solution().u) < 1e-9);
+
+    // A body over two others, which are named in one list.
+    let bridge = "[[mesh.part]]\nname = \"a\"\nrectangle = { size = [1, 1], cells = [4, 4] }\n\
+         [[mesh.part]]\nname = \"b\"\nrectangle = { size = [1, 1], cells = [5, 5] }\nshift = [2, 0]\n\
+         [[mesh.part]]\nname = \"bridge\"\nrectangle = { size = [3, 0.5], cells = [13, 4] }\nshift = [0, 1]\n"
+        .to_owned()
+        + ROCK
+        + &support("[\"a-bottom\", \"b-bottom\"]", Some(0.0), Some(0.0))
+        + "[[traction]]\nboundary = \"bridge-top\"\npressure = 1e6\n\
+           [[contact]]\nboundary = [\"a-top\", \"b-top\"]\nagainst = [\"bridge-bottom\"]\nfriction = { coulomb = 0.5 }\n";
+    let [_, y] = resultant(&run(&bridge));
+    assert!((y / -3e6 - 1.0).abs() < 1e-6, "{y}");
+
+    let message = error(&bridge.replace("\"b-top\"]", "\"b-tap\"]"));
+    assert!(
+        message.contains("b-tap") && message.contains("did you mean \"b-top\""),
+        "{message}"
+    );
+}
+
+#[test]
+fn tresca_rubs_only_within_the_search_distance() {
+    let text = |height: f64, more: &str| {
+        block(
+            &support("\"left\"", Some(0.0), Some(0.0)),
+            &("[[traction]]\nboundary = \"right\"\nx = 1e6\n".to_owned()
+                + &on_floor(
+                    "\"bottom\"",
+                    height,
+                    &format!("friction = {{ tresca = 1e5 }}\n{more}"),
+                )),
+        )
+    };
+    let friction = |text: &str| resultant(&run(text))[0];
+    assert_eq!(friction(&text(-1000.0, "")), 0.0);
+    // The corner that the support holds has none.
+    let all = -1e5 * (1.0 - 1.0 / 16.0);
+    let wide = friction(&text(-1000.0, "search_distance = 2e3\n"));
+    assert!((wide / all - 1.0).abs() < 1e-6, "{wide}");
+    // Half the width, by default.
+    assert_eq!(friction(&text(-0.51, "")), 0.0);
+    let near = friction(&text(-0.49, ""));
+    assert!((near / all - 1.0).abs() < 1e-6, "{near}");
+    // A node that comes from far away is stopped by the floor nevertheless.
+    let falls = block(
+        &support("\"top\"", Some(0.0), Some(-3.0)),
+        &on_floor("\"bottom\"", -2.9, "friction = { tresca = 1e5 }\n"),
+    );
+    let solved = run(&falls);
+    assert!(resultant(&solved)[1] > 1e6);
+    let u = solved.displacement();
+    let low = |node: usize| solved.elastic().mesh.nodes[node][1] + u[node][1];
+    assert!((0..u.len()).all(|node| low(node) > -2.9 - 1e-9));
+}
+
+#[test]
+fn what_cannot_be_meant_says_so() {
+    let circle = "[[contact]]\nboundary = \"bottom\"\nobstacle = { circle = { center = [0.5, 0.2], radius = 3 } }\n";
+    let message = error(&block(&support("\"top\"", Some(0.0), Some(0.0)), circle));
+    assert!(message.contains("circle from outside"), "{message}");
+    let parse = |text: &str| match signorini::case::Case::parse(
+        std::path::Path::new("c.toml"),
+        text.to_owned(),
+        &[],
+    ) {
+        Ok(_) => panic!("accepted"),
+        Err(error) => error.to_string(),
+    };
+    let itself = block(
+        "",
+        "[[contact]]\nboundary = \"bottom\"\nagainst = [\"top\", \"bottom\"]\n",
+    );
+    let message = parse(&itself);
+    assert!(message.contains("both sides"), "{message}");
+    let single = block("", "[contact]\nboundary = \"bottom\"\nagainst = \"top\"\n");
+    let message = parse(&single);
+    assert!(
+        message.contains("[[contact]], with double brackets"),
+        "{message}"
+    );
+    let message = parse(&block(
+        "",
+        "[[contact]]\nboundary = []\nagainst = \"top\"\n",
+    ));
+    assert!(message.contains("list of boundaries is empty"), "{message}");
+    let message = parse(&(block("", "") + "[units]\nlength = \"\"\n"));
+    assert!(message.contains("short name of a unit"), "{message}");
+}
+
+/// A spring of 300 mm × 1 mm: its matrix is badly conditioned, and its answer right.
+#[test]
+fn slender_bodies_are_solved() {
+    for (size, cells, load) in [
+        ([0.3, 0.001], [1200, 4], 1000.0),
+        ([1.5, 0.01], [1500, 10], 2e3),
+    ] {
+        let text = format!(
+            "[analysis]\nplane = \"plane_stress\"\n[mesh.rectangle]\nsize = {size:?}\ncells = {cells:?}\n\
+             [[material]]\nyoung = 2e11\npoisson = 0.0\n{}\
+             [[traction]]\nboundary = \"top\"\npressure = {load}\n{}",
+            support("\"left\"", Some(0.0), Some(0.0)),
+            on_floor("\"bottom\"", -10.0, ""),
+        );
+        let solved = crate::common::solve_case(&text, 1e-6);
+        // A cantilever under its load: q l⁴ / 8 E I, and the shear.
+        let [l, h]: [f64; 2] = size;
+        let bending = load * l.powi(4) / (8.0 * 2e11 * h.powi(3) / 12.0);
+        let tip = -solved.displacement()[solved.node_at([l, 0.0])][1];
+        assert!((tip / bending - 1.0).abs() < 0.08, "{tip} {bending}");
+        // A floor takes what it would do beyond it.
+        let text = text.replace("[0, -10]", &format!("[0, {}]", -0.4 * bending));
+        let solved = crate::common::solve_case(&text, 1e-6);
+        let tip = -solved.displacement()[solved.node_at([l, 0.0])][1];
+        assert!((tip / (0.4 * bending) - 1.0).abs() < 1e-6, "{tip}");
+        let kkt = solved.solution().kkt;
+        assert!(kkt.max() < 1e-5, "{kkt:?}");
+    }
+}

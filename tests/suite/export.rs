@@ -1,0 +1,123 @@
+//! Cases written as algebraic ones: each load step has the same solution there.
+
+use crate::common::distance;
+use crate::common::or_panic::OrPanic as _;
+use signorini::case::{Case, CaseProblem};
+use signorini::contact::Space;
+use signorini::mesh::Kind;
+use signorini::model::{Analysis, AnyAnalysis};
+use signorini::output::export;
+use signorini::solve::{Event, Options};
+use signorini::ssnm::Status;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// Solves a case and its exported load steps; how many these are.
+fn compare(text: &str) -> usize {
+    let case = Case::parse(Path::new("tests/case.toml"), text.to_owned(), &[]);
+    let case = case.or_panic();
+    match case.build().or_panic().analysis() {
+        AnyAnalysis::Plane(analysis) => compare_steps(&case, analysis),
+        AnyAnalysis::Space(analysis) => compare_steps(&case, analysis),
+    }
+}
+
+fn compare_steps<const D: usize>(case: &Case, analysis: Analysis<D>) -> usize
+where
+    Kind: Space<D>,
+{
+    let directory = tempfile::tempdir().or_panic();
+    let files = export(directory.path(), case, analysis, Default::default(), |_| {}).or_panic();
+    let exported = files
+        .iter()
+        .filter(|file| file.extension().is_some_and(|e| e == "toml"));
+    let exported: Vec<_> = exported.collect();
+    assert_eq!(exported.len(), analysis.n_steps());
+
+    let mut expected = Vec::new();
+    let mut engine =
+        signorini::engine::Engine::new(analysis.problem, Default::default(), |_| {}).or_panic();
+    analysis
+        .solve_on(&mut engine, &case.settings(), |event| {
+            if let Event::Ends(solved) = event {
+                assert_eq!(solved.solution.status, Status::Converged);
+                expected.push([
+                    solved.solution.u,
+                    solved.solution.lambda,
+                    solved.solution.slip,
+                ]);
+            }
+            ControlFlow::Continue(())
+        })
+        .or_panic();
+    for (file, expected) in exported.iter().zip(&expected) {
+        let case = Case::read(file, &[]).or_panic();
+        let made = case.build().or_panic();
+        let CaseProblem::Algebraic(problem) = made else {
+            panic!("it has matrices");
+        };
+        let options = Options {
+            settings: case.settings(),
+            ..Options::default()
+        };
+        let solution = problem.solve(&options).or_panic();
+        assert_eq!(solution.status(), Status::Converged);
+        let found = [solution.u(), solution.lambda(), solution.slip()];
+        for ((found, expected), what) in found.iter().zip(expected).zip(["u", "λ", "slip"]) {
+            let apart = distance(found, expected);
+            assert!(apart < 1e-6, "{what} of {}: {apart:e}", file.display());
+        }
+    }
+    exported.len()
+}
+
+const TIGHT: &str = "[solver]\ntolerance = 1e-10\n";
+
+/// Stick and slip turn round with the push: where slip is counted from matters in each step.
+#[test]
+fn load_steps_with_friction_in_the_plane() {
+    let text = format!(
+        "title = \"Pushed to and fro\"\n[units]\nlength = \"mm\"\nforce = \"N\"\n\
+         [mesh]\nrectangle = {{ size = [2, 1], cells = [12, 6] }}\n\
+         [[material]]\nyoung = 1e3\npoisson = 0.3\n\
+         [[support]]\nboundary = \"top\"\ny = -0.03\n\
+         [[support]]\nboundary = \"top\"\nx = 0.02\nfactors = [0, 1, -1, 0.5]\n\
+         [[contact]]\nboundary = \"bottom\"\nfriction = {{ coulomb = 0.4 }}\n\
+         obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}\n\
+         [steps]\nfactors = [1, 1, 1, 1]\n{TIGHT}"
+    );
+    assert_eq!(compare(&text), 4);
+}
+
+/// Prescribed motions of the nodes in contact, a press fit, given slip bounds beside a coefficient: in space.
+#[test]
+fn an_interference_and_two_laws_in_space() {
+    let text = format!(
+        "[[mesh.part]]\nname = \"low\"\nbox = {{ size = [2, 1, 0.5], cells = [5, 3, 2] }}\n\
+         [[mesh.part]]\nname = \"up\"\nbox = {{ origin = [0, 0, 0.5], size = [2, 1, 0.5], cells = [4, 2, 2] }}\n\
+         [[material]]\nyoung = 1e3\npoisson = 0.25\n\
+         [[support]]\nboundary = \"up-top\"\nx = 0.01\ny = 0\nz = 0\nfactors = [0, 1]\n\
+         [[traction]]\nboundary = \"low-left\"\npressure = 1\n\
+         [[contact]]\nboundary = \"up-bottom\"\nagainst = \"low-top\"\ninterference = 0.004\n\
+         friction = {{ coulomb = 0.2 }}\n\
+         [[contact]]\nboundary = \"low-bottom\"\nfriction = {{ tresca = 0.5 }}\n\
+         obstacle = {{ half_space = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n\
+         [steps]\nfactors = [0.5, 1]\n{TIGHT}"
+    );
+    assert_eq!(compare(&text), 2);
+}
+
+/// One step, and a case that is algebraic already.
+#[test]
+fn an_algebraic_case_is_written_as_it_is() {
+    for name in ["examples/press.toml", "examples/matrices/block.toml"] {
+        let case = Case::read(Path::new(name), &["solver.tolerance=1e-10".to_owned()]);
+        let case = case.or_panic();
+        let made = case.build().or_panic();
+        let steps = match made.analysis() {
+            AnyAnalysis::Plane(analysis) => compare_steps(&case, analysis),
+            AnyAnalysis::Space(analysis) => compare_steps(&case, analysis),
+        };
+        assert_eq!(steps, 1);
+    }
+}

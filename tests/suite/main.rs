@@ -1,0 +1,30 @@
+//! All tests that need the library alone, as one program: what is generic in the dimension is compiled once for all of
+//! them.
+//!
+//! `cargo test --release --test suite -- coulomb` runs the tests of a room.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod campaign;
+mod case_c;
+mod contact;
+mod coulomb;
+mod coulomb_space;
+mod counts;
+mod elastic;
+mod export;
+mod gmsh;
+mod gpu;
+mod half_space;
+mod invariance;
+mod manufactured;
+mod nested;
+mod other_meshes;
+mod pairs;
+mod quasistatic;
+mod solid_cases;
+mod solids;
+
+mod statics;
+mod validation;
