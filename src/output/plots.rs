@@ -1,5 +1,6 @@
 //! Pictures of a solve (SVG) and `report.html`, a page with all of them.
 
+mod bodies;
 mod camera;
 pub mod chart;
 mod contact_surface;
@@ -12,14 +13,17 @@ mod raster;
 mod sheet;
 mod solid;
 mod surface;
+mod svg;
 mod view;
 mod zbuffer;
 
 use super::files::write;
-use super::{ContactFields, OutputError, Report, StepFields, StepResults};
+use super::{OutputError, Report, StepResults};
 use crate::contact::Space;
-use crate::mesh::{Kind, Topology};
-use crate::model::Elastic;
+use crate::mesh::Kind;
+use bodies::Bodies;
+use chart::Chart;
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 pub use view::View;
 
@@ -43,156 +47,78 @@ pub trait Draw<const D: usize>: Space<D>
 where
     Kind: Space<D>,
 {
-    /// The deformed bodies under a title at the end of a step, counted from 1, and what can be turned of them.
-    fn deformed(
-        title: &str,
-        step: usize,
-        elastic: &Elastic<D>,
-        fields: &StepFields<D>,
-        contact: &ContactFields<D>,
-    ) -> (String, Option<View>);
+    /// The deformed bodies under a title, and what can be turned of them.
+    fn deformed(title: &str, bodies: &Bodies<D>) -> (String, Option<View>);
 
-    /// A contact at the end of a step, whose title ends with `of_step`.
-    fn contact(
-        of_step: &str,
-        step: usize,
-        elastic: &Elastic<D>,
-        contact: &ContactFields<D>,
-        pair: usize,
-    ) -> String;
+    /// A contact under a title.
+    fn contact(title: &str, bodies: &Bodies<D>, pair: usize) -> String;
 
     /// The pictures of the step that was added to the report last.
     fn step_pictures(report: &Report, results: &StepResults<D>) -> Vec<Picture> {
         let Some(of) = &results.of_bodies else {
             return Vec::new();
         };
-        let (elastic, fields, contact) = (of.elastic, &of.fields, &of.contact);
-        let names = Names::new(report, elastic.n_steps() > 1);
-        let (svg, view) = Self::deformed(&names.title(), names.step, elastic, fields, contact);
-        let mut pictures = vec![names.deformed(svg, view)];
-        for pair in 0..elastic.pairs.len() {
-            let svg = Self::contact(&names.of_step, names.step, elastic, contact, pair);
-            pictures.push(names.contact(elastic, pair, svg));
-        }
-        pictures
+        let step = report.steps.len();
+        // Behind the names of files, and behind titles.
+        let (suffix, of_step) = if of.elastic.n_steps() > 1 {
+            (format!("-{step:03}"), format!(", load step {step}"))
+        } else {
+            Default::default()
+        };
+        let bodies = Bodies::new(step, of.elastic, &of.fields, &of.contact);
+        let pairs = &of.elastic.pairs;
+        let picture = |name: &str, title: &str, svg, view| Picture {
+            name: format!("{name}{suffix}"),
+            step: Some(step),
+            title: format!("{title}{of_step}"),
+            svg,
+            view,
+        };
+        let deformed = || {
+            let usual = "Deformed bodies";
+            let title = if report.title.is_empty() {
+                usual
+            } else {
+                &report.title
+            };
+            let (svg, view) = Self::deformed(&format!("{title}{of_step}"), &bodies);
+            picture("deformed", usual, svg, view)
+        };
+        let contacts = pairs.par_iter().enumerate().map(|(number, pair)| {
+            let name = match pairs.len() {
+                1 => "contact".to_owned(),
+                _ => format!("contact-{}", number + 1),
+            };
+            let title = format!("{} / {}", pair.boundary, pair.against);
+            let svg = Self::contact(&format!("{title}{of_step}"), &bodies, number);
+            picture(&name, &format!("Contact {title}"), svg, None)
+        });
+        let (deformed, contacts) = rayon::join(deformed, || contacts.collect::<Vec<_>>());
+        std::iter::once(deformed).chain(contacts).collect()
     }
 }
 
 /// The deformed bodies, and a chart for each contact.
 impl Draw<2> for Kind {
-    fn deformed(
-        title: &str,
-        step: usize,
-        elastic: &Elastic,
-        fields: &StepFields,
-        contact: &ContactFields,
-    ) -> (String, Option<View>) {
-        (picture::svg(title, step, elastic, fields, contact), None)
+    fn deformed(title: &str, bodies: &Bodies) -> (String, Option<View>) {
+        (picture::svg(title, bodies), None)
     }
 
-    fn contact(
-        of_step: &str,
-        _: usize,
-        elastic: &Elastic,
-        contact: &ContactFields,
-        pair: usize,
-    ) -> String {
-        let mut chart = curves::contact(elastic, contact, pair);
-        chart.title += of_step;
-        chart.svg()
+    fn contact(title: &str, bodies: &Bodies, pair: usize) -> String {
+        curves::contact(title, bodies, pair).svg()
     }
 }
 
 /// The deformed bodies from two sides, and each contact surface.
 impl Draw<3> for Kind {
-    fn deformed(
-        title: &str,
-        step: usize,
-        elastic: &Elastic<3>,
-        fields: &StepFields<3>,
-        contact: &ContactFields<3>,
-    ) -> (String, Option<View>) {
-        let solids = solid::Solids::new(elastic, fields, contact);
-        (solids.svg(title, step), Some(View::new(&solids, step)))
+    fn deformed(title: &str, bodies: &Bodies<3>) -> (String, Option<View>) {
+        let solids = solid::Solids::new(bodies);
+        let (svg, view) = rayon::join(|| solids.svg(title), || View::new(&solids));
+        (svg, Some(view))
     }
 
-    fn contact(
-        of_step: &str,
-        step: usize,
-        elastic: &Elastic<3>,
-        contact: &ContactFields<3>,
-        number: usize,
-    ) -> String {
-        let pair = &elastic.pairs[number];
-        let title = format!("{} / {}{of_step}", pair.boundary, pair.against);
-        let id = format!("p{number}t{step}");
-        contact_surface::svg(&title, &id, elastic, contact, number)
-    }
-}
-
-/// The names of the pictures of the step that was added to the report last.
-struct Names<'a> {
-    report: &'a Report,
-    step: usize,
-    /// Behind the names of files, and behind titles.
-    suffix: String,
-    of_step: String,
-}
-
-impl<'a> Names<'a> {
-    fn new(report: &'a Report, several: bool) -> Self {
-        let step = report.steps.len();
-        let (suffix, of_step) = if several {
-            (format!("-{step:03}"), format!(", load step {step}"))
-        } else {
-            Default::default()
-        };
-        Self {
-            report,
-            step,
-            suffix,
-            of_step,
-        }
-    }
-
-    /// What stands above the deformed bodies.
-    fn title(&self) -> String {
-        let title = match self.report.title.as_str() {
-            "" => "Deformed bodies",
-            title => title,
-        };
-        format!("{title}{}", self.of_step)
-    }
-
-    /// The picture of the deformed bodies.
-    fn deformed(&self, svg: String, view: Option<View>) -> Picture {
-        Picture {
-            name: format!("deformed{}", self.suffix),
-            step: Some(self.step),
-            title: format!("Deformed bodies{}", self.of_step),
-            svg,
-            view,
-        }
-    }
-
-    /// The picture of a contact.
-    fn contact<const D: usize>(&self, elastic: &Elastic<D>, pair: usize, svg: String) -> Picture
-    where
-        Kind: Topology<D>,
-    {
-        let number = match elastic.pairs.len() {
-            1 => String::new(),
-            _ => format!("-{}", pair + 1),
-        };
-        let (suffix, of_step) = (&self.suffix, &self.of_step);
-        let pair = &elastic.pairs[pair];
-        Picture {
-            name: format!("contact{number}{suffix}"),
-            step: Some(self.step),
-            title: format!("Contact {} / {}{of_step}", pair.boundary, pair.against),
-            svg,
-            view: None,
-        }
+    fn contact(title: &str, bodies: &Bodies<3>, pair: usize) -> String {
+        contact_surface::svg(title, bodies, pair)
     }
 }
 
@@ -202,16 +128,14 @@ pub fn pictures(report: &Report) -> Vec<Picture> {
     if report.steps.len() > 1 && report.steps.iter().any(|s| !s.contacts.is_empty()) {
         charts.insert(0, ("steps", curves::steps(report)));
     }
-    charts
-        .into_iter()
-        .map(|(name, chart)| Picture {
-            name: name.to_owned(),
-            step: None,
-            title: chart.title.clone(),
-            svg: chart.svg(),
-            view: None,
-        })
-        .collect()
+    let picture = |(name, chart): (&str, Chart)| Picture {
+        name: name.to_owned(),
+        step: None,
+        svg: chart.svg(),
+        title: chart.title,
+        view: None,
+    };
+    charts.into_iter().map(picture).collect()
 }
 
 /// Writes pictures as `NAME.svg` and, with the whole report, into `report.html`.
@@ -223,10 +147,7 @@ pub fn write_pictures(
     let mut files = (pictures.iter())
         .map(|picture| write(directory, &format!("{}.svg", picture.name), &picture.svg))
         .collect::<Result<Vec<_>, _>>()?;
-    files.push(write(
-        directory,
-        "report.html",
-        html::page(report, pictures),
-    )?);
+    let page = html::page(report, pictures);
+    files.push(write(directory, "report.html", page)?);
     Ok(files)
 }

@@ -49,14 +49,10 @@ impl Camera {
                 .map(|(n, weight)| weight * dot(*n, back).max(0.0));
             seen.sum()
         };
-        let mut best = (candidates[0], 1.1 * shown(candidates[0]));
-        for candidate in &candidates[1..] {
-            let value = shown(*candidate);
-            if value > best.1 {
-                best = (*candidate, value);
-            }
-        }
-        [Self::from(best.0), Self::from(best.0.map(|v| -v))]
+        let value = |k: usize| shown(candidates[k]) * if k == 0 { 1.1 } else { 1.0 };
+        let best = (0..4).max_by(|&a, &b| value(a).total_cmp(&value(b)).then(b.cmp(&a)));
+        let best = candidates[best.unwrap_or(0)];
+        [best, best.map(|v| -v)].map(Self::from)
     }
 
     /// A place as it is seen: to the right and up.

@@ -4,7 +4,7 @@ mod scale;
 
 pub(super) use scale::{Scale, nice};
 
-use crate::output::put;
+use super::svg::{Svg, escape, patch, places};
 
 /// Colours of series and zones that are told apart without colour vision as well (after Okabe and Ito 2008).
 pub mod colour {
@@ -63,15 +63,17 @@ pub enum Mark {
     Line,
     /// A thin broken line.
     Dashed,
-    /// A dot at each point.
-    Dots,
     /// A line with a dot at each point.
     LineAndDots,
 }
 
 impl Mark {
-    fn has_dots(self) -> bool {
-        matches!(self, Self::Dots | Self::LineAndDots)
+    /// How wide its line is.
+    fn style(self) -> &'static str {
+        match self {
+            Self::Dashed => "stroke-width=\"1.3\" stroke-dasharray=\"5 4\"",
+            _ => "stroke-width=\"2\"",
+        }
     }
 }
 
@@ -86,6 +88,28 @@ pub struct Series {
     pub mark: Mark,
     /// (x, y), in this order.
     pub points: Vec<(f64, f64)>,
+}
+
+impl Series {
+    /// A series.
+    pub fn new(name: &str, colour: &'static str, mark: Mark, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            name: name.to_owned(),
+            colour,
+            mark,
+            points,
+        }
+    }
+
+    /// A piece of its line, and a dot of it.
+    fn sample(&self) -> String {
+        let (colour, style) = (self.colour, self.mark.style());
+        let mut sample = format!("<path d=\"M0 -4.5h26\" stroke=\"{colour}\" {style}/>");
+        if self.mark == Mark::LineAndDots {
+            sample += &format!("<circle cx=\"13\" cy=\"-4.5\" r=\"3\" fill=\"{colour}\"/>");
+        }
+        sample
+    }
 }
 
 /// A coloured zone between two abscissas.
@@ -126,20 +150,6 @@ const TOP: f64 = 44.0;
 /// What lies behind their ends.
 const BESIDE: f64 = 20.0;
 const BELOW: f64 = 84.0;
-/// Between the lines of the legend.
-const LINE: f64 = 20.0;
-const DASHES: &str = " stroke-dasharray=\"5 4\"";
-/// The style of all pictures.
-pub(super) const STYLE: &str = "font-family=\"system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', Arial, sans-serif\" font-size=\"13\" fill=\"#222222\"";
-
-/// A text with the characters that SVG and HTML reserve replaced.
-pub(super) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
-}
-
 impl Chart {
     /// The picture.
     pub fn svg(&self) -> String {
@@ -148,30 +158,39 @@ impl Chart {
 
     /// The picture in another size.
     pub(super) fn sized(&self, width: f64, height: f64) -> String {
-        let entries = self.legend(width);
-        let lines = entries.last().map_or(0, |entry| entry.line) as f64;
-        let below = BELOW + LINE * lines;
+        let entries = self.legend();
+        let lines = places(&entries, LEFT, width).last().map_or(0.0, |at| at[1]);
+        let (right, bottom) = (width - BESIDE, height - BELOW - lines);
         let points = || self.series.iter().flat_map(|s| s.points.iter());
         let ends = self.zones.iter().flat_map(|z| [z.from, z.to]);
         let all_x = points().map(|p| p.0).chain(ends);
         let mut drawing = Drawing {
             chart: self,
-            xs: Scale::new(&self.x, all_x, LEFT, width - BESIDE, 0.0),
-            ys: Scale::new(&self.y, points().map(|p| p.1), height - below, TOP, 0.06),
-            width,
-            height,
-            below,
-            svg: String::new(),
+            xs: Scale::new(&self.x, all_x, LEFT, right, 0.0),
+            ys: Scale::new(&self.y, points().map(|p| p.1), bottom, TOP, 0.06),
+            right,
+            bottom,
+            svg: Svg::new(&self.title, [width, height], LEFT),
         };
-        drawing.head();
         drawing.zones();
         drawing.axes();
         for series in &self.series {
             drawing.series(series);
         }
         drawing.labels();
-        drawing.legend(&entries);
-        drawing.svg + "</svg>\n"
+        let first = height - 14.0 - lines;
+        drawing.svg.legend(&entries, [LEFT, first], width);
+        drawing.svg.finish()
+    }
+
+    /// The names of series and zones with samples of them.
+    fn legend(&self) -> Vec<(String, String)> {
+        let named = self.series.iter().filter(|series| !series.name.is_empty());
+        let series = named.map(|series| (series.sample(), series.name.clone()));
+        let first = (self.zones.iter().enumerate())
+            .filter(|&(i, zone)| self.zones[..i].iter().all(|z| z.name != zone.name));
+        let zones = first.map(|(_, zone)| (patch(zone.colour), zone.name.to_owned()));
+        series.chain(zones).collect()
     }
 }
 
@@ -180,50 +199,21 @@ struct Drawing<'a> {
     chart: &'a Chart,
     xs: Scale,
     ys: Scale,
-    width: f64,
-    height: f64,
-    /// What lies below the axes.
-    below: f64,
-    svg: String,
+    /// Where the axes end.
+    right: f64,
+    bottom: f64,
+    svg: Svg,
 }
 
 impl Drawing<'_> {
-    fn put(&mut self, line: std::fmt::Arguments) {
-        put(&mut self.svg, line);
-    }
-
-    fn right(&self) -> f64 {
-        self.width - BESIDE
-    }
-
-    fn bottom(&self) -> f64 {
-        self.height - self.below
-    }
-
-    /// The beginning of the file, and the title.
-    fn head(&mut self) {
-        let title = escape(&self.chart.title);
-        let (width, height) = (self.width, self.height);
-        self.put(format_args!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" role=\"img\" {STYLE}>"
-        ));
-        self.put(format_args!(
-            "<title>{title}</title><rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>"
-        ));
-        self.put(format_args!(
-            "<text x=\"{LEFT}\" y=\"26\" font-size=\"16\" font-weight=\"600\">{title}</text>"
-        ));
-    }
-
     /// The coloured zones, behind everything else.
     fn zones(&mut self) {
-        let bottom = self.bottom();
         for zone in &self.chart.zones {
             let (a, b) = (self.xs.place(zone.from), self.xs.place(zone.to));
-            self.put(format_args!(
+            self.svg.put(format_args!(
                 "<rect x=\"{a:.2}\" y=\"{TOP}\" width=\"{:.2}\" height=\"{:.2}\" fill=\"{}\"/>",
                 (b - a).max(0.0),
-                bottom - TOP,
+                self.bottom - TOP,
                 zone.colour
             ));
         }
@@ -231,35 +221,32 @@ impl Drawing<'_> {
 
     /// Ticks with their numbers, the vertical lines, the two axes.
     fn axes(&mut self) {
-        let (right, bottom) = (self.right(), self.bottom());
+        let (right, bottom) = (self.right, self.bottom);
         for (v, label) in self.ys.ticks(6.0) {
-            let y = self.ys.place(v);
-            self.put(format_args!(
-                "<path d=\"M{LEFT} {y:.2}H{right}\" stroke=\"#000000\" stroke-opacity=\"{}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",
-                if v == 0.0 { 0.45 } else { 0.1 },
+            let (y, opacity) = (self.ys.place(v), if v == 0.0 { 0.45 } else { 0.1 });
+            self.svg.put(format_args!(
+                "<path d=\"M{LEFT} {y:.2}H{right}\" stroke=\"#000000\" stroke-opacity=\"{opacity}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",
                 LEFT - 8.0,
                 y + 4.5
             ));
         }
-        for (v, label) in self.xs.ticks(9.0 * self.width / WIDTH) {
-            let x = self.xs.place(v);
-            self.put(format_args!(
-                "<path d=\"M{x:.2} {bottom}v5\" stroke=\"#222222\"/><text x=\"{x:.2}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>",
-                bottom + 20.0
+        for (v, label) in self.xs.ticks(9.0 * (right + BESIDE) / WIDTH) {
+            let (x, below) = (self.xs.place(v), bottom + 20.0);
+            self.svg.put(format_args!(
+                "<path d=\"M{x:.2} {bottom}v5\" stroke=\"#222222\"/><text x=\"{x:.2}\" y=\"{below:.1}\" text-anchor=\"middle\">{label}</text>"
             ));
         }
         for &rule in &self.chart.rules {
             let x = self.xs.place(rule);
-            self.put(format_args!(
+            self.svg.put(format_args!(
                 "<path d=\"M{x:.2} {TOP}V{bottom}\" stroke=\"#000000\" stroke-opacity=\"0.25\" stroke-dasharray=\"2 3\"/>"
             ));
         }
-        self.put(format_args!(
-            "<path d=\"M{LEFT} {TOP}V{bottom}H{right}\" fill=\"none\" stroke=\"#222222\"/>"
-        ));
+        let axes = format!("M{LEFT} {TOP}V{bottom}H{right}");
+        self.svg.path(&axes, "stroke=\"#222222\"");
     }
 
-    /// A line, dots, or both.
+    /// A line, and dots on it.
     fn series(&mut self, series: &Series) {
         let (mut path, mut dots) = (String::new(), String::new());
         let mut command = 'M';
@@ -273,18 +260,12 @@ impl Drawing<'_> {
             dots += &format!("<circle cx=\"{px:.2}\" cy=\"{py:.2}\" r=\"3\"/>");
             command = 'L';
         }
-        let colour = series.colour;
-        if series.mark != Mark::Dots {
-            let (width, dashes) = match series.mark {
-                Mark::Dashed => (1.3, DASHES),
-                _ => (2.0, ""),
-            };
-            self.put(format_args!(
-                "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" stroke-linejoin=\"round\"{dashes}/>"
-            ));
-        }
-        if series.mark.has_dots() {
-            self.put(format_args!("<g fill=\"{colour}\">{dots}</g>"));
+        let (colour, style) = (series.colour, series.mark.style());
+        let style = format!("stroke=\"{colour}\" {style} stroke-linejoin=\"round\"");
+        self.svg.path(&path, &style);
+        if series.mark == Mark::LineAndDots {
+            let dots = format_args!("<g fill=\"{colour}\">{dots}</g>");
+            self.svg.put(dots);
         }
     }
 
@@ -292,96 +273,13 @@ impl Drawing<'_> {
     fn labels(&mut self) {
         let x = escape(&self.xs.label(&self.chart.x));
         let y = escape(&self.ys.label(&self.chart.y));
-        self.put(format_args!(
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{x}</text>",
-            0.5 * (LEFT + self.right()),
-            self.bottom() + 42.0
-        ));
-        self.put(format_args!(
-            "<text transform=\"translate(20 {:.1}) rotate(-90)\" text-anchor=\"middle\">{y}</text>",
-            0.5 * (TOP + self.bottom())
+        self.svg.put(format_args!(
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{x}</text>\n<text transform=\"translate(20 {:.1}) rotate(-90)\" text-anchor=\"middle\">{y}</text>",
+            0.5 * (LEFT + self.right),
+            self.bottom + 42.0,
+            0.5 * (TOP + self.bottom)
         ));
     }
-
-    /// The names of series and zones with samples of them.
-    fn legend(&mut self, entries: &[Entry]) {
-        let lines = (self.below - BELOW) / LINE;
-        for Entry {
-            sample,
-            name,
-            x,
-            line,
-        } in entries
-        {
-            let y = self.height - 14.0 - LINE * (lines - *line as f64);
-            self.put(format_args!(
-                "<g transform=\"translate({x:.1} {y})\">{sample}<text x=\"32\">{}</text></g>",
-                escape(name)
-            ));
-        }
-    }
-}
-
-/// A name in the legend, with a sample of what it stands for, and its place.
-struct Entry<'a> {
-    sample: String,
-    name: &'a str,
-    x: f64,
-    line: usize,
-}
-
-impl Chart {
-    /// The names of series and zones from left to right; in narrow pictures in several lines.
-    fn legend(&self, width: f64) -> Vec<Entry<'_>> {
-        let mut named: Vec<(String, &str)> = (self.series.iter())
-            .filter(|series| !series.name.is_empty())
-            .map(|series| (sample(series), series.name.as_str()))
-            .collect();
-        for (i, zone) in self.zones.iter().enumerate() {
-            if self.zones[..i].iter().all(|z| z.name != zone.name) {
-                let colour = zone.colour;
-                let sample = format!(
-                    "<rect y=\"-11\" width=\"26\" height=\"13\" fill=\"{colour}\" stroke=\"#bbbbbb\"/>"
-                );
-                named.push((sample, zone.name));
-            }
-        }
-        let (mut x, mut line) = (LEFT, 0);
-        let mut entries = Vec::new();
-        for (sample, name) in named {
-            // About the width of a text in these fonts.
-            let wide = 52.0 + 7.0 * name.chars().count() as f64;
-            if x > LEFT && x + wide > width && width < WIDTH {
-                (x, line) = (LEFT, line + 1);
-            }
-            entries.push(Entry {
-                sample,
-                name,
-                x,
-                line,
-            });
-            x += wide;
-        }
-        entries
-    }
-}
-
-/// A piece of the line of a series, and a dot of it.
-fn sample(series: &Series) -> String {
-    let colour = series.colour;
-    let line = match series.mark {
-        Mark::Dots => String::new(),
-        Mark::Dashed => {
-            format!("<path d=\"M0 -4.5h26\" stroke=\"{colour}\" stroke-width=\"1.3\"{DASHES}/>")
-        }
-        _ => format!("<path d=\"M0 -4.5h26\" stroke=\"{colour}\" stroke-width=\"2\"/>"),
-    };
-    let dot = if series.mark.has_dots() {
-        format!("<circle cx=\"13\" cy=\"-4.5\" r=\"3\" fill=\"{colour}\"/>")
-    } else {
-        String::new()
-    };
-    line + &dot
 }
 
 #[cfg(test)]
@@ -400,12 +298,7 @@ mod tests {
                 title: "<a & b>".to_owned(),
                 x: Axis::new("x", "m"),
                 y: Axis::new("y", ""),
-                series: vec![Series {
-                    name: "s".to_owned(),
-                    colour: colour::BLUE,
-                    mark: Mark::LineAndDots,
-                    points,
-                }],
+                series: vec![Series::new("s", colour::BLUE, Mark::LineAndDots, points)],
                 zones: vec![],
                 rules: vec![],
             };

@@ -2,14 +2,15 @@
 
 mod profile;
 
-use super::chart::{Axis, STYLE, Scale, colour, escape};
+use super::bodies::Bodies;
+use super::chart::{Axis, Scale};
 use super::legend::{self, ColourBar, short};
-use super::raster::{Raster, viridis};
+use super::raster::{Raster, largest, mean};
 use super::sheet::{Sheet, sheets};
-use crate::mesh::vector::bounds;
+use super::svg::{LINE, Svg, escape, line, patch, places};
+use crate::mesh::vector::{bounds, length};
 use crate::model::Elastic;
-use crate::output::{ContactFields, NodeStatus, put, shown_at_nodes};
-use base64::Engine as _;
+use crate::output::{ContactFields, NodeStatus, shown_at_nodes};
 use profile::profile;
 use std::collections::HashMap;
 
@@ -22,16 +23,17 @@ const BAR: f64 = 96.0;
 /// The largest a panel gets.
 const PANEL: [f64; 2] = [300.0, 330.0];
 const WIDE: [f64; 2] = [690.0, 300.0];
-/// Pixels per unit of the picture.
-const FINE: f64 = 2.0;
 /// The longest arrow, and how far arrows stand apart.
 const ARROW: f64 = 26.0;
 const APART: f64 = 22.0;
 /// Edges of elements are drawn where these are longer than this on average.
 const VISIBLE_EDGE: f64 = 7.0;
 /// Where nothing lies opposite, or a support holds.
-const NOTHING: f64 = -1.0;
-const NOTHING_COLOUR: [u8; 3] = [214, 214, 214];
+const NOTHING: &str = "#d6d6d6";
+/// How arrows and the border of what is in contact are drawn.
+const ARROWS: &str =
+    "stroke=\"#222222\" stroke-width=\"1.1\" stroke-linecap=\"round\" stroke-linejoin=\"round\"";
+const BORDER: &str = "stroke=\"#ffffff\" stroke-width=\"1.4\" stroke-linecap=\"round\"";
 
 /// A contact on its way to a picture.
 struct Scene<'a> {
@@ -46,19 +48,14 @@ struct Scene<'a> {
     has_friction: bool,
     /// Keeps names apart from those of other pictures.
     name: String,
-    svg: String,
+    svg: Svg,
     /// How far down it is drawn so far.
     y: f64,
 }
 
-/// The picture of a contact. `name` keeps the names in it apart from those of other pictures on the same page.
-pub(super) fn svg(
-    title: &str,
-    name: &str,
-    elastic: &Elastic<3>,
-    contact: &ContactFields<3>,
-    pair: usize,
-) -> String {
+/// The picture of a contact.
+pub(super) fn svg(title: &str, bodies: &Bodies<3>, pair: usize) -> String {
+    let (elastic, contact) = (bodies.elastic, bodies.contact);
     let rows = shown_at_nodes(elastic, contact, Some(pair));
     let order: Vec<usize> = (0..elastic.pair_of.len())
         .filter(|&i| elastic.pair_of[i] as usize == pair)
@@ -74,8 +71,8 @@ pub(super) fn svg(
         has_friction: (order.iter())
             .any(|&i| contact.bound[i] > 0.0 || contact.status(i) == NodeStatus::Stick),
         rows,
-        name: name.to_owned(),
-        svg: String::new(),
+        name: format!("p{pair}t{}", bodies.step),
+        svg: Svg::default(),
         y: 44.0,
     };
     let pressure = |node: u32| scene.rows.get(&node).map_or(0.0, |&i| contact.pressure[i]);
@@ -84,16 +81,21 @@ pub(super) fn svg(
         scene.sheet(sheet, k);
     }
     scene.legend();
-    if let Some(first) = scene.sheet_of_peak(&all) {
-        scene.profiles(&all[first]);
+    let peaks = all.iter().map(|sheet| (scene.peak(sheet).0, sheet));
+    // The first of those with the largest.
+    let highest = peaks.rev().max_by(|a, b| a.0.total_cmp(&b.0));
+    if let Some((_, sheet)) = highest.filter(|(peak, _)| *peak > 0.0) {
+        scene.profiles(sheet);
     }
-    scene.finish(title)
+    let mut svg = Svg::new(title, [WIDTH, scene.y + 12.0], MARGIN);
+    svg.text += &scene.svg.text;
+    svg.finish()
 }
 
 /// The tangential traction of a contact node.
 fn along(contact: &ContactFields<3>, i: usize) -> f64 {
     let [_, rubbed] = contact.traction_vectors(i);
-    crate::mesh::vector::length(rubbed)
+    length(rubbed)
 }
 
 /// A part of a sheet on its way to a panel.
@@ -116,30 +118,25 @@ impl Panel {
 }
 
 impl Scene<'_> {
-    fn put(&mut self, line: std::fmt::Arguments) {
-        put(&mut self.svg, line);
-    }
-
-    fn status(&self, i: usize) -> NodeStatus {
-        self.contact.status(i)
-    }
-
     /// Whether the contact node at a node of the mesh touches the other side: the others may have a pressure of rounding.
     fn pressed(&self, node: u32) -> bool {
         let row = self.rows.get(&node);
-        row.is_some_and(|&i| self.status(i) != NodeStatus::Separated)
+        row.is_some_and(|&i| self.contact.status(i) != NodeStatus::Separated)
     }
 
-    /// The sheet with the largest pressure.
-    fn sheet_of_peak(&self, all: &[Sheet]) -> Option<usize> {
-        let peak = |sheet: &Sheet| {
-            let nodes = sheet.triangles.iter().flat_map(|(_, nodes)| nodes);
-            let rows = nodes.filter_map(|node| self.rows.get(node));
-            rows.map(|&i| self.contact.pressure[i]).fold(0.0, f64::max)
-        };
-        let peaks = all.iter().map(peak).enumerate();
-        let best = peaks.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?;
-        (best.1 > 0.0).then_some(best.0)
+    /// The largest pressure of a sheet, and its place.
+    fn peak(&self, sheet: &Sheet) -> (f64, [f64; 2]) {
+        let all = sheet.triangles.iter();
+        let corners = all.flat_map(|(at, nodes)| at.iter().zip(nodes));
+        corners.fold((0.0, [0.0; 2]), |best, (x, node)| {
+            let row = self.rows.get(node);
+            let pressure = row.map_or(0.0, |&i| self.contact.pressure[i]);
+            if pressure > best.0 {
+                (pressure, *x)
+            } else {
+                best
+            }
+        })
     }
 
     /// What is shown of a sheet: all of it, or the part in contact and what is around it, where that is small.
@@ -170,67 +167,59 @@ impl Scene<'_> {
         let room = if is_wide { WIDE } else { PANEL };
         let unit = (room[0] / extent[0]).min(room[1] / extent[1]);
         let size = extent.map(|v| unit * v);
-        let mut caption = sheet.caption.clone();
+        let mut caption = capitalised(&sheet.caption);
         if is_zoomed {
             caption += "; only the part in contact is shown";
         }
-        let y = self.y + 12.0;
-        self.put(format_args!(
-            "<text x=\"{MARGIN}\" y=\"{y:.1}\" fill=\"#555555\">{}</text>",
-            escape(&capitalised(&caption))
+        let (y, caption) = (self.y + 12.0, escape(&caption));
+        self.svg.put(format_args!(
+            "<text x=\"{MARGIN}\" y=\"{y:.1}\" fill=\"#555555\">{caption}</text>"
         ));
         let first = [MARGIN + AXIS, y + 38.0];
-        let panel = |at: [f64; 2]| Panel {
+        let mut panel = Panel {
             low,
             unit,
             size,
-            at,
+            at: first,
         };
+        self.pressures(sheet, &panel);
         let bar = [first[0] + size[0] + 18.0, first[1] + 6.0];
-        self.pressures(sheet, &panel(first));
-        let bar_height = (size[1] - 6.0).clamp(110.0, 240.0);
-        let unit_name = self.elastic.units.stress();
+        let height = (size[1] - 6.0).clamp(110.0, 240.0);
         let colours = ColourBar {
             name: format!("{}s{number}", self.name),
-            unit: &unit_name,
+            unit: &self.elastic.units.stress(),
             top: self.top,
             largest: self.largest,
-            height: bar_height,
+            height,
         };
         colours.draw(&mut self.svg, bar);
-        let height = size[1].max(bar_height + 20.0);
-        self.y = first[1] + height + BELOW;
+        self.y = first[1] + size[1].max(height + 20.0) + BELOW;
         if !self.has_friction {
             return;
         }
-        let second = if is_wide {
+        panel.at = if is_wide {
             [first[0], self.y + 26.0]
         } else {
             [bar[0] + BAR + AXIS, first[1]]
         };
-        self.states(sheet, &panel(second));
+        self.states(sheet, &panel);
         if is_wide {
-            self.y = second[1] + size[1] + BELOW;
+            self.y = panel.at[1] + size[1] + BELOW;
         }
     }
 
     /// The panel of the pressures, with the border of what is in contact.
     fn pressures(&mut self, sheet: &Sheet, panel: &Panel) {
-        let (rows, pressure, top) = (&self.rows, &self.contact.pressure, self.top);
-        let mut raster = self.raster(panel);
+        let mut raster = Raster::new(panel.size);
+        let nothing = raster.add(NOTHING);
         for (at, nodes) in &sheet.triangles {
-            let x = at.map(|x| panel.place(x).map(|v| FINE * v));
-            let values = nodes.map(|node| rows.get(&node).map(|&i| pressure[i]));
-            match values {
-                [Some(a), Some(b), Some(c)] => raster.triangle(x, [a, b, c]),
-                _ => raster.nearest(x, [NOTHING; 3]),
-            }
+            let values = nodes.map(|node| self.rows.get(&node).map(|&i| self.contact.pressure[i]));
+            raster.fill(at.map(|x| panel.place(x)), |weights| match values {
+                [Some(a), Some(b), Some(c)] => Raster::level(mean(weights, [a, b, c]) / self.top),
+                _ => nothing,
+            });
         }
-        let image = raster.coloured(|value| match value {
-            NOTHING => NOTHING_COLOUR,
-            value => viridis(value / top),
-        });
-        self.open(panel, "contact pressure", &image);
+        self.open(panel, "contact pressure", &raster);
         self.edges(sheet, panel);
         let mut border = String::new();
         for (at, nodes) in &sheet.triangles {
@@ -241,35 +230,33 @@ impl Scene<'_> {
                 .map(|[a, b]| panel.place([0, 1].map(|c| 0.5 * (at[a][c] + at[b][c]))))
                 .collect();
             if let [p, q] = middles[..] {
-                border += &format!("M{:.1} {:.1}L{:.1} {:.1}", p[0], p[1], q[0], q[1]);
+                border += &line([p, q]);
             }
         }
-        self.put(format_args!(
-            "<path d=\"{border}\" fill=\"none\" stroke=\"#ffffff\" stroke-width=\"1.4\" stroke-linecap=\"round\"/>"
-        ));
+        self.svg.path(&border, BORDER);
         self.close(sheet, panel);
     }
 
     /// The panel of what nodes do, with the tangential tractions.
     fn states(&mut self, sheet: &Sheet, panel: &Panel) {
-        let mut raster = self.raster(panel);
+        let mut raster = Raster::new(panel.size);
+        let nothing = raster.add(NOTHING);
+        let colours: Vec<_> = (legend::states(self.contact).into_iter())
+            .map(|(state, _, colour, _)| (state, raster.add(colour)))
+            .collect();
+        let colour = |&i: &usize| {
+            let mut all = colours.iter();
+            let found = all.find(|(state, _)| *state == self.contact.status(i));
+            found.map_or(nothing, |&(_, colour)| colour)
+        };
         for (at, nodes) in &sheet.triangles {
-            let x = at.map(|x| panel.place(x).map(|v| FINE * v));
-            let values = nodes.map(|node| self.rows.get(&node).map(|&i| self.status(i)));
-            match values {
-                [Some(a), Some(b), Some(c)] => {
-                    raster.nearest(x, [a, b, c].map(|s| f64::from(s as u8)))
-                }
-                _ => raster.nearest(x, [NOTHING; 3]),
-            }
+            let of = nodes.map(|node| self.rows.get(&node).map(colour));
+            raster.fill(at.map(|x| panel.place(x)), |weights| match of {
+                [Some(a), Some(b), Some(c)] => [a, b, c][largest(weights)],
+                _ => nothing,
+            });
         }
-        let image = raster.coloured(|value| {
-            let all = STATES
-                .iter()
-                .find(|(state, ..)| f64::from(*state as u8) == value);
-            all.map_or(NOTHING_COLOUR, |(.., colour)| rgb(colour))
-        });
-        self.open(panel, "stick and slip, tangential traction", &image);
+        self.open(panel, "stick and slip, tangential traction", &raster);
         self.edges(sheet, panel);
         self.arrows(sheet, panel);
         self.close(sheet, panel);
@@ -290,7 +277,7 @@ impl Scene<'_> {
                 let place = panel.place(*x);
                 let cell = place.map(|v| (v / APART).floor());
                 let off = [0, 1].map(|c| place[c] - APART * (cell[c] + 0.5));
-                let entry = (off[0].hypot(off[1]), place, i, *node);
+                let entry = (length(off), place, i, *node);
                 let held = cells.entry(cell.map(|v| v as i64)).or_insert(entry);
                 if (entry.0, entry.2) < (held.0, held.2) {
                     *held = entry;
@@ -300,161 +287,115 @@ impl Scene<'_> {
         let mut chosen: Vec<_> = cells.into_values().collect();
         chosen.sort_by_key(|&(_, _, i, _)| i);
         let mut path = String::new();
-        for (_, [x, y], i, node) in chosen {
+        for (_, place, i, node) in chosen {
             let [_, rubbed] = self.contact.traction_vectors(i);
             let [right, up] = sheet.vector(self.elastic.mesh.nodes[node as usize], rubbed);
             let scale = ARROW / self.rubbed;
             if right.hypot(up) > 0.02 * self.rubbed {
-                path += &arrow([x, y], [scale * right, -scale * up]);
+                path += &arrow(place, [scale * right, -scale * up]);
             }
         }
-        self.put(format_args!(
-            "<path d=\"{path}\" fill=\"none\" stroke=\"#222222\" stroke-width=\"1.1\" stroke-linecap=\"round\" stroke-linejoin=\"round\"/>"
-        ));
-    }
-
-    fn raster(&self, panel: &Panel) -> Raster {
-        let [width, height] = panel.size.map(|v| (FINE * v).ceil().max(1.0) as usize);
-        Raster::new(width, height)
+        self.svg.path(&path, ARROWS);
     }
 
     /// Begins a panel with its title and its image.
-    fn open(&mut self, panel: &Panel, title: &str, image: &[u8]) {
+    fn open(&mut self, panel: &Panel, title: &str, raster: &Raster) {
         let ([x, y], [width, height]) = (panel.at, panel.size);
-        let image = base64::engine::general_purpose::STANDARD.encode(image);
         let clip = format!("{}c{:.0}-{:.0}", self.name, x, y);
-        self.put(format_args!(
-            "<g transform=\"translate({x:.1} {y:.1})\"><text y=\"-10\" font-weight=\"600\">{title}</text><clipPath id=\"{clip}\"><rect x=\"-1\" y=\"-1\" width=\"{:.1}\" height=\"{:.1}\"/></clipPath><g clip-path=\"url(#{clip})\"><image width=\"{width:.1}\" height=\"{height:.1}\" preserveAspectRatio=\"none\" href=\"data:image/png;base64,{image}\"/>",
+        self.svg.open(panel.at);
+        self.svg.put(format_args!(
+            "<text y=\"-10\" font-weight=\"600\">{title}</text><clipPath id=\"{clip}\"><rect x=\"-1\" y=\"-1\" width=\"{:.1}\" height=\"{:.1}\"/></clipPath><g clip-path=\"url(#{clip})\">",
             width + 2.0,
             height + 2.0
         ));
+        self.svg.image([0.0; 2], panel.size, &raster.png());
     }
 
     /// The edges of the elements where there is room, and where the surface ends.
     fn edges(&mut self, sheet: &Sheet, panel: &Panel) {
-        let line = |[p, q]: [[f64; 2]; 2]| {
-            let ([a, b], [c, d]) = (panel.place(p), panel.place(q));
-            (
-                (c - a).hypot(d - b),
-                format!("M{a:.1} {b:.1}L{c:.1} {d:.1}"),
-            )
-        };
-        let in_view = |ends: &[[f64; 2]; 2]| {
-            let places = ends.map(|x| panel.place(x));
-            places
-                .iter()
-                .any(|x| (0..2).all(|c| x[c] >= -1.0 && x[c] <= panel.size[c] + 1.0))
-        };
+        let is_in_view = |x: &[f64; 2]| (0..2).all(|c| x[c] >= -1.0 && x[c] <= panel.size[c] + 1.0);
         let shown: Vec<_> = (sheet.edges.iter())
-            .filter(|(ends, _)| in_view(ends))
-            .map(|&(ends, is_border)| (line(ends), is_border))
+            .map(|&(ends, is_border)| (ends.map(|x| panel.place(x)), is_border))
+            .filter(|(ends, _)| ends.iter().any(is_in_view))
             .collect();
-        let total: f64 = shown.iter().map(|((length, _), _)| length).sum();
+        let lengths = shown
+            .iter()
+            .map(|([p, q], _)| (q[0] - p[0]).hypot(q[1] - p[1]));
+        let total: f64 = lengths.sum();
         let all = |border: bool| -> String {
             let wanted = shown.iter().filter(|(_, is_border)| *is_border == border);
-            wanted.map(|((_, path), _)| path.as_str()).collect()
+            wanted.map(|&(ends, _)| line(ends)).collect()
         };
-        let (thin, thick) = (all(false), all(true));
         if total > VISIBLE_EDGE * shown.len() as f64 {
-            self.put(format_args!(
-                "<path d=\"{thin}\" fill=\"none\" stroke=\"#000000\" stroke-opacity=\"0.14\" stroke-width=\"0.6\"/>"
-            ));
+            let thin = "stroke=\"#000000\" stroke-opacity=\"0.14\" stroke-width=\"0.6\"";
+            self.svg.path(&all(false), thin);
         }
-        self.put(format_args!(
-            "<path d=\"{thick}\" fill=\"none\" stroke=\"#222222\"/>"
-        ));
+        self.svg.path(&all(true), "stroke=\"#222222\"");
     }
 
     /// Ends a panel with its axes.
     fn close(&mut self, sheet: &Sheet, panel: &Panel) {
-        let unit = self.elastic.units.length.clone();
         let [width, height] = panel.size;
-        let [x, y] = [0, 1].map(|c| {
+        let [(x, x_label), (y, y_label)] = [0, 1].map(|c| {
             let ends = [panel.low[c], panel.low[c] + panel.size[c] / panel.unit];
             let (start, end) = if c == 0 { (0.0, width) } else { (height, 0.0) };
-            let axis = Axis::new(&sheet.labels[c], &unit);
+            let axis = Axis::new(&sheet.labels[c], &self.elastic.units.length);
             let scale = Scale::new(&axis, ends.into_iter(), start, end, 0.0);
             let label = escape(&scale.label(&axis));
             (scale, label)
         });
+        let bottom = height + 4.0;
         let mut lines = String::new();
-        for (value, label) in x.0.ticks((width / 45.0).max(1.5)) {
-            let at = x.0.place(value);
+        for (value, label) in x.ticks((width / 45.0).max(1.5)) {
+            let (at, below) = (x.place(value), bottom + 17.0);
             lines += &format!(
-                "<path d=\"M{at:.1} {:.1}v5\" stroke=\"#222222\"/><text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\" font-size=\"12\">{label}</text>",
-                height + 4.0,
-                height + 21.0
+                "<path d=\"M{at:.1} {bottom:.1}v5\" stroke=\"#222222\"/><text x=\"{at:.1}\" y=\"{below:.1}\" text-anchor=\"middle\" font-size=\"12\">{label}</text>"
             );
         }
-        for (value, label) in y.0.ticks((height / 40.0).max(1.5)) {
-            let at = y.0.place(value);
+        for (value, label) in y.ticks((height / 40.0).max(1.5)) {
+            let (at, below) = (y.place(value), y.place(value) + 4.0);
             lines += &format!(
-                "<path d=\"M-4 {at:.1}h-5\" stroke=\"#222222\"/><text x=\"-12\" y=\"{:.1}\" text-anchor=\"end\" font-size=\"12\">{label}</text>",
-                at + 4.0
+                "<path d=\"M-4 {at:.1}h-5\" stroke=\"#222222\"/><text x=\"-12\" y=\"{below:.1}\" text-anchor=\"end\" font-size=\"12\">{label}</text>"
             );
         }
-        self.put(format_args!(
-            "</g><path d=\"M-4 0V{:.1}H{width:.1}\" fill=\"none\" stroke=\"#222222\"/>{lines}<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text><text transform=\"translate(-46 {:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text></g>",
-            height + 4.0,
+        self.svg.put(format_args!(
+            "</g><path d=\"M-4 0V{bottom:.1}H{width:.1}\" fill=\"none\" stroke=\"#222222\"/>{lines}<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{x_label}</text><text transform=\"translate(-46 {:.1}) rotate(-90)\" text-anchor=\"middle\">{y_label}</text></g>",
             0.5 * width,
-            height + 40.0,
-            x.1,
-            0.5 * height,
-            y.1
+            bottom + 36.0,
+            0.5 * height
         ));
     }
 
-    /// What the colours of the states and the arrows mean.
+    /// What the colours of the states, the arrows and the border mean.
     fn legend(&mut self) {
         let mut entries: Vec<(String, String)> = Vec::new();
-        let rows: Vec<usize> = self.rows.values().copied().collect();
+        let count = |state| {
+            let mut here = self.rows.values();
+            here.by_ref()
+                .filter(|&&i| self.contact.status(i) == state)
+                .count()
+        };
         if self.has_friction {
-            for (state, name, colour) in STATES {
-                if rows.iter().any(|&i| self.status(i) == state) {
-                    let sample = format!(
-                        "<rect y=\"-11\" width=\"26\" height=\"13\" fill=\"{colour}\" stroke=\"#bbbbbb\"/>"
-                    );
-                    entries.push((sample, name.to_owned()));
-                }
-            }
+            let states = legend::states(self.contact).into_iter();
+            let seen = states.filter(|state| count(state.0) > 0);
+            entries.extend(seen.map(|(_, name, colour, _)| (patch(colour), name.to_owned())));
             if self.rubbed > 0.0 {
                 let path = arrow([0.0, -4.5], [ARROW, 0.0]);
-                let sample = format!(
-                    "<path d=\"{path}\" fill=\"none\" stroke=\"#222222\" stroke-width=\"1.1\"/>"
-                );
-                let unit = self.elastic.units.stress();
-                let text = format!(
-                    "tangential traction on the body, {} {unit}",
-                    short(self.rubbed)
-                );
-                entries.push((sample, text));
+                let sample = format!("<path d=\"{path}\" fill=\"none\" {ARROWS}/>");
+                let (rubbed, unit) = (short(self.rubbed), self.elastic.units.stress());
+                let name = format!("tangential traction on the body, {rubbed} {unit}");
+                entries.push((sample, name));
             }
         }
-        let (border, ground) = ("#ffffff", "#2a788e");
-        let touching = rows
-            .iter()
-            .filter(|&&i| self.status(i) != NodeStatus::Separated);
-        if ![0, rows.len()].contains(&touching.count()) {
-            entries.push((
-            format!(
-                "<rect y=\"-11\" width=\"26\" height=\"13\" fill=\"{ground}\"/><path d=\"M2 -4.5h22\" stroke=\"{border}\" stroke-width=\"1.4\"/>"
-            ),
-            "border of the contact".to_owned(),
-        ));
+        if ![0, self.rows.len()].contains(&count(NodeStatus::Separated)) {
+            let ground = patch("#2a788e");
+            let sample = format!("{ground}<path d=\"M2 -4.5h22\" {BORDER}/>");
+            entries.push((sample, "border of the contact".to_owned()));
         }
-        let (mut x, mut y) = (MARGIN, self.y + 8.0);
-        for (sample, name) in entries {
-            let wide = 56.0 + 7.0 * name.chars().count() as f64;
-            if x > MARGIN && x + wide > WIDTH {
-                (x, y) = (MARGIN, y + 22.0);
-            }
-            self.put(format_args!(
-                "<g transform=\"translate({x:.1} {y:.1})\">{sample}<text x=\"34\">{}</text></g>",
-                escape(&name)
-            ));
-            x += wide;
-        }
-        self.y = y + 22.0;
+        let first = self.y + 8.0;
+        self.svg.legend(&entries, [MARGIN, first], WIDTH);
+        let places = places(&entries, MARGIN, WIDTH);
+        self.y = first + places.last().map_or(0.0, |at| at[1]) + LINE + 2.0;
     }
 
     /// Pressure, tangential traction and slip bound along both lines through the largest pressure.
@@ -465,46 +406,12 @@ impl Scene<'_> {
         for axis in 0..2 {
             let chart = profile(self, sheet, axis).sized(width, height);
             let x = MARGIN - 10.0 + axis as f64 * (width + GAP);
-            let y = self.y;
-            self.put(format_args!(
-                "<g transform=\"translate({x:.1} {y:.1})\">{chart}</g>"
-            ));
+            self.svg.open([x, self.y]);
+            self.svg.text += &chart;
+            self.svg.close();
         }
         self.y += height;
     }
-
-    /// The file.
-    fn finish(self, title: &str) -> String {
-        let (title, height) = (escape(title), self.y + 12.0);
-        let mut svg = String::new();
-        put(
-            &mut svg,
-            format_args!(
-                "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH:.0} {height:.0}\" width=\"{WIDTH:.0}\" height=\"{height:.0}\" role=\"img\" {STYLE}>"
-            ),
-        );
-        put(
-            &mut svg,
-            format_args!(
-                "<title>{title}</title><rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/><text x=\"{MARGIN}\" y=\"26\" font-size=\"16\" font-weight=\"600\">{title}</text>"
-            ),
-        );
-        svg + &self.svg + "</svg>\n"
-    }
-}
-
-/// What a contact node may do, what that is called and its colour.
-const STATES: [(NodeStatus, &str, &str); 4] = [
-    (NodeStatus::Stick, "stick", colour::STICK),
-    (NodeStatus::Slip, "slip", colour::SLIP),
-    (NodeStatus::Frictionless, "in contact", colour::STICK),
-    (NodeStatus::Separated, "separated", colour::SEPARATED),
-];
-
-/// A colour as three numbers.
-fn rgb(colour: &str) -> [u8; 3] {
-    let part = |k: usize| u8::from_str_radix(colour.get(k..k + 2).unwrap_or("00"), 16).unwrap_or(0);
-    [part(1), part(3), part(5)]
 }
 
 /// With a capital letter.
@@ -519,24 +426,16 @@ fn arrow([x, y]: [f64; 2], [a, b]: [f64; 2]) -> String {
     let head = 0.28;
     let (tx, ty) = (x + a, y + b);
     let side = |turn: f64| {
-        [
-            tx - head * (a + turn * 0.6 * b),
-            ty - head * (b - turn * 0.6 * a),
-        ]
+        let (along, across) = (a + turn * 0.6 * b, b - turn * 0.6 * a);
+        [tx - head * along, ty - head * across]
     };
-    let ([px, py], [qx, qy]) = (side(1.0), side(-1.0));
+    let [[px, py], [qx, qy]] = [1.0, -1.0].map(side);
     format!("M{x:.1} {y:.1}L{tx:.1} {ty:.1}M{px:.1} {py:.1}L{tx:.1} {ty:.1}L{qx:.1} {qy:.1}")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn colours_of_states_are_those_of_charts() {
-        assert_eq!(rgb(colour::STICK), [0xcf, 0xe5, 0xf5]);
-        assert_eq!(rgb("#0a0b0c"), [10, 11, 12]);
-    }
 
     #[test]
     fn arrows_end_where_they_point() {

@@ -1,130 +1,155 @@
 //! The charts of a solve: what happens along a contact, how it converged, how forces go with the steps.
 
+use super::bodies::Bodies;
 use super::chart::{Axis, Chart, Mark, Series, Zone, colour};
+use super::legend::{State, state};
+use crate::mesh::vector::{bounds, length, minus};
 use crate::model::Elastic;
-use crate::output::{ContactFields, ContactReport, NodeStatus, Report};
+use crate::output::{ContactFields, ContactReport, Report};
 use std::collections::{HashMap, HashSet};
 
+/// What is met along a line of a contact.
+#[derive(Default)]
+pub(super) struct Line {
+    /// Places with pressure, tangential traction and slip bound; NaN between parts.
+    pub points: Vec<(f64, [f64; 3])>,
+    pub zones: Vec<Zone>,
+}
+
+impl Line {
+    /// Interrupts the line.
+    pub fn interrupt(&mut self) {
+        self.points.push((f64::NAN, [f64::NAN; 3]));
+    }
+
+    /// Adds a zone, or goes on with the last where that ends here but for rounding.
+    pub fn zone(&mut self, [from, to]: [f64; 2], rounding: f64, (_, name, colour, _): State) {
+        match self.zones.last_mut() {
+            Some(zone) if zone.name == name && (from - zone.to).abs() <= rounding => zone.to = to,
+            _ => self.zones.push(Zone {
+                from,
+                to,
+                name,
+                colour,
+            }),
+        }
+    }
+
+    /// Its chart. Tractions have a direction in the plane, in space a size.
+    pub fn chart(self, title: String, x: Axis, stress: &str, friction: bool, plane: bool) -> Chart {
+        let series = |name, colour, mark, part: usize, sign: f64| {
+            let points = self.points.iter().map(|(s, v)| (*s, sign * v[part]));
+            Series::new(name, colour, mark, points.collect())
+        };
+        let bound = |name, sign| series(name, colour::GREY, Mark::Dashed, 2, sign);
+        let mut all = Vec::new();
+        if friction {
+            let name = if plane { "± slip bound" } else { "slip bound" };
+            all.push(bound(name, 1.0));
+            if plane {
+                all.push(bound("", -1.0));
+            }
+            let name = "tangential traction";
+            all.push(series(name, colour::ORANGE, Mark::Line, 1, 1.0));
+        }
+        let name = "contact pressure";
+        all.push(series(name, colour::BLUE, Mark::Line, 0, 1.0));
+        Chart {
+            title,
+            x,
+            y: Axis::new("contact stress", stress),
+            series: all,
+            zones: self.zones,
+            rules: Vec::new(),
+        }
+    }
+}
+
 /// Contact stresses against the place on the boundary of a contact, with its zones.
-pub(super) fn contact(elastic: &Elastic, fields: &ContactFields, pair: usize) -> Chart {
-    let (label, nodes) = along(elastic, pair);
-    let nodes = zoomed(nodes, fields);
-    let series = |name: &str, colour, mark, value: &dyn Fn(usize) -> f64| Series {
-        name: name.to_owned(),
-        colour,
-        mark,
-        points: (nodes.iter())
-            .map(|node| node.map_or(GAP, |(s, i)| (s, value(i))))
-            .collect(),
-    };
-    let (bound, traction) = (|i: usize| fields.bound[i], |i: usize| fields.traction[i]);
-    let mut all = Vec::new();
-    if nodes.iter().flatten().any(|&(_, i)| bound(i) > 0.0) {
-        all.extend([
-            series("± slip bound", colour::GREY, Mark::Dashed, &bound),
-            series("", colour::GREY, Mark::Dashed, &|i| -bound(i)),
-            series("tangential traction", colour::ORANGE, Mark::Line, &traction),
-        ]);
+pub(super) fn contact(title: &str, bodies: &Bodies, pair: usize) -> Chart {
+    let (elastic, fields) = (bodies.elastic, bodies.contact);
+    let (label, parts) = along(elastic, pair);
+    let parts = zoomed(parts, fields);
+    let mut line = Line::default();
+    let values = |i: usize| [fields.pressure[i], fields.traction[i], fields.bound[i]];
+    for part in &parts {
+        line.points
+            .extend(part.iter().map(|&(s, i)| (s, values(i))));
+        line.interrupt();
+        // Zones go from midpoint to midpoint.
+        for (k, &(s, i)) in part.iter().enumerate() {
+            let from = if k == 0 { s } else { 0.5 * (part[k - 1].0 + s) };
+            let to = part.get(k + 1).map_or(s, |next| 0.5 * (s + next.0));
+            line.zone([from, to], 0.0, state(fields, i));
+        }
     }
-    let pressure = |i: usize| fields.pressure[i];
-    all.push(series(
-        "contact pressure",
-        colour::BLUE,
-        Mark::Line,
-        &pressure,
-    ));
-    let pair = &elastic.pairs[pair];
-    Chart {
-        title: format!("{} / {}", pair.boundary, pair.against),
-        x: Axis::new(label, &elastic.units.length),
-        y: Axis::new("contact stress", &elastic.units.stress()),
-        series: all,
-        zones: zones(&nodes, fields),
-        rules: Vec::new(),
-    }
+    let friction = parts.iter().flatten().any(|&(_, i)| fields.bound[i] > 0.0);
+    let x = Axis::new(label, &elastic.units.length);
+    line.chart(title.to_owned(), x, &elastic.units.stress(), friction, true)
 }
 
 /// Interrupts a line.
 const GAP: (f64, f64) = (f64::NAN, f64::NAN);
 
-/// A contact place, and where it lies along the boundary; None between parts of the boundary.
-type Places = Vec<Option<(f64, usize)>>;
+/// Contact places, and where they lie along the boundary, for each of its parts.
+type Places = Vec<Vec<(f64, usize)>>;
 
 /// The places of a contact in the order of its boundary, with a coordinate where the boundary goes along an
 /// axis, else with the distance along it.
 fn along(elastic: &Elastic, pair: usize) -> (&'static str, Places) {
     let edges = &elastic.pairs[pair].facets;
-    let place = |node: u32| elastic.mesh.nodes[node as usize];
-    let axis = direction(edges, place);
-    // The places at each node, and those on the edge between two, with the part of it from the first.
-    let mut at_node: HashMap<u32, Vec<usize>> = HashMap::new();
-    let mut on_edge: HashMap<[u32; 2], Vec<(f64, usize)>> = HashMap::new();
-    for (i, here) in elastic.contact.places.iter().enumerate() {
-        if elastic.pair_of[i] as usize != pair {
-            continue;
-        }
-        match (here.node, &here.own[..]) {
-            (None, &[(a, _), (b, part)]) => {
-                on_edge.entry([a, b]).or_default().push((part, i));
-                on_edge.entry([b, a]).or_default().push((1.0 - part, i));
-            }
-            _ => {
-                let most = here.own.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-                if let Some(&(node, _)) = most {
-                    at_node.entry(node).or_default().push(i);
-                }
-            }
-        }
-    }
-    let mut places: Places = Vec::new();
-    let mut s = 0.0;
-    for chain in chains(edges) {
-        places.push(None);
-        let mut add = |s: f64, i: usize| {
-            places.push(Some((
-                axis.map_or(s, |c| elastic.contact.places[i].place[c]),
-                i,
-            )));
-        };
-        let next = chain.iter().skip(1).copied().map(Some).chain([None]);
-        for (&node, next) in chain.iter().zip(next) {
-            at_node
-                .get(&node)
-                .into_iter()
-                .flatten()
-                .for_each(|&i| add(s, i));
-            // A closed chain ends with the edge to its first node.
-            let next = next.unwrap_or(chain[0]);
-            let (p, q) = (place(node), place(next));
-            let length = (q[0] - p[0]).hypot(q[1] - p[1]);
-            let mut between = on_edge.get(&[node, next]).cloned().unwrap_or_default();
-            between.sort_by(|a, b| a.0.total_cmp(&b.0));
-            between
-                .into_iter()
-                .for_each(|(part, i)| add(s + part * length, i));
-            s += length;
-        }
-    }
-    if axis.is_some() {
-        places.retain(Option::is_some);
-        places.sort_by(|a, b| {
-            let (a, b) = (a.map_or(0.0, |p| p.0), b.map_or(0.0, |p| p.0));
-            a.total_cmp(&b)
-        });
-    }
+    let node = |node: u32| elastic.mesh.nodes[node as usize];
+    let axis = direction(edges, node);
     let label = match axis {
         Some(0) => "x",
         Some(_) => "y",
         None => "distance along the boundary",
     };
-    (label, places)
+    let next: HashMap<u32, u32> = edges.iter().map(|e| (e[0], e[1])).collect();
+    let long = |a: u32| {
+        next.get(&a)
+            .map_or(0.0, |&b| length(minus(node(b), node(a))))
+    };
+    // The chain of a node, and how far along it that lies.
+    let mut begin: HashMap<u32, (usize, f64)> = HashMap::new();
+    for (number, chain) in chains(edges).into_iter().enumerate() {
+        let mut s = 0.0;
+        for here in chain {
+            begin.insert(here, (number, s));
+            s += long(here);
+        }
+    }
+    let of_pair = (elastic.contact.places.iter().enumerate())
+        .filter(|&(i, _)| elastic.pair_of[i] as usize == pair);
+    let mut all: Vec<(usize, f64, usize)> = of_pair
+        .filter_map(|(i, here)| {
+            if let Some(c) = axis {
+                return Some((0, here.place[c], i));
+            }
+            let most = here.own.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+            let mut at = *begin.get(&most.0)?;
+            if let (None, &[(a, _), (b, part)]) = (here.node, &here.own[..]) {
+                // On the edge between two nodes, whichever is the first of them.
+                for (from, to, part) in [(a, b, part), (b, a, 1.0 - part)] {
+                    if next.get(&from) == Some(&to) {
+                        let (chain, s) = begin[&from];
+                        at = (chain, s + part * long(from));
+                    }
+                }
+            }
+            Some((at.0, at.1, i))
+        })
+        .collect();
+    all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let parts = all.chunk_by(|a, b| a.0 == b.0);
+    let parts = parts.map(|part| part.iter().map(|&(_, s, i)| (s, i)).collect());
+    (label, parts.collect())
 }
 
 /// The axis that edges go along without turning back, the one they go farther along if there are two.
 fn direction(edges: &[[u32; 2]], place: impl Fn(u32) -> [f64; 2]) -> Option<usize> {
-    let steps: Vec<[f64; 2]> = (edges.iter())
-        .map(|&[a, b]| [place(b)[0] - place(a)[0], place(b)[1] - place(a)[1]])
-        .collect();
+    let step = |&[a, b]: &[u32; 2]| minus(place(b), place(a));
+    let steps: Vec<[f64; 2]> = edges.iter().map(step).collect();
     let monotone = |c: usize| steps.iter().all(|d| d[c] > 0.0) || steps.iter().all(|d| d[c] < 0.0);
     let extent = |c: usize| steps.iter().map(|d| d[c]).sum::<f64>().abs();
     match (monotone(0), monotone(1)) {
@@ -158,58 +183,20 @@ fn chains(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
 }
 
 /// The part in contact and what is around it, where that is small.
-fn zoomed(nodes: Places, fields: &ContactFields) -> Places {
-    let span = |all: &mut dyn Iterator<Item = f64>| {
-        all.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), s| {
-            (a.min(s), b.max(s))
-        })
+fn zoomed(mut parts: Places, fields: &ContactFields) -> Places {
+    let span = |least: f64| {
+        let all = parts.iter().flatten();
+        let pressed = all.filter(|place| fields.pressure[place.1] > least);
+        bounds(pressed.map(|place| [place.0]))
     };
-    let (low, high) = span(&mut nodes.iter().flatten().map(|n| n.0));
-    let (from, to) = span(
-        &mut nodes
-            .iter()
-            .flatten()
-            .filter(|n| fields.pressure[n.1] > 0.0)
-            .map(|n| n.0),
-    );
+    let (([low], [high]), ([from], [to])) = (span(f64::NEG_INFINITY), span(0.0));
     let width = to - from;
-    if !(width > 0.0 && width < 0.4 * (high - low)) {
-        return nodes;
+    if width > 0.0 && width < 0.4 * (high - low) {
+        let shown = from - 0.3 * width..=to + 0.3 * width;
+        let each = parts.iter_mut();
+        each.for_each(|part| part.retain(|(s, _)| shown.contains(s)));
     }
-    let (from, to) = (from - 0.3 * width, to + 0.3 * width);
-    nodes
-        .into_iter()
-        .filter(|node| node.is_none_or(|(s, _)| (from..=to).contains(&s)))
-        .collect()
-}
-
-/// Stretches of nodes in one state, from midpoint to midpoint.
-fn zones(nodes: &Places, fields: &ContactFields) -> Vec<Zone> {
-    let mut zones: Vec<Zone> = Vec::new();
-    let state = |i: usize| match fields.status(i) {
-        NodeStatus::Separated => ("separated", colour::SEPARATED),
-        NodeStatus::Frictionless => ("in contact", colour::STICK),
-        NodeStatus::Stick => ("stick", colour::STICK),
-        NodeStatus::Slip => ("slip", colour::SLIP),
-    };
-    for part in nodes.split(Option::is_none) {
-        let part: Vec<(f64, usize)> = part.iter().flatten().copied().collect();
-        for (k, &(s, i)) in part.iter().enumerate() {
-            let from = if k == 0 { s } else { 0.5 * (part[k - 1].0 + s) };
-            let to = part.get(k + 1).map_or(s, |next| 0.5 * (s + next.0));
-            let (name, colour) = state(i);
-            match zones.last_mut() {
-                Some(zone) if zone.name == name && zone.to == from => zone.to = to,
-                _ => zones.push(Zone {
-                    from,
-                    to,
-                    name,
-                    colour,
-                }),
-            }
-        }
-    }
-    zones
+    parts
 }
 
 /// The error over the products with A, load steps and rounds with frozen slip bounds marked.
@@ -231,25 +218,14 @@ pub(super) fn convergence(report: &Report) -> Chart {
         let curve = if row.frozen { &mut frozen } else { &mut newton };
         curve.push(((before + products) as f64, row.step.err));
     }
-    let mut series = vec![Series {
-        name: "error, relative to the first".to_owned(),
-        colour: colour::BLUE,
-        mark: Mark::LineAndDots,
-        points: newton,
-    }];
+    let dotted = |name, colour, points| Series::new(name, colour, Mark::LineAndDots, points);
+    let mut series = vec![dotted("error, relative to the first", colour::BLUE, newton)];
     if !report.friction_history.is_empty() {
-        series.push(Series {
-            name: "error of rounds with frozen slip bounds".to_owned(),
-            colour: colour::GREEN,
-            mark: Mark::LineAndDots,
-            points: frozen,
-        });
-        series.push(Series {
-            name: "change of the slip bounds after a round".to_owned(),
-            colour: colour::ORANGE,
-            mark: Mark::LineAndDots,
-            points: report.friction_history.clone(),
-        });
+        let changes = report.friction_history.clone();
+        let name = "error of rounds with frozen slip bounds";
+        series.push(dotted(name, colour::GREEN, frozen));
+        let name = "change of the slip bounds after a round";
+        series.push(dotted(name, colour::ORANGE, changes));
     }
     Chart {
         title: "Convergence".to_owned(),
@@ -273,18 +249,11 @@ pub(super) fn steps(report: &Report) -> Chart {
                 .collect()
         };
         let name = &report.steps[0].contacts[c].boundary;
-        series.push(Series {
-            name: format!("{name}, normal"),
-            colour: COLOURS[c],
-            mark: Mark::LineAndDots,
-            points: over(&|contact| contact.normal_force),
-        });
-        series.push(Series {
-            name: format!("{name}, tangential"),
-            colour: COLOURS[c],
-            mark: Mark::Dashed,
-            points: over(&|contact| contact.tangential_force),
-        });
+        let (normal, tangential) = (format!("{name}, normal"), format!("{name}, tangential"));
+        let forces = over(&|contact| contact.normal_force);
+        series.push(Series::new(&normal, COLOURS[c], Mark::LineAndDots, forces));
+        let forces = over(&|contact| contact.tangential_force);
+        series.push(Series::new(&tangential, COLOURS[c], Mark::Dashed, forces));
     }
     Chart {
         title: "Contact forces over the load steps".to_owned(),

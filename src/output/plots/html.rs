@@ -1,8 +1,8 @@
 //! `report.html`: everything of a solve on one page that a browser opens offline.
 
-use super::chart::escape;
+use super::svg::escape;
 use super::{Picture, view};
-use crate::output::{Report, StepReport, put};
+use crate::output::{Report, StepReport};
 use crate::ssnm::Status;
 
 const STYLE: &str = "
@@ -16,18 +16,14 @@ summary { cursor: pointer; margin: .5rem 0 } figure { margin: 1rem 0; overflow-x
 /// Pictures of earlier load steps are on the page where there are no more steps than this.
 const MOST_STEPS: usize = 12;
 
-/// A table with a head; cells are escaped.
-fn table(out: &mut String, head: &[impl AsRef<str>], rows: impl Iterator<Item = Vec<String>>) {
-    out.push_str("<div class=\"scroll\"><table>");
-    let mut row = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
-        let cells: String = cells
-            .map(|cell| format!("<{tag}>{}</{tag}>", escape(cell)))
-            .collect();
-        put(out, format_args!("<tr>{cells}</tr>"));
-    };
-    row("th", &mut head.iter().map(AsRef::as_ref));
-    for cells in rows {
-        row("td", &mut cells.iter().map(String::as_str));
+/// A table under a title, with a head; texts are escaped.
+fn table(out: &mut String, title: &str, head: &[&str], rows: impl Iterator<Item = Vec<String>>) {
+    *out += &format!("<h2>{title}</h2>\n<div class=\"scroll\"><table>\n");
+    let head = head.iter().map(|&cell| cell.to_owned()).collect();
+    for (tag, row) in std::iter::once(("th", head)).chain(rows.map(|row| ("td", row))) {
+        let cell = |cell: &String| format!("<{tag}>{}</{tag}>", escape(cell));
+        let cells: String = row.iter().map(cell).collect();
+        *out += &format!("<tr>{cells}</tr>\n");
     }
     out.push_str("</table></div>\n");
 }
@@ -59,12 +55,9 @@ fn head(out: &mut String, report: &Report) {
         "" => "signorini".to_owned(),
         title => escape(title),
     };
-    put(
-        out,
-        format_args!(
-            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\"><title>{title}</title><style>{STYLE}{}</style></head>\n<body>\n<h1>{title}</h1>",
-            view::STYLE
-        ),
+    let style = view::STYLE;
+    *out += &format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\"><title>{title}</title><style>{STYLE}{style}</style></head>\n<body>\n<h1>{title}</h1>\n"
     );
     let (class, text) = match report.status {
         Some(Status::Converged) => ("status", "converged"),
@@ -75,18 +68,13 @@ fn head(out: &mut String, report: &Report) {
         Some(Status::Interrupted) => ("status bad", "NOT converged: interrupted"),
         None => ("status bad", "ended by an error"),
     };
-    put(
-        out,
-        format_args!(
-            "<p><span class=\"{class}\">{text}</span> {} unknowns, {} contact nodes, {:.2} s; optimality conditions met to {:.1e}</p>",
-            report.n,
-            report.m,
-            report.timings.total,
-            report.kkt.max()
-        ),
+    let (n, m, total) = (report.n, report.m, report.timings.total);
+    let met = report.kkt.max();
+    *out += &format!(
+        "<p><span class=\"{class}\">{text}</span> {n} unknowns, {m} contact nodes, {total:.2} s; optimality conditions met to {met:.1e}</p>\n"
     );
     for line in report.error.iter().chain(&report.hints) {
-        put(out, format_args!("<p class=\"note\">{}</p>", escape(line)));
+        *out += &format!("<p class=\"note\">{}</p>\n", escape(line));
     }
 }
 
@@ -94,41 +82,32 @@ fn head(out: &mut String, report: &Report) {
 /// that can be turned.
 fn figures(out: &mut String, report: &Report, pictures: &[Picture]) -> bool {
     let last = report.steps.len();
+    let earlier = if last <= MOST_STEPS { 1..last } else { 0..0 };
     let of = |step| pictures.iter().filter(move |picture| picture.step == step);
-    let is_on_page =
-        |picture: &&Picture| last <= MOST_STEPS || picture.step.is_none_or(|s| s == last);
-    let used = (pictures.iter().filter(is_on_page)).map(|picture| picture.svg.len());
-    let used: usize = used.sum();
+    let on_page = of(Some(last)).chain(of(None));
+    let all = on_page
+        .clone()
+        .chain(earlier.clone().flat_map(|step| of(Some(step))));
+    let used = all.map(|picture| picture.svg.len()).sum();
     let views: Vec<_> = pictures.iter().filter_map(|p| p.view.as_ref()).collect();
     let mut has_view = false;
-    for picture in of(Some(last)).chain(of(None)) {
+    for picture in on_page {
         let (title, svg) = (escape(&picture.title), &picture.svg);
-        put(out, format_args!("<h2>{title}</h2>"));
-        if picture.view.is_some() && view::put_view(out, &views, used) {
+        *out += &format!("<h2>{title}</h2>\n");
+        // Folded by the script where the view works.
+        let (open, close) = if picture.view.is_some() && view::put_view(out, &views, used) {
             has_view = true;
-            // Folded by the script where the view works.
-            put(
-                out,
-                format_args!(
-                    "<details id=\"still\" open><summary>Still picture</summary><figure>\n{svg}</figure></details>"
-                ),
-            );
+            let open = "<details id=\"still\" open><summary>Still picture</summary>";
+            (open, "</details>")
         } else {
-            put(out, format_args!("<figure>\n{svg}</figure>"));
-        }
+            ("", "")
+        };
+        *out += &format!("{open}<figure>\n{svg}</figure>{close}\n");
     }
-    if last > MOST_STEPS {
-        return has_view;
-    }
-    for step in 1..last {
-        put(
-            out,
-            format_args!("<details><summary>Load step {step}</summary>"),
-        );
-        for picture in of(Some(step)) {
-            put(out, format_args!("<figure>\n{}</figure>", picture.svg));
-        }
-        put(out, format_args!("</details>"));
+    for step in earlier {
+        let svgs = of(Some(step)).map(|picture| format!("<figure>\n{}</figure>\n", picture.svg));
+        let svgs: String = svgs.collect();
+        *out += &format!("<details><summary>Load step {step}</summary>\n{svgs}</details>\n");
     }
     has_view
 }
@@ -138,124 +117,108 @@ fn components(force: &[f64]) -> impl Iterator<Item = String> {
     force.iter().map(|v| format!("{v:.6e}"))
 }
 
-/// What they are called, where there are so many.
-fn axes(count: usize) -> impl Iterator<Item = &'static str> {
-    ["x", "y", "z"].into_iter().take(count)
-}
-
 /// What the contacts carry at the end of a step.
 fn contacts(out: &mut String, report: &Report, step: &StepReport) {
-    if step.contacts.is_empty() {
+    let Some(first) = step.contacts.first() else {
         return;
-    }
+    };
     let units = &report.units;
-    let count = step.contacts.iter().map(|c| c.force.len()).max();
-    let forces = axes(count.unwrap_or(0)).map(|axis| format!("force {axis} ({})", units.force));
-    let head: Vec<String> = (["contact", "friction"].map(str::to_owned).into_iter())
-        .chain(forces)
-        .chain([
-            format!("largest pressure ({})", units.stress()),
-            format!("area in contact ({})", units.area()),
-        ])
-        .chain(["separated", "stick", "slip", "without friction"].map(str::to_owned))
+    let axes = ["x", "y", "z"].into_iter().take(first.force.len());
+    let forces: Vec<String> = axes
+        .map(|axis| format!("force {axis} ({})", units.force))
         .collect();
-    out.push_str("<h2>Contacts at the end</h2>\n");
-    table(
-        out,
-        &head,
-        step.contacts.iter().map(|c| {
-            [
-                format!("{} / {}", c.boundary, c.against),
-                c.friction.clone(),
-            ]
-            .into_iter()
+    let pressure = format!("largest pressure ({})", units.stress());
+    let area = format!("area in contact ({})", units.area());
+    let head: Vec<&str> = (["contact", "friction"].into_iter())
+        .chain(forces.iter().map(String::as_str))
+        .chain([
+            &pressure,
+            &area,
+            "separated",
+            "stick",
+            "slip",
+            "without friction",
+        ])
+        .collect();
+    let rows = step.contacts.iter().map(|c| {
+        let counts = [c.separated, c.stick, c.slip, c.frictionless];
+        let name = format!("{} / {}", c.boundary, c.against);
+        ([name, c.friction.clone()].into_iter())
             .chain(components(&c.force))
-            .chain([
-                format!("{:.4e}", c.max_pressure),
-                format!("{:.4e}", c.area),
-                c.separated.to_string(),
-                c.stick.to_string(),
-                c.slip.to_string(),
-                c.frictionless.to_string(),
-            ])
+            .chain([c.max_pressure, c.area].map(|v| format!("{v:.4e}")))
+            .chain(counts.map(|count| count.to_string()))
             .collect()
-        }),
-    );
+    });
+    table(out, "Contacts at the end", &head, rows);
     out.push_str("<p class=\"note\">Forces act on the body of the boundary named first.</p>\n");
 }
 
 /// The loads and the reactions of the supports in a step.
 fn balance(out: &mut String, report: &Report, step: &StepReport) {
-    if step.supports.is_empty() && step.total_load.is_none() {
-        return;
-    }
-    let force = &report.units.force;
     let loads = (step.total_load.iter()).map(|f| ("all loads".to_owned(), f));
     let supports = (step.supports.iter()).map(|s| (format!("support {}", s.support), &s.force));
     let rows: Vec<(String, &Vec<f64>)> = loads.chain(supports).collect();
-    let count = rows.iter().map(|(_, force)| force.len()).max();
-    let of_axes = axes(count.unwrap_or(0)).map(|axis| format!("{axis} ({force})"));
-    let head: Vec<String> = std::iter::once(String::new()).chain(of_axes).collect();
-    out.push_str("<h2>Balance of forces</h2>\n");
-    table(
-        out,
-        &head,
-        rows.into_iter()
-            .map(|(name, force)| std::iter::once(name).chain(components(force)).collect()),
-    );
+    let Some((_, first)) = rows.first() else {
+        return;
+    };
+    let axes = ["x", "y", "z"].into_iter().take(first.len());
+    let axes: Vec<String> = axes
+        .map(|axis| format!("{axis} ({})", report.units.force))
+        .collect();
+    let head: Vec<&str> = std::iter::once("")
+        .chain(axes.iter().map(String::as_str))
+        .collect();
+    let rows = rows.into_iter().map(|(name, force)| {
+        let row = std::iter::once(name).chain(components(force));
+        row.collect()
+    });
+    table(out, "Balance of forces", &head, rows);
 }
 
 /// The load steps, a row each.
 fn steps(out: &mut String, report: &Report) {
-    out.push_str("<h2>Load steps</h2>\n");
-    table(
-        out,
-        &[
-            "step",
-            "factor",
-            "rounds",
-            "outer steps",
-            "products with A",
-            "separated",
-            "stick",
-            "slip",
-        ],
-        report.steps.iter().enumerate().map(|(i, s)| {
-            vec![
-                (i + 1).to_string(),
-                s.factor.to_string(),
-                s.rounds.to_string(),
-                s.iter.to_string(),
-                s.n_a.to_string(),
-                s.sets.separated.to_string(),
-                s.sets.stick.to_string(),
-                s.sets.slip.total().to_string(),
-            ]
-        }),
-    );
+    let head = [
+        "step",
+        "factor",
+        "rounds",
+        "outer steps",
+        "products with A",
+        "separated",
+        "stick",
+        "slip",
+    ];
+    let rows = report.steps.iter().enumerate().map(|(i, s)| {
+        let sets = [s.sets.separated, s.sets.stick, s.sets.slip.total()];
+        ([
+            (i + 1).to_string(),
+            s.factor.to_string(),
+            s.rounds.to_string(),
+        ]
+        .into_iter())
+        .chain([s.iter, s.n_a].map(|count| count.to_string()))
+        .chain(sets.map(|count| count.to_string()))
+        .collect()
+    });
+    table(out, "Load steps", &head, rows);
 }
 
 /// How far each optimality condition is from being met.
 fn conditions(out: &mut String, report: &Report) {
     let kkt = &report.kkt;
-    out.push_str("<h2>Optimality conditions</h2>\n");
-    table(
-        out,
-        &["condition", "violation"],
-        [
-            ("equilibrium ‖Ku + Nᵀλν + Tᵀλτ − f‖ / ‖f‖", kkt.equilibrium),
-            ("penetration max(Nu − d)₊ / ‖u‖∞", kkt.penetration),
-            ("tension max(−λν)₊ / ‖λ‖∞", kkt.tension),
-            (
-                "complementarity |λνᵀ(Nu − d)| / (‖λ‖ ‖u‖)",
-                kkt.complementarity,
-            ),
-            ("friction bound max(|λτ| − g)₊ / ‖g‖∞", kkt.friction_bound),
-            ("slip against friction / ‖u‖∞", kkt.slip),
-        ]
-        .into_iter()
-        .map(|(name, value)| vec![name.to_owned(), format!("{value:.2e}")]),
-    );
+    let rows = [
+        ("equilibrium ‖Ku + Nᵀλν + Tᵀλτ − f‖ / ‖f‖", kkt.equilibrium),
+        ("penetration max(Nu − d)₊ / ‖u‖∞", kkt.penetration),
+        ("tension max(−λν)₊ / ‖λ‖∞", kkt.tension),
+        (
+            "complementarity |λνᵀ(Nu − d)| / (‖λ‖ ‖u‖)",
+            kkt.complementarity,
+        ),
+        ("friction bound max(|λτ| − g)₊ / ‖g‖∞", kkt.friction_bound),
+        ("slip against friction / ‖u‖∞", kkt.slip),
+    ];
+    let rows = rows.map(|(name, value)| vec![name.to_owned(), format!("{value:.2e}")]);
+    let head = ["condition", "violation"];
+    table(out, "Optimality conditions", &head, rows.into_iter());
 }
 
 /// What it has cost.
@@ -265,25 +228,21 @@ fn work(out: &mut String, report: &Report) {
         Some(adapter) => adapter.clone(),
         None => format!("the {}", engine.backend),
     };
-    out.push_str("<h2>Work</h2>\n");
-    table(
-        out,
-        &["", ""],
-        [
-            ("outer steps", report.iter.to_string()),
-            ("products with A", report.n_a.to_string()),
-            ("K⁻¹ by", format!("{} on {place}", engine.stiffness)),
-            ("mesh", format!("{:.3} s", t.mesh)),
-            ("assembly", format!("{:.3} s", t.assembly)),
-            ("factorisation or set-up", format!("{:.3} s", t.factor)),
-            ("b and σ_max", format!("{:.3} s", t.setup)),
-            ("contact", format!("{:.3} s", t.ssnm)),
-            ("in all", format!("{:.3} s", t.total)),
-            ("version", report.version.to_owned()),
-        ]
-        .into_iter()
-        .map(|(name, value)| vec![name.to_owned(), value]),
-    );
+    let seconds = |s: f64| format!("{s:.3} s");
+    let rows = [
+        ("outer steps", report.iter.to_string()),
+        ("products with A", report.n_a.to_string()),
+        ("K⁻¹ by", format!("{} on {place}", engine.stiffness)),
+        ("mesh", seconds(t.mesh)),
+        ("assembly", seconds(t.assembly)),
+        ("factorisation or set-up", seconds(t.factor)),
+        ("b and σ_max", seconds(t.setup)),
+        ("contact", seconds(t.ssnm)),
+        ("in all", seconds(t.total)),
+        ("version", report.version.to_owned()),
+    ];
+    let rows = rows.map(|(name, value)| vec![name.to_owned(), value]);
+    table(out, "Work", &["", ""], rows.into_iter());
 }
 
 #[cfg(test)]
@@ -294,11 +253,12 @@ mod tests {
     fn tables_escape_their_cells() {
         let mut text = String::new();
         let rows = [vec!["<b>".to_owned(), "1".to_owned()]];
-        table(&mut text, &["contact", "x & y"], rows.into_iter());
-        assert_eq!(
-            text,
-            "<div class=\"scroll\"><table><tr><th>contact</th><th>x &amp; y</th></tr>\n\
-             <tr><td>&lt;b&gt;</td><td>1</td></tr>\n</table></div>\n"
+        table(&mut text, "Work", &["contact", "x & y"], rows.into_iter());
+        let cells =
+            "<tr><th>contact</th><th>x &amp; y</th></tr>\n<tr><td>&lt;b&gt;</td><td>1</td></tr>";
+        assert!(
+            text.contains(cells) && text.starts_with("<h2>Work</h2>"),
+            "{text}"
         );
     }
 }

@@ -1,81 +1,50 @@
-//! What pictures of the plane and of space share: how much displacements are magnified, the colours of a field and of
-//! contact nodes, and the bar that says what they mean.
+//! What the colours of pictures mean: of contact nodes and of fields.
 
-use super::chart::{colour, escape, nice};
+use super::chart::{colour, nice};
 use super::raster::viridis;
-use crate::mesh::vector::{length, minus};
+use super::svg::{Svg, escape};
 use crate::mesh::{Kind, Topology};
-use crate::model::Elastic;
-use crate::output::{ContactFields, NodeStatus, put};
+use crate::output::{ContactFields, NodeStatus};
 
-/// Displacements are scaled to this part of the size of the mesh.
-const SHOWN: f64 = 0.04;
-/// Scaled bodies overlap where they have closed a gap: by this part of the size of the mesh at most.
-const FALSE_OVERLAP: f64 = 0.003;
+/// What a contact node does, what that is called, the colour of such zones and that of such nodes.
+pub(super) type State = (NodeStatus, &'static str, &'static str, &'static str);
 
-/// A factor for the displacements: a round one that shows them, near 1 where bodies would overlap by it.
-pub(super) fn magnification<const D: usize>(
-    elastic: &Elastic<D>,
-    largest: f64,
-    contact: &ContactFields<D>,
-) -> f64
+/// All of them.
+const STATES: [State; 4] = {
+    use NodeStatus::{Frictionless, Separated, Slip, Stick};
+    [
+        (Frictionless, "in contact", colour::STICK, colour::PURPLE),
+        (Stick, "stick", colour::STICK, colour::BLUE),
+        (Slip, "slip", colour::SLIP, colour::ORANGE),
+        (Separated, "separated", colour::SEPARATED, "#ffffff"),
+    ]
+};
+
+/// That of a contact node.
+pub(super) fn state<const D: usize>(contact: &ContactFields<D>, i: usize) -> State
 where
     Kind: Topology<D>,
 {
-    let (low, high) = elastic.mesh.bounding_box();
-    let size = length(minus(high, low));
-    if !(largest > 0.0) {
-        return 1.0;
-    }
-    // A gap d that becomes g is drawn as d + s (g − d).
-    let room = FALSE_OVERLAP * size;
-    // Nor may bodies with an interference come apart.
-    let pressed = (elastic.contact.places.iter().zip(&contact.gap))
-        .filter(|(place, gap)| place.gap < 0.0 && **gap > place.gap)
-        .map(|(place, gap)| 1.0 + room / (gap - place.gap))
-        .fold(f64::INFINITY, f64::min);
-    let wanted = (elastic.contact.places.iter().zip(&contact.gap))
-        .map(|(place, gap)| (place.gap, place.gap - gap))
-        .filter(|&(before, closed)| closed > 1e-9 * before)
-        .map(|(before, closed)| (before + room) / closed)
-        .fold((SHOWN * size / largest).min(pressed), f64::min);
-    if wanted < 1.0 {
-        return 1.0;
-    }
-    // The round number at or below.
-    let up = nice(wanted);
-    if up <= wanted * (1.0 + 1e-9) {
-        up
-    } else {
-        [up / 2.0, up / 2.5]
-            .into_iter()
-            .find(|&f| (nice(f) / f - 1.0).abs() < 1e-9)
-            .unwrap_or(up / 2.0)
-            .max(1.0)
-    }
+    let status = contact.status(i);
+    let of = STATES.into_iter().find(|state| state.0 == status);
+    of.unwrap_or(STATES[3])
 }
 
-/// What contact nodes may do in this case, and the colours of it.
-pub(super) fn states<const D: usize>(contact: &ContactFields<D>) -> Vec<(NodeStatus, &'static str)>
+/// What contact nodes may do in this case.
+pub(super) fn states<const D: usize>(contact: &ContactFields<D>) -> Vec<State>
 where
     Kind: Topology<D>,
 {
-    let mut states = vec![
-        (NodeStatus::Frictionless, colour::PURPLE),
-        (NodeStatus::Stick, colour::BLUE),
-        (NodeStatus::Slip, colour::ORANGE),
-        (NodeStatus::Separated, "#ffffff"),
-    ];
     // Bodies without friction know no stick and slip, and most with friction nothing else.
     let has_friction = contact.any_friction();
     let mut all = 0..contact.pressure.len();
     let without = all.any(|i| contact.status(i) == NodeStatus::Frictionless);
-    states.retain(|&(state, _)| match state {
+    let may = |state: &State| match state.0 {
         NodeStatus::Frictionless => without,
         NodeStatus::Separated => true,
         NodeStatus::Stick | NodeStatus::Slip => has_friction,
-    });
-    states
+    };
+    STATES.into_iter().filter(may).collect()
 }
 
 /// The value that gets the last of the colours: the largest, but a few singular corners must not take all of them.
@@ -102,6 +71,13 @@ pub(super) fn top_pressure(values: &[f64]) -> f64 {
     }
 }
 
+/// The values of a colour bar, round ones from 0 to `top`; 0 alone where there is nothing else.
+pub(super) fn ticks(top: f64, largest: f64) -> impl Iterator<Item = f64> {
+    let step = nice(top / 8.0);
+    let ticks = (0..).map(move |k| f64::from(k) * step);
+    ticks.take_while(move |&v| v == 0.0 || largest > 0.0 && v <= top * (1.0 + 1e-9))
+}
+
 /// The bar with the colours of a field from 0 on.
 pub(super) struct ColourBar<'a> {
     /// Of its colours: no other on the page may have it.
@@ -116,57 +92,34 @@ pub(super) struct ColourBar<'a> {
 
 impl ColourBar<'_> {
     /// Adds it to a picture, with its left upper corner at a place.
-    pub fn draw(&self, svg: &mut String, [x, y]: [f64; 2]) {
-        let (name, top, bar) = (&self.name, self.top, self.height);
-        put(svg, format_args!("<g transform=\"translate({x:.1} {y})\">"));
-        let stops: String = (0..=10)
-            .map(|k| {
-                let [r, g, b] = viridis(f64::from(k) / 10.0);
-                let offset = 10 * k;
-                format!("<stop offset=\"{offset}%\" stop-color=\"rgb({r},{g},{b})\"/>")
-            })
-            .collect();
-        put(
-            svg,
-            format_args!(
-                "<defs><linearGradient id=\"{name}\" x1=\"0\" y1=\"1\" x2=\"0\" y2=\"0\">{stops}</linearGradient></defs>"
-            ),
-        );
-        let unit = escape(self.unit);
-        put(
-            svg,
-            format_args!(
-                "<rect width=\"16\" height=\"{bar:.0}\" fill=\"url(#{name})\" stroke=\"#222222\" stroke-width=\"0.6\"/><text y=\"-8\">{unit}</text>"
-            ),
-        );
-        let step = nice(top / 8.0);
-        let mut value = 0.0;
-        while value <= top * (1.0 + 1e-9) {
-            let at = bar * (1.0 - value / top);
-            put(
-                svg,
-                format_args!(
-                    "<path d=\"M16 {at:.1}h5\" stroke=\"#222222\"/><text x=\"25\" y=\"{:.1}\">{}</text>",
-                    at + 4.5,
-                    short(value)
-                ),
-            );
-            if !(self.largest > 0.0) {
-                break;
-            }
-            value += step;
+    pub fn draw(&self, svg: &mut Svg, at: [f64; 2]) {
+        let (name, top, bar, unit) = (&self.name, self.top, self.height, escape(self.unit));
+        let stop = |k: u8| {
+            let [r, g, b] = viridis(f64::from(k) / 10.0);
+            format!(
+                "<stop offset=\"{}%\" stop-color=\"rgb({r},{g},{b})\"/>",
+                10 * k
+            )
+        };
+        let stops: String = (0..=10).map(stop).collect();
+        svg.open(at);
+        svg.put(format_args!(
+            "<defs><linearGradient id=\"{name}\" x1=\"0\" y1=\"1\" x2=\"0\" y2=\"0\">{stops}</linearGradient></defs>\n<rect width=\"16\" height=\"{bar:.0}\" fill=\"url(#{name})\" stroke=\"#222222\" stroke-width=\"0.6\"/><text y=\"-8\">{unit}</text>"
+        ));
+        for value in ticks(top, self.largest) {
+            let y = bar * (1.0 - value / top);
+            let (below, text) = (y + 4.5, short(value));
+            svg.put(format_args!(
+                "<path d=\"M16 {y:.1}h5\" stroke=\"#222222\"/><text x=\"25\" y=\"{below:.1}\">{text}</text>"
+            ));
         }
-        put(svg, format_args!("</g>"));
         if self.largest > top {
-            let largest = short(self.largest);
-            put(
-                svg,
-                format_args!(
-                    "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"12\">largest {largest}</text>",
-                    y + bar + 18.0
-                ),
-            );
+            let (y, largest) = (bar + 18.0, short(self.largest));
+            svg.put(format_args!(
+                "<text y=\"{y:.1}\" font-size=\"12\">largest {largest}</text>"
+            ));
         }
+        svg.close();
     }
 }
 
@@ -207,16 +160,8 @@ mod tests {
 
     #[test]
     fn numbers_have_three_digits() {
-        for (value, text) in [
-            (0.0, "0"),
-            (0.5, "0.5"),
-            (-1.25, "-1.25"),
-            (123.4, "123"),
-            (9999.4, "9999"),
-            (2e4, "2e4"),
-            (1.234e-5, "1.23e-5"),
-        ] {
-            assert_eq!(short(value), text);
-        }
+        let values = [0.0, 0.5, -1.25, 123.4, 9999.4, 2e4, 1.234e-5];
+        let texts = ["0", "0.5", "-1.25", "123", "9999", "2e4", "1.23e-5"];
+        assert_eq!(values.map(short), texts);
     }
 }

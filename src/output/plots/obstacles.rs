@@ -1,7 +1,7 @@
 //! The part of a rigid obstacle in space that lies near its contact, as triangles.
 
 use crate::contact::{Obstacle, frame};
-use crate::mesh::vector::{cross, dot, length, minus, unit};
+use crate::mesh::vector::{bounds, cross, dot, length, minus, unit};
 use crate::model::Elastic;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -35,11 +35,7 @@ impl Patch {
         let mut lines: Vec<_> = ends.into_iter().flatten().cloned().collect();
         let sides = [column(|row| row.first()), column(|row| row.last())];
         // What is closed around has no sides.
-        if sides[0]
-            .iter()
-            .zip(&sides[1])
-            .any(|(a, b)| length(minus(*a, *b)) > 0.0)
-        {
+        if sides[0] != sides[1] {
             lines.extend(sides);
         }
         lines
@@ -67,16 +63,14 @@ pub(super) fn patches(elastic: &Elastic<3>) -> Vec<Patch> {
 
 /// The part of an obstacle around some places.
 fn patch(obstacle: &Obstacle<3>, places: &[[f64; 3]], margin: f64) -> Patch {
-    match *obstacle {
+    let rows = match *obstacle {
         Obstacle::HalfPlane { point, normal } => {
             let axes = frame(unit(normal));
             let ends = [1, 2].map(|c| range(places, |x| dot(minus(x, point), axes[c]), margin));
             let corner = |a: f64, b: f64| along(point, &[(a, axes[1]), (b, axes[2])]);
             let [[a, b], [c, d]] = ends;
             let rows = [a, b].map(|s| vec![corner(s, c), corner(s, d)]);
-            Patch {
-                rows: rows.to_vec(),
-            }
+            rows.to_vec()
         }
         Obstacle::Circle { center, radius } => {
             let axes = frame(towards(places.iter().map(|&x| minus(x, center))));
@@ -84,20 +78,10 @@ fn patch(obstacle: &Obstacle<3>, places: &[[f64; 3]], margin: f64) -> Patch {
             let widest = range(places, angle, margin / radius)[1].min(PI);
             let rows = steps([0.0, widest]).map(|theta| {
                 let (across, up) = (radius * theta.sin(), radius * theta.cos());
-                let point = |phi: f64| {
-                    let (sin, cos) = phi.sin_cos();
-                    let parts = [
-                        (up, axes[0]),
-                        (across * cos, axes[1]),
-                        (across * sin, axes[2]),
-                    ];
-                    along(center, &parts)
-                };
-                around(point)
+                let centre = along(center, &[(up, axes[0])]);
+                around(|phi| on_circle(centre, across, phi, [axes[1], axes[2]]))
             });
-            Patch {
-                rows: rows.collect(),
-            }
+            rows.collect()
         }
         Obstacle::Cylinder {
             point,
@@ -117,24 +101,18 @@ fn patch(obstacle: &Obstacle<3>, places: &[[f64; 3]], margin: f64) -> Patch {
             let ends = range(places, angle, margin / radius);
             let is_closed = ends[1] - ends[0] > 3.0 * FRAC_PI_2;
             let row = |s: f64| {
-                let at = |phi: f64| {
-                    let (sin, cos) = phi.sin_cos();
-                    along(
-                        point,
-                        &[(s, axis), (radius * cos, first), (radius * sin, second)],
-                    )
-                };
+                let centre = along(point, &[(s, axis)]);
+                let at = |phi: f64| on_circle(centre, radius, phi, [first, second]);
                 if is_closed {
                     around(at)
                 } else {
                     steps(ends).map(at).collect()
                 }
             };
-            Patch {
-                rows: vec![row(from), row(to)],
-            }
+            vec![row(from), row(to)]
         }
-    }
+    };
+    Patch { rows }
 }
 
 /// A point and multiples of some directions.
@@ -142,24 +120,26 @@ fn along(point: [f64; 3], parts: &[(f64, [f64; 3])]) -> [f64; 3] {
     std::array::from_fn(|c| point[c] + parts.iter().map(|(s, axis)| s * axis[c]).sum::<f64>())
 }
 
+/// The point at an angle from the first of two directions on to the second.
+fn on_circle(centre: [f64; 3], radius: f64, angle: f64, [a, b]: [[f64; 3]; 2]) -> [f64; 3] {
+    let (sin, cos) = angle.sin_cos();
+    along(centre, &[(radius * cos, a), (radius * sin, b)])
+}
+
 /// The mean direction of vectors; any where there is none.
 fn towards(vectors: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
     let sum = vectors.fold([0.0; 3], |sum, v| std::array::from_fn(|c| sum[c] + v[c]));
-    let mean = unit(sum);
-    if mean.iter().all(|v| v.is_finite()) {
-        mean
-    } else {
+    if sum == [0.0; 3] {
         [1.0, 0.0, 0.0]
+    } else {
+        unit(sum)
     }
 }
 
 /// The least and the largest of a coordinate, and a margin.
 fn range(places: &[[f64; 3]], of: impl Fn([f64; 3]) -> f64, margin: f64) -> [f64; 2] {
-    let values = places.iter().map(|&x| of(x));
-    let ends = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| {
-        [a.min(v), b.max(v)]
-    });
-    [ends[0] - margin, ends[1] + margin]
+    let ([low], [high]) = bounds(places.iter().map(|&x| [of(x)]));
+    [low - margin, high + margin]
 }
 
 /// Angles in a range, ends included.
@@ -184,21 +164,17 @@ mod tests {
     #[test]
     fn patches_lie_on_their_obstacles_and_reach_around_the_places() {
         let places = [[0.1, 0.0, 1.0], [0.0, 0.2, 1.1], [-0.1, -0.1, 0.9]];
-        for obstacle in [
-            Obstacle::HalfPlane {
-                point: [5.0, 3.0, 0.5],
-                normal: [0.0, 0.0, 3.0],
-            },
-            Obstacle::Circle {
-                center: [0.0, 0.0, -1.0],
-                radius: 1.5,
-            },
-            Obstacle::Cylinder {
-                point: [0.0, 7.0, 0.0],
-                axis: [0.0, 2.0, 0.0],
-                radius: 0.5,
-            },
-        ] {
+        let (point, normal) = ([5.0, 3.0, 0.5], [0.0, 0.0, 3.0]);
+        let plane = Obstacle::HalfPlane { point, normal };
+        let (center, radius) = ([0.0, 0.0, -1.0], 1.5);
+        let sphere = Obstacle::Circle { center, radius };
+        let (point, axis, radius) = ([0.0, 7.0, 0.0], [0.0, 2.0, 0.0], 0.5);
+        let cylinder = Obstacle::Cylinder {
+            point,
+            axis,
+            radius,
+        };
+        for obstacle in [plane, sphere, cylinder] {
             let patch = patch(&obstacle, &places, 0.3);
             let points = || patch.triangles().flatten();
             assert!(points().all(|x| obstacle.distance(x).0.abs() < 1e-12));

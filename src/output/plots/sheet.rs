@@ -2,26 +2,28 @@
 
 mod circle;
 
+use super::legend::short;
+use super::surface::{SMOOTH, borders, join, root};
 use crate::dense::symmetric_eigen;
 use crate::mesh::vector::{cross, dot, unit};
 use crate::mesh::{Facet, Mesh, facet_nodes};
 use circle::circle;
 use faer::Mat;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 
 /// Facets are seen well along a direction whose cosine with their normal is larger.
 const SEEN_WELL: f64 = 0.5;
 /// And at all, if it is larger than this one.
 const SEEN: f64 = 0.02;
-/// The cosine between the normals of facets of one piece, and of facets of two.
-const SMOOTH: f64 = 0.766;
 /// Less than this part of the area need not be seen: the last facets at the rim of a hollow.
 const HIDDEN: f64 = 0.04;
 /// A direction is taken for an axis where the cosine between them is larger.
 const NEARLY: f64 = 0.995;
 /// The cosine between the normals of its facets and the radius is at least this one.
 const ALONG: f64 = 0.8;
+/// The normals of what goes round an axis have less of it, as a part of their squares.
+const ACROSS: f64 = 0.02;
 /// No more pieces of a surface are shown.
 const MOST: usize = 4;
 
@@ -103,6 +105,12 @@ struct Facets<'a> {
     pressure: &'a dyn Fn(u32) -> f64,
 }
 
+/// The areas and outward normals of facets.
+fn normals(mesh: &Mesh<3>, facets: &[Facet<3>]) -> Vec<(f64, [f64; 3])> {
+    let normal = |facet| mesh.facet_normal(facet);
+    facets.iter().map(normal).collect()
+}
+
 /// The sheets of a boundary, that with the largest forces first.
 pub(super) fn sheets(
     mesh: &Mesh<3>,
@@ -112,10 +120,7 @@ pub(super) fn sheets(
     let all = Facets {
         mesh,
         facets,
-        normals: facets
-            .iter()
-            .map(|facet| mesh.facet_normal(facet))
-            .collect(),
+        normals: normals(mesh, facets),
         pressure,
     };
     let whole: Vec<usize> = (0..facets.len()).collect();
@@ -162,13 +167,10 @@ impl Facets<'_> {
 
     /// The part of the area of some facets that is not seen along a direction.
     fn hidden(&self, part: &[usize], along: [f64; 3]) -> f64 {
-        let area = |is_meant: &dyn Fn(f64) -> bool| -> f64 {
-            let meant = part
-                .iter()
-                .filter(|&&f| is_meant(dot(self.normals[f].1, along)));
-            meant.map(|&f| self.normals[f].0).sum()
-        };
-        area(&|seen| !(seen > SEEN)) / area(&|_| true)
+        let is_hidden = |f: usize| !(dot(self.normals[f].1, along) > SEEN);
+        let hidden = part.iter().filter(|&&f| is_hidden(f));
+        let area = |f: &usize| self.normals[*f].0;
+        hidden.map(area).sum::<f64>() / part.iter().map(area).sum::<f64>()
     }
 
     /// The mean normal of some facets, weighted; not finite where there is none.
@@ -194,26 +196,18 @@ impl Facets<'_> {
         forces.sum()
     }
 
-    /// The principal directions of the normals of some facets and their parts, the least first.
-    fn principal(&self, part: &[usize]) -> Option<[(f64, [f64; 3]); 3]> {
-        let mut matrix = Mat::zeros(3, 3);
-        let mut total = 0.0;
-        for &f in part {
-            let (area, n) = self.normals[f];
-            total += area;
-            for i in 0..3 {
-                for j in 0..3 {
-                    matrix[(i, j)] += area * n[i] * n[j];
-                }
-            }
-        }
+    /// The direction that the normals of some facets have least of, upwards; None if one of them has much of it.
+    fn axis(&self, part: &[usize]) -> Option<[f64; 3]> {
+        let total: f64 = part.iter().map(|&f| self.normals[f].0).sum();
+        let matrix = Mat::from_fn(3, 3, |i, j| {
+            let parts = part.iter().map(|&f| self.normals[f]);
+            parts.map(|(area, n)| area * n[i] * n[j]).sum::<f64>()
+        });
         let (values, vectors) = symmetric_eigen(&matrix)?;
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
-        Some(order.map(|k| {
-            let axis = [0, 1, 2].map(|c| vectors[(c, k)]);
-            (values[k] / total, tidy(axis))
-        }))
+        let least = (0..3).min_by(|&a, &b| values[a].total_cmp(&values[b]))?;
+        let axis = tidy([0, 1, 2].map(|c| vectors[(c, least)]));
+        let turn = axis.iter().sum::<f64>().signum();
+        (values[least] < ACROSS * total).then(|| axis.map(|v| turn * v + 0.0))
     }
 
     /// Facets as they are seen along a direction, their mean normal.
@@ -238,32 +232,15 @@ impl Facets<'_> {
 
     /// Facets around an axis, unrolled so that the largest pressure lies in the middle; None if they are not round.
     fn rolled(&self, part: &[usize]) -> Option<Sheet> {
-        let [(least, axis), ..] = self.principal(part)?;
-        if !(least < 0.02) {
-            return None;
-        }
-        // Upwards.
-        let turn = if axis.iter().sum::<f64>() < 0.0 {
-            -1.0
-        } else {
-            1.0
-        };
-        let axis = axis.map(|v| turn * v + 0.0);
+        let axis = self.axis(part)?;
         let first = flat_axes(axis)[0];
-        let mut axes = [axis, first, cross(axis, first)];
-        let mut nodes: Vec<u32> = (part.iter())
-            .flat_map(|&f| facet_nodes(&self.facets[f]))
-            .copied()
-            .collect();
-        nodes.sort_unstable();
-        nodes.dedup();
+        let axes = [axis, first, cross(axis, first)];
+        let nodes = part.iter().flat_map(|&f| facet_nodes(&self.facets[f]));
+        let nodes: BTreeSet<u32> = nodes.copied().collect();
         let place = |node: u32| self.mesh.nodes[node as usize];
-        let (centre, radius) = {
-            let points: Vec<[f64; 2]> = (nodes.iter())
-                .map(|&node| [1, 2].map(|k: usize| dot(axes[k], place(node))))
-                .collect();
-            circle(&points)?
-        };
+        let across = |&node| [1, 2].map(|k: usize| dot(axes[k], place(node)));
+        let points: Vec<[f64; 2]> = nodes.iter().map(across).collect();
+        let (centre, radius) = circle(&points)?;
         let outward = |x: [f64; 3]| {
             let (sin, cos) = angle(&axes, centre, x).sin_cos();
             std::array::from_fn(|c| cos * axes[1][c] + sin * axes[2][c])
@@ -280,20 +257,16 @@ impl Facets<'_> {
             let [a, b] = [a, b].map(|node| (self.pressure)(node));
             a.total_cmp(&b)
         })?;
-        let turned = angle(&axes, centre, place(peak));
-        let (sin, cos) = turned.sin_cos();
-        let (e1, e2) = (axes[1], axes[2]);
-        axes[1] = std::array::from_fn(|c| cos * e1[c] + sin * e2[c]);
-        axes[2] = std::array::from_fn(|c| cos * e2[c] - sin * e1[c]);
-        let centre = [
-            cos * centre[0] + sin * centre[1],
-            cos * centre[1] - sin * centre[0],
-        ];
+        let towards = outward(place(peak));
+        let middle: [f64; 3] =
+            std::array::from_fn(|c| centre[0] * axes[1][c] + centre[1] * axes[2][c]);
+        let axes = [axis, towards, cross(axis, towards)];
+        let centre = [1, 2].map(|k: usize| dot(axes[k], middle));
         let caption = format!(
             "unrolled about its axis along {}, radius {}; arc 0 lies towards {}",
             direction(axis),
-            super::legend::short(radius),
-            direction(axes[1])
+            short(radius),
+            direction(towards)
         );
         let labels = [
             "arc".to_owned(),
@@ -310,11 +283,8 @@ impl Facets<'_> {
     /// Facets from the side with the larger pressures, and from the other one.
     fn sides(&self, part: &[usize]) -> Vec<Sheet> {
         let pressed = self.mean(part, |f| self.pressure(f));
-        let axis = match self.principal(part) {
-            _ if pressed.iter().all(|v| v.is_finite()) => pressed,
-            Some([.., (_, axis)]) => axis,
-            None => [0.0, 0.0, 1.0],
-        };
+        let is_pressed = pressed.iter().all(|v| v.is_finite());
+        let axis = if is_pressed { pressed } else { [0.0, 0.0, 1.0] };
         let (front, behind): (Vec<usize>, Vec<usize>) =
             (part.iter()).partition(|&&f| dot(self.normals[f].1, axis) >= 0.0);
         let views = [(front, axis), (behind, axis.map(|v| -v))];
@@ -326,33 +296,19 @@ impl Facets<'_> {
 
     /// The pieces that sharp edges leave.
     fn pieces(&self) -> Vec<Vec<usize>> {
-        let mut beside: HashMap<[u32; 2], Vec<usize>> = HashMap::new();
-        for (f, facet) in self.facets.iter().enumerate() {
-            for [a, b] in sides(facet_nodes(facet)) {
-                beside.entry([a.min(b), a.max(b)]).or_default().push(f);
+        let mut joined: Vec<u32> = (0..self.facets.len() as u32).collect();
+        for border in borders(self.facets.iter().map(facet_nodes)) {
+            let [a, b] = border.facets.map(|f| self.normals[f as usize].1);
+            if border.count == 2 && dot(a, b) > SMOOTH {
+                join(&mut joined, border.facets);
             }
         }
-        let mut found = vec![false; self.facets.len()];
-        let mut pieces = Vec::new();
-        for start in 0..self.facets.len() {
-            if std::mem::replace(&mut found[start], true) {
-                continue;
-            }
-            let (mut piece, mut next) = (vec![start], 0);
-            while let Some(&f) = piece.get(next) {
-                next += 1;
-                for [a, b] in sides(facet_nodes(&self.facets[f])) {
-                    for &other in &beside[&[a.min(b), a.max(b)]] {
-                        let is_smooth = dot(self.normals[f].1, self.normals[other].1) > SMOOTH;
-                        if is_smooth && !std::mem::replace(&mut found[other], true) {
-                            piece.push(other);
-                        }
-                    }
-                }
-            }
-            pieces.push(piece);
+        let mut pieces: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for f in 0..self.facets.len() {
+            let first = root(&mut joined, f as u32);
+            pieces.entry(first).or_default().push(f);
         }
-        pieces
+        pieces.into_values().collect()
     }
 
     /// Facets laid flat.
@@ -365,52 +321,44 @@ impl Facets<'_> {
         towards: [f64; 3],
     ) -> Sheet {
         let place = |node: u32| self.mesh.nodes[node as usize];
-        let mut triangles = Vec::new();
-        let mut ends: HashMap<[u32; 2], ([[f64; 2]; 2], usize)> = HashMap::new();
         let mut order = part.to_vec();
         let depth = |f: usize| dot(towards, place(self.facets[f][0]));
         order.sort_by(|&a, &b| depth(a).total_cmp(&depth(b)));
-        for f in order {
-            let nodes = facet_nodes(&self.facets[f]);
-            // All corners on the same side of the cut, that on which the middle lies.
-            let near = match way {
-                Way::Flat(_) => 0.0,
-                Way::Rolled { axes, centre, .. } => {
-                    let sum = |c: usize| nodes.iter().map(|&n| place(n)[c]).sum::<f64>();
-                    let middle = std::array::from_fn(|c| sum(c) / nodes.len() as f64);
-                    angle(&axes, centre, middle)
-                }
-            };
-            let at: Vec<[f64; 2]> = (nodes.iter()).map(|&n| way.place(place(n), near)).collect();
-            for k in 1..nodes.len() - 1 {
-                triangles.push((
-                    [at[0], at[k], at[k + 1]],
-                    [nodes[0], nodes[k], nodes[k + 1]],
-                ));
-            }
-            for (k, [a, b]) in sides(nodes).enumerate() {
-                let line = [at[k], at[(k + 1) % at.len()]];
-                ends.entry([a.min(b), a.max(b)]).or_insert((line, 0)).1 += 1;
-            }
-        }
-        let mut edges: Vec<_> = ends.into_iter().collect();
-        edges.sort_unstable_by_key(|(ends, _)| *ends);
+        let facets = || order.iter().map(|&f| facet_nodes(&self.facets[f]));
+        // The corners of each.
+        let places: Vec<Vec<[f64; 2]>> = facets()
+            .map(|nodes| {
+                // All on the same side of the cut, that on which the middle lies.
+                let near = match way {
+                    Way::Flat(_) => 0.0,
+                    Way::Rolled { axes, centre, .. } => {
+                        let sum = |c: usize| nodes.iter().map(|&n| place(n)[c]).sum::<f64>();
+                        let middle = std::array::from_fn(|c| sum(c) / nodes.len() as f64);
+                        angle(&axes, centre, middle)
+                    }
+                };
+                nodes.iter().map(|&n| way.place(place(n), near)).collect()
+            })
+            .collect();
+        let triangles = facets().zip(&places).flat_map(|(nodes, at)| {
+            let corners = (1..nodes.len() - 1).map(|k| [0, k, k + 1]);
+            corners.map(|corners| (corners.map(|k| at[k]), corners.map(|k| nodes[k])))
+        });
+        let edges = borders(facets()).into_iter().map(|border| {
+            let first = border.facets[0] as usize;
+            let nodes = facet_nodes(&self.facets[order[first]]);
+            let corner = |node| nodes.iter().position(|&n| n == node).unwrap_or(0);
+            let line = border.ends.map(|node| places[first][corner(node)]);
+            (line, border.count == 1)
+        });
         Sheet {
-            triangles,
-            edges: edges
-                .into_iter()
-                .map(|(_, (line, n))| (line, n == 1))
-                .collect(),
+            triangles: triangles.collect(),
+            edges: edges.collect(),
             caption,
             labels,
             way,
         }
     }
-}
-
-/// The edges of a facet.
-fn sides(nodes: &[u32]) -> impl Iterator<Item = [u32; 2]> {
-    (0..nodes.len()).map(|k| [nodes[k], nodes[(k + 1) % nodes.len()]])
 }
 
 /// Two directions of a picture across a normal: those of the axes where the normal is one, to the right and upwards.
@@ -419,20 +367,14 @@ fn flat_axes(normal: [f64; 3]) -> [[f64; 3]; 2] {
     let main = (0..3).max_by(|&a, &b| normal[a].abs().total_cmp(&normal[b].abs()));
     match main {
         _ if name(normal.map(f64::abs)).is_none() => {
-            let level = if normal[2].abs() > 0.9 {
-                x
-            } else {
-                unit(cross(z, normal))
-            };
+            let is_level = normal[2].abs() > 0.9;
+            let level = if is_level { x } else { unit(cross(z, normal)) };
             let along = dot(level, normal);
             let right = unit(std::array::from_fn(|c| level[c] - along * normal[c]));
             let up = cross(normal, right);
-            let turn = if up[2] < -0.1 || (up[2] < 0.1 && up[1] < 0.0) {
-                -1.0
-            } else {
-                1.0
-            };
-            [right, up.map(|v| turn * v)].map(tidy)
+            let is_turned = up[2] < -0.1 || (up[2] < 0.1 && up[1] < 0.0);
+            let up = if is_turned { up.map(|v| -v) } else { up };
+            [right, up].map(tidy)
         }
         Some(0) => [y, z],
         Some(1) => [x, z],
@@ -491,10 +433,8 @@ mod tests {
         let bottom = sheets(&mesh, &mesh.boundaries["bottom"], &|_| 1.0);
         assert_eq!(bottom.len(), 1);
         assert_eq!(bottom[0].labels, ["x", "y"]);
-        assert_eq!(
-            bottom[0].caption,
-            "seen through the body along the normal −z"
-        );
+        let caption = &bottom[0].caption;
+        assert_eq!(caption, "seen through the body along the normal −z");
         assert!((area(&bottom[0]) - 1.0).abs() < 1e-12);
         assert_eq!(bottom[0].edges.iter().filter(|e| e.1).count(), 2 * (33 + 2));
         assert_eq!(bottom[0].vector([0.3; 3], [1.0, 2.0, 3.0]), [1.0, 2.0]);
@@ -505,12 +445,13 @@ mod tests {
         assert_eq!(parts.len(), 1, "{}", parts[0].caption);
         let opposite = [&mesh.boundaries["left"][..], &mesh.boundaries["right"]].concat();
         let parts = sheets(&mesh, &opposite, &on_left);
+        let captions = [0, 1].map(|k: usize| parts[k].caption.as_str());
         assert_eq!(
-            parts[0].caption,
+            captions[0],
             "part 1 of 2, seen through the body along the normal −x"
         );
         assert_eq!(
-            parts[1].caption,
+            captions[1],
             "part 2 of 2, seen from outside along the normal x"
         );
     }
@@ -532,54 +473,32 @@ mod tests {
         assert_eq!(rolled.len(), 1);
         assert_eq!(rolled[0].labels, ["arc", "z"]);
         let sheet = &rolled[0];
+        let (caption, area) = (&sheet.caption, area(sheet));
         assert!(
-            sheet.caption.ends_with("radius 3; arc 0 lies towards y"),
-            "{}",
-            sheet.caption
+            caption.ends_with("radius 3; arc 0 lies towards y"),
+            "{caption}"
         );
-        assert!(
-            (area(sheet) - 4.5 * PI).abs() < 1e-9 * area(sheet),
-            "{}",
-            area(sheet)
-        );
+        assert!((area - 4.5 * PI).abs() < 1e-9 * area, "{area}");
         let [around, up] = sheet.vector([5.0, 3.0, 0.0], [-2.0, 1.0, 7.0]);
         assert!((around - 2.0).abs() < 1e-9 && (up - 7.0).abs() < 1e-12);
     }
 
     #[test]
     fn closed_surfaces_are_seen_from_two_sides() {
-        // The octahedron.
-        let mut nodes = vec![[0.0; 3]; 7];
-        for c in 0..3 {
-            nodes[2 * c][c] = 1.0;
-            nodes[2 * c + 1][c] = -1.0;
-        }
-        let tetrahedra = (0..8).map(|k| {
-            let corner = |c: u32| 2 * c + (k >> c & 1);
-            crate::mesh::Element::tetrahedron([corner(0), corner(1), corner(2), 6], 0)
-        });
-        let regions = vec!["body".to_owned()];
-        let faces = (0..8).map(|k| {
-            let corner = |c: u32| 2 * c + (k >> c & 1);
-            crate::mesh::facet::<3>(&[corner(0), corner(1), corner(2)])
-        });
-        let boundaries = [("all".to_owned(), faces.collect())].into();
-        let mesh = Mesh::new(nodes, tetrahedra.collect(), regions, boundaries)
-            .unwrap_or_else(|error| panic!("{error}"));
+        let mesh = cells();
+        let facets: Vec<Facet<3>> = mesh.boundaries.values().flatten().copied().collect();
         let all = Facets {
             mesh: &mesh,
-            facets: &mesh.boundaries["all"],
-            normals: (mesh.boundaries["all"].iter())
-                .map(|facet| mesh.facet_normal(facet))
-                .collect(),
-            pressure: &|node| f64::from(u8::from(node == 4)),
+            facets: &facets,
+            normals: normals(&mesh, &facets),
+            pressure: &|node| mesh.nodes[node as usize][2],
         };
-        let part: Vec<usize> = (0..8).collect();
+        let part: Vec<usize> = (0..facets.len()).collect();
         assert!(all.one(&part).is_none());
+        assert_eq!(all.pieces().len(), 6);
         let sides = all.sides(&part);
         assert_eq!(sides.len(), 2);
-        // Four faces each, which fill the square.
-        assert!(sides.iter().all(|side| (area(side) - 2.0).abs() < 1e-12));
+        assert!(sides.iter().all(|side| (area(side) - 1.0).abs() < 1e-12));
         assert_eq!(sides[0].caption, "seen from outside along the normal z");
     }
 }

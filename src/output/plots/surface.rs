@@ -1,11 +1,11 @@
 //! The outer surface of solids: its facets, its edges, and where it is smooth.
 
-use crate::mesh::vector::{cross, dot, minus, unit};
+use crate::mesh::vector::{cross, dot, length, minus, unit};
 use crate::mesh::{Facet, Mesh, facet_nodes};
 use rayon::prelude::*;
 
 /// Facets that meet at a larger angle than the one with this cosine (40°) have an edge between them.
-const SMOOTH: f64 = 0.766;
+pub(super) const SMOOTH: f64 = 0.766;
 
 /// The facets that belong to one element only, and what lies between them.
 pub(super) struct Surface {
@@ -79,64 +79,43 @@ impl Surface {
 
 /// The facets of one element only with the region of that, ordered by region.
 fn outer_facets(mesh: &Mesh<3>) -> Vec<(Facet<3>, u32)> {
-    // Facets stand with their lowest node: as the number of the element and that of the facet in it.
-    const PLACES: u64 = 8;
-    let lowest = |facet: &Facet<3>| facet.iter().copied().min().unwrap_or(0) as usize;
-    let mut start = vec![0_usize; mesh.nodes.len() + 2];
-    for element in &mesh.elements {
-        for facet in element.facets() {
-            start[lowest(&facet) + 2] += 1;
+    // The nodes of a facet in order, its element, and which of those of the element it is.
+    let elements = (0_u32..).zip(&mesh.elements);
+    let mut all: Vec<(Facet<3>, u32, u8)> = Vec::new();
+    for (number, element) in elements {
+        for (place, mut nodes) in (0..).zip(element.facets()) {
+            // A triangle names its last corner twice, whichever that is.
+            if nodes[2] == nodes[3] {
+                nodes[3] = u32::MAX;
+            }
+            nodes.sort_unstable();
+            all.push((nodes, number, place));
         }
     }
-    for i in 2..start.len() {
-        start[i] += start[i - 1];
-    }
-    let mut held = vec![0_u64; start.last().copied().unwrap_or(0)];
-    for (number, element) in mesh.elements.iter().enumerate() {
-        for (place, facet) in element.facets().enumerate() {
-            let next = &mut start[lowest(&facet) + 1];
-            held[*next] = number as u64 * PLACES + place as u64;
-            *next += 1;
-        }
-    }
-    let of = |id: u64| {
-        let element = &mesh.elements[(id / PLACES) as usize];
-        let facet = element.facets().nth((id % PLACES) as usize);
+    all.par_sort_unstable();
+    let groups = all.chunk_by(|a, b| a.0 == b.0);
+    let alone = groups.filter(|group| group.len() == 1).map(|group| {
+        let element = &mesh.elements[group[0].1 as usize];
+        let facet = element.facets().nth(usize::from(group[0].2));
         (facet.unwrap_or_default(), element.region)
-    };
-    let mut outer: Vec<(Facet<3>, u32)> = (start[..mesh.nodes.len() + 1].par_windows(2))
-        .flat_map_iter(|ends| {
-            let mut here: Vec<([u32; 4], u64)> = (held[ends[0]..ends[1]].iter())
-                .map(|&id| {
-                    let mut key = of(id).0;
-                    // A triangle names its last corner twice, whichever that is.
-                    if key[2] == key[3] {
-                        key[3] = u32::MAX;
-                    }
-                    key.sort_unstable();
-                    (key, id)
-                })
-                .collect();
-            here.sort_unstable();
-            let alone = |k: usize| {
-                let same =
-                    |other: Option<&([u32; 4], u64)>| other.is_some_and(|o| o.0 == here[k].0);
-                !same(here.get(k + 1)) && !(k > 0 && same(here.get(k - 1)))
-            };
-            let found: Vec<_> = (0..here.len()).filter(|&k| alone(k)).collect();
-            found.into_iter().map(|k| of(here[k].1)).collect::<Vec<_>>()
-        })
-        .collect();
+    });
+    let mut outer: Vec<_> = alone.collect();
     outer.par_sort_by_key(|&(_, region)| region);
     outer
 }
 
-/// The edges of facets. Facets whose nodes are ordered the same way along an edge (of bodies that touch in it) or of
-/// which more than two meet have a sharp one.
-fn edges(facets: &[(Facet<3>, u32)], normals: &[[f64; 3]]) -> Vec<Edge> {
-    let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(4 * facets.len());
-    for (number, (facet, _)) in (0..).zip(facets) {
-        let nodes = facet_nodes(facet);
+/// An edge of facets, from the lower to the higher node.
+pub(super) struct Border {
+    pub ends: [u32; 2],
+    /// The first and the last facet that have it, and how many there are.
+    pub facets: [u32; 2],
+    pub count: usize,
+}
+
+/// The edges of facets (of any dimension, by their nodes), each once.
+pub(super) fn borders<'a>(facets: impl Iterator<Item = &'a [u32]>) -> Vec<Border> {
+    let mut sides: Vec<([u32; 2], u32)> = Vec::new();
+    for (number, nodes) in (0..).zip(facets) {
         for (i, &a) in nodes.iter().enumerate() {
             let b = nodes[(i + 1) % nodes.len()];
             sides.push(([a.min(b), a.max(b)], number));
@@ -144,18 +123,42 @@ fn edges(facets: &[(Facet<3>, u32)], normals: &[[f64; 3]]) -> Vec<Edge> {
     }
     sides.par_sort_unstable();
     let groups = sides.chunk_by(|a, b| a.0 == b.0);
-    groups
-        .map(|group| {
-            let (first, last) = (group[0].1, group[group.len() - 1].1);
-            let [a, b] = [first, last].map(|k| k as usize);
-            let bends = || dot(normals[a], normals[b]) < SMOOTH;
-            Edge {
-                ends: group[0].0,
-                facets: [first, last],
-                sharp: group.len() != 2 || facets[a].1 != facets[b].1 || bends(),
-            }
-        })
-        .collect()
+    let border = |group: &[([u32; 2], u32)]| Border {
+        ends: group[0].0,
+        facets: [group[0].1, group[group.len() - 1].1],
+        count: group.len(),
+    };
+    groups.map(border).collect()
+}
+
+/// The edges of the surface. Facets of several bodies, or more than two, have a sharp one.
+fn edges(facets: &[(Facet<3>, u32)], normals: &[[f64; 3]]) -> Vec<Edge> {
+    let edge = |border: Border| {
+        let [a, b] = border.facets.map(|k| k as usize);
+        let bends = || dot(normals[a], normals[b]) < SMOOTH;
+        Edge {
+            ends: border.ends,
+            facets: border.facets,
+            sharp: border.count != 2 || facets[a].1 != facets[b].1 || bends(),
+        }
+    };
+    let all = borders(facets.iter().map(|(facet, _)| facet_nodes(facet)));
+    all.into_iter().map(edge).collect()
+}
+
+/// The first of what is joined with i.
+pub(super) fn root(joined: &mut [u32], mut i: u32) -> u32 {
+    while joined[i as usize] != i {
+        joined[i as usize] = joined[joined[i as usize] as usize];
+        i = joined[i as usize];
+    }
+    i
+}
+
+/// Joins two of them with all that they are joined with.
+pub(super) fn join(joined: &mut [u32], pair: [u32; 2]) {
+    let [a, b] = pair.map(|i| root(joined, i));
+    joined[a.max(b) as usize] = a.min(b);
 }
 
 /// The vertices, and those of each facet.
@@ -167,22 +170,13 @@ fn vertices(
 ) -> (Vec<Vertex>, Vec<[u32; 4]>) {
     // Corners of neighbours are joined along edges that are not sharp.
     let mut joined: Vec<u32> = (0..4 * facets.len() as u32).collect();
-    fn root(joined: &mut [u32], mut i: u32) -> u32 {
-        while joined[i as usize] != i {
-            joined[i as usize] = joined[joined[i as usize] as usize];
-            i = joined[i as usize];
-        }
-        i
-    }
     let corner = |facet: u32, node: u32| {
         let place = facets[facet as usize].0.iter().position(|&n| n == node);
         4 * facet + place.unwrap_or(0) as u32
     };
     for edge in edges.iter().filter(|edge| !edge.sharp) {
         for node in edge.ends {
-            let [a, b] = edge.facets.map(|facet| corner(facet, node));
-            let [a, b] = [a, b].map(|c| root(&mut joined, c));
-            joined[b as usize] = a;
+            join(&mut joined, edge.facets.map(|facet| corner(facet, node)));
         }
     }
     let mut number = vec![u32::MAX; joined.len()];
@@ -213,11 +207,8 @@ fn vertices(
     }
     for vertex in &mut vertices {
         let normal = unit(vertex.normal);
-        vertex.normal = if normal.iter().all(|v| v.is_finite()) {
-            normal
-        } else {
-            [0.0, 0.0, 1.0]
-        };
+        let is_finite = normal.iter().all(|v| v.is_finite());
+        vertex.normal = if is_finite { normal } else { [0.0, 0.0, 1.0] };
     }
     (vertices, of_facets)
 }
@@ -226,12 +217,8 @@ fn vertices(
 fn angle(mesh: &Mesh<3>, nodes: &[u32], corner: usize) -> f64 {
     let place = |k: usize| mesh.nodes[nodes[k % nodes.len()] as usize];
     let here = place(corner);
-    let (a, b) = (
-        minus(place(corner + 1), here),
-        minus(place(corner + nodes.len() - 1), here),
-    );
-    let [x, y, z] = cross(a, b);
-    x.hypot(y).hypot(z).atan2(dot(a, b))
+    let [a, b] = [1, nodes.len() - 1].map(|k| minus(place(corner + k), here));
+    length(cross(a, b)).atan2(dot(a, b))
 }
 
 #[cfg(test)]
@@ -241,14 +228,8 @@ mod tests {
 
     #[test]
     fn a_box_has_six_faces_with_edges_between() {
-        let mesh = block(
-            [0.0; 3],
-            [2.0, 1.0, 1.0],
-            [4, 2, 3],
-            SolidShape::Hexahedron,
-            "body",
-            "",
-        );
+        let (size, hexahedra) = ([2.0, 1.0, 1.0], SolidShape::Hexahedron);
+        let mesh = block([0.0; 3], size, [4, 2, 3], hexahedra, "body", "");
         let surface = Surface::new(&mesh);
         assert_eq!(surface.facets.len(), 2 * (4 * 2 + 4 * 3 + 2 * 3));
         let sharp: Vec<&Edge> = surface.edges.iter().filter(|e| e.sharp).collect();

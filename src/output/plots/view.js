@@ -4,32 +4,31 @@
 
   const VERTEX = `
     attribute vec3 place, displacement, normal;
-    attribute float value, known;
+    attribute float value;
     uniform mat3 camera;
     uniform vec3 centre;
     uniform vec4 fit;
     uniform float magnified, depth, lift;
     varying vec3 facing;
-    varying float shown, defined;
+    varying float shown;
     void main() {
       vec3 seen = camera * (place + magnified * displacement - centre);
       gl_Position = vec4(seen.xy * fit.xy + fit.zw, -seen.z * depth - lift, 1.0);
       facing = camera * normal;
       shown = value;
-      defined = known;
     }`;
 
   // Faces are lit from the left above the viewer: brighter towards white, darker towards black.
   const FACES = `
     precision mediump float;
     varying vec3 facing;
-    varying float shown, defined;
+    varying float shown;
     uniform sampler2D colours;
     uniform vec4 plain;
     void main() {
       vec3 colour = vec3(0.80);
       if (plain.a > 0.5) colour = plain.rgb;
-      else if (defined > 0.999) colour = texture2D(colours, vec2(clamp(shown, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
+      else if (shown > -0.5) colour = texture2D(colours, vec2(clamp(shown, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
       float light = 2.0 * max(dot(normalize(facing), normalize(vec3(-0.35, 0.45, 1.0))), 0.0) - 1.0;
       gl_FragColor = vec4(light > 0.0 ? mix(colour, vec3(1.0), 0.20 * light) : colour * (1.0 + 0.33 * light), 1.0);
     }`;
@@ -44,21 +43,7 @@
     [0.94, 0.89, 0.55], [0.70, 0.70, 0.70], [0.64, 0.85, 0.95], [0.88, 0.55, 0.50]];
 
   function bytes(text) {
-    const raw = atob(text), array = new Uint8Array(raw.length);
-    for (let i = 0; i < raw.length; i++) array[i] = raw.charCodeAt(i);
-    return array.buffer;
-  }
-
-  // Short numbers, as the pictures have them.
-  function number(value) {
-    if (value === 0) return "0";
-    const size = Math.abs(value);
-    return size >= 0.01 && size < 1e4 ? String(Number(value.toPrecision(3))) : value.toExponential(2).replace(/\.?0+e\+?/, "e");
-  }
-
-  function round(value) {
-    const power = Math.pow(10, Math.floor(Math.log10(value)));
-    return [1, 2, 5, 10].map((f) => f * power).find((v) => v >= value * (1 - 1e-9));
+    return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
   }
 
   function element(kind, parent, properties) {
@@ -70,28 +55,18 @@
 
   // The surface: places, facets, edges.
   function surface(data) {
-    const count = data.vertices, quantised = new Uint16Array(bytes(data.places));
-    const places = new Float32Array(3 * count);
-    for (let i = 0; i < 3 * count; i++) places[i] = (quantised[i] / 65535) * data.size[i % 3];
-    const short = new Int8Array(bytes(data.normals)), normals = new Float32Array(3 * count);
-    for (let i = 0; i < 3 * count; i++) normals[i] = short[i] / 127;
-    const corners = new Uint32Array(bytes(data.facets));
-    const triangles = new Uint32Array(6 * (corners.length / 4));
+    const places = Float32Array.from(new Uint16Array(bytes(data.places)), (v, i) => (v / 65535) * data.size[i % 3]);
+    const normals = Float32Array.from(new Int8Array(bytes(data.normals)), (v) => v / 127);
+    const corners = new Uint32Array(bytes(data.facets)), triangles = [];
     // Where the triangles of a facet begin; one with three corners names the last of them twice.
-    const begin = new Uint32Array(corners.length / 4 + 1);
-    let used = 0;
-    for (let f = 0; f < corners.length / 4; f++) {
-      const [a, b, c, d] = corners.subarray(4 * f, 4 * f + 4);
-      begin[f] = used;
-      triangles.set([a, b, c], used);
-      used += 3;
-      if (c !== d) {
-        triangles.set([a, c, d], used);
-        used += 3;
-      }
+    const begin = [0];
+    for (let f = 0; f < corners.length; f += 4) {
+      const [a, b, c, d] = corners.subarray(f, f + 4);
+      triangles.push(a, b, c);
+      if (c !== d) triangles.push(a, c, d);
+      begin.push(triangles.length);
     }
-    begin[corners.length / 4] = used;
-    return { count, places, normals, corners, triangles: triangles.subarray(0, used), begin,
+    return { count: places.length / 3, places, normals, corners, triangles: new Uint32Array(triangles), begin,
       edges: new Uint32Array(bytes(data.edges)) };
   }
 
@@ -111,26 +86,12 @@
     return new Uint32Array(ends);
   }
 
-  // Displacements and fields of a step.
-  function step(data, shape, units) {
-    const quantised = new Int16Array(bytes(data.displacements));
-    const displacement = new Float32Array(3 * shape.count), lengths = new Float32Array(shape.count);
-    for (let i = 0; i < 3 * shape.count; i++) displacement[i] = (quantised[i] / 32767) * data.travel;
-    let most = 0;
-    for (let i = 0; i < shape.count; i++) {
-      lengths[i] = Math.hypot(displacement[3 * i], displacement[3 * i + 1], displacement[3 * i + 2]);
-      most = Math.max(most, lengths[i]);
-    }
-    const everywhere = new Float32Array(shape.count).fill(1);
-    const field = (of) => {
-      const values = new Float32Array(new Uint16Array(bytes(of.values))).map((v) => v / 65535);
-      const known = of.known ? new Float32Array(new Uint8Array(bytes(of.known))) : everywhere;
-      return { name: of.name, unit: units.stress, top: of.top, largest: of.largest, values, known };
-    };
-    const fields = data.fields.map(field);
-    fields.push({ name: "displacement", unit: units.length, top: most || 1, largest: most,
-      values: lengths.map((v) => v / (most || 1)), known: everywhere });
-    return { name: data.name, displacement, fields, magnified: data.magnified };
+  // Displacements and fields of a step; far below zero where a field has no value.
+  function step(data) {
+    const displacement = Float32Array.from(new Int16Array(bytes(data.displacements)), (v) => (v / 32767) * data.travel);
+    const part = (v) => (v === 65535 ? -1e4 : v / 65534);
+    const fields = data.fields.map((of) => ({ ...of, values: Float32Array.from(new Uint16Array(bytes(of.values)), part) }));
+    return { displacement, fields, magnified: data.magnified };
   }
 
   // The directions to the right, up and to the viewer; z is upright.
@@ -161,7 +122,7 @@
       if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
       gl.attachShader(made, shader);
     }
-    ["place", "displacement", "normal", "value", "known"].forEach((name, k) => gl.bindAttribLocation(made, k, name));
+    ["place", "displacement", "normal", "value"].forEach((name, k) => gl.bindAttribLocation(made, k, name));
     gl.linkProgram(made);
     if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
     const at = {};
@@ -196,11 +157,10 @@
     element("div", legend, { textContent: field.unit });
     const strip = element("div", legend, { className: "strip" });
     strip.style.background = `linear-gradient(to top, ${colours.map((c) => `rgb(${c})`).join()})`;
-    const apart = round(field.top / 6), end = field.largest > 0 ? field.top * (1 + 1e-9) : 0;
-    for (let v = 0; v <= end; v += apart) {
-      element("span", strip, { textContent: number(v) }).style.bottom = `calc(${(100 * v) / field.top}% - .6em)`;
+    for (const [part, text] of field.ticks) {
+      element("span", strip, { textContent: text }).style.bottom = `calc(${100 * part}% - .6em)`;
     }
-    if (field.largest > field.top) element("div", legend, { textContent: `largest ${number(field.largest)}` });
+    if (field.largest) element("div", legend, { textContent: `largest ${field.largest}` });
   }
 
   function nameParts(legend, parts) {
@@ -271,9 +231,9 @@
   // What the GPU holds, and how it is drawn.
   class Painter {
     constructor(gl, data, shape) {
-      Object.assign(this, { gl, shape, parts: data.surface.parts, size: data.surface.size });
+      Object.assign(this, { gl, shape, parts: data.parts, size: data.size });
       this.radius = 0.5 * Math.hypot(...this.size);
-      this.obstacles = new Float32Array(bytes(data.surface.obstacles));
+      this.obstacles = new Float32Array(bytes(data.obstacles));
       this.faces = program(gl, FACES);
       this.lines = program(gl, LINES);
       this.triangles = buffer(gl, gl.ELEMENT_ARRAY_BUFFER, shape.triangles);
@@ -281,7 +241,7 @@
       this.places = buffer(gl, gl.ARRAY_BUFFER, shape.places);
       this.normals = buffer(gl, gl.ARRAY_BUFFER, shape.normals);
       this.around = buffer(gl, gl.ARRAY_BUFFER, this.obstacles);
-      for (const name of ["moved", "values", "known"]) this[name] = gl.createBuffer();
+      for (const name of ["moved", "values"]) this[name] = gl.createBuffer();
       // The edges of the elements of each part, made when they are first drawn.
       this.wires = this.parts.map(() => null);
       palette(gl, data.colours);
@@ -316,7 +276,7 @@
       const { gl } = this;
       gl.viewport(0, 0, gl.canvas.width, gl.canvas.height);
       gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-      [["places", 3], ["moved", 3], ["normals", 3], ["values", 1], ["known", 1]].forEach(([name, length], k) => {
+      [["places", 3], ["moved", 3], ["normals", 3], ["values", 1]].forEach(([name, length], k) => {
         gl.bindBuffer(gl.ARRAY_BUFFER, this[name]);
         gl.enableVertexAttribArray(k);
         gl.vertexAttribPointer(k, length, gl.FLOAT, false, 0, 0);
@@ -363,7 +323,7 @@
       const { gl } = this;
       gl.bindBuffer(gl.ARRAY_BUFFER, this.around);
       gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
-      for (let k = 1; k < 5; k++) gl.disableVertexAttribArray(k);
+      for (let k = 1; k < 4; k++) gl.disableVertexAttribArray(k);
       gl.uniform4f(at.plain, 0.6, 0.62, 0.65, 0.3);
       gl.depthMask(false);
       gl.drawArrays(gl.TRIANGLES, 0, this.obstacles.length / 3);
@@ -415,9 +375,9 @@
     canvas.setAttribute("aria-label", "The deformed bodies; drag or use the arrow keys to turn them");
     const gl = canvas.getContext("webgl", { antialias: true, alpha: false });
     if (!gl || !gl.getExtension("OES_element_index_uint")) return false;
-    const shape = surface(data.surface), parts = data.surface.parts, painter = new Painter(gl, data, shape);
+    const shape = surface(data), parts = data.parts, painter = new Painter(gl, data, shape);
     const home = { azimuth: Math.atan2(data.back[1], data.back[0]), elevation: Math.asin(data.back[2]), zoom: 1 };
-    home.extent = extents(shape, data.surface.size, axesOf(home));
+    home.extent = extents(shape, data.size, axesOf(home));
     const look = { ...home, pan: [0, 0] };
     const shown = { step: null, field: 0, factor: 1, elements: shape.corners.length / 4 <= 6000, obstacles: true,
       byPart: false, hidden: parts.map(() => false) };
@@ -430,7 +390,7 @@
     const overlay = element("canvas", stage, { className: "axes" });
     const legend = element("div", stage, { className: "legend" });
     if (data.steps.length > 1) controls.choice("Load step", data.steps.map((s) => s.name), data.steps.length - 1, toStep);
-    const names = data.steps[0].fields.map((f) => f.name).concat(["displacement"], parts.length > 1 ? ["parts"] : []);
+    const names = data.steps[0].fields.map((f) => f.name).concat(parts.length > 1 ? ["parts"] : []);
     controls.choice("Colours", names, 0, (k) => {
       shown.byPart = names[k] === "parts";
       if (!shown.byPart) shown.field = k;
@@ -449,7 +409,7 @@
     controls.button("Reset", set(() => Object.assign(look, home, { pan: [0, 0] })));
 
     function toStep(k) {
-      decoded[k] = decoded[k] || step(data.steps[k], shape, data);
+      decoded[k] = decoded[k] || step(data.steps[k]);
       shown.step = k;
       painter.fill("moved", decoded[k].displacement);
       fill();
@@ -459,7 +419,6 @@
     function fill() {
       const field = decoded[shown.step].fields[shown.field];
       painter.fill("values", field.values);
-      painter.fill("known", field.known);
       if (shown.byPart) nameParts(legend, parts);
       else colourBar(legend, field, data.colours);
       draw();
@@ -477,7 +436,7 @@
       canvas.width = overlay.width = Math.round(stage.clientWidth * ratio);
       canvas.height = overlay.height = Math.round(stage.clientHeight * ratio);
       shown.factor = slider.part() * decoded[shown.step].magnified;
-      slider.tell(number(shown.factor));
+      slider.tell(Number(shown.factor.toPrecision(3)));
       painter.paint(look, shown);
       triad(overlay, axesOf(look), ratio);
     }

@@ -1,6 +1,7 @@
 //! Pictures of surfaces in space, with what is hidden left out: samples that keep what is nearest to the viewer.
 
-use super::raster::{Raster, viridis};
+use super::raster::{area, each_in, mean, png, viridis};
+use rayon::prelude::*;
 
 /// Samples per pixel in each direction.
 const SAMPLES: usize = 2;
@@ -13,6 +14,8 @@ const BESIDE: f32 = 0.62;
 /// How far the best lit faces are brightened, and those without light darkened.
 const BRIGHT: f32 = 0.2;
 const DARK: f32 = 0.33;
+/// Colours between the first and the last: two beside each other differ by less than a byte tells.
+const LEVELS: usize = 1000;
 
 /// What is seen at a sample.
 #[derive(Clone, Copy)]
@@ -58,17 +61,18 @@ impl ZBuffer {
         }
     }
 
-    /// A triangle of a body.
+    /// A triangle of a body, its corners to the left around what is outside: of what is turned away, something nearer
+    /// hides all.
     pub fn triangle(&mut self, corners: [Corner; 3]) {
+        if area(corners.map(|corner| [corner.at[0], corner.at[1]])) > 0.0 {
+            return;
+        }
+        let (values, shades) = (corners.map(|c| c.value), corners.map(|c| c.shade));
         self.each(corners.map(|corner| corner.at), |sample, weights, depth| {
             if depth > sample.depth {
-                let mean = |of: fn(&Corner) -> f64| {
-                    let parts = corners.iter().zip(weights);
-                    parts.map(|(corner, w)| w * of(corner)).sum::<f64>() as f32
-                };
                 sample.depth = depth;
-                sample.value = mean(|corner| corner.value);
-                sample.shade = mean(|corner| corner.shade);
+                sample.value = mean(weights, values) as f32;
+                sample.shade = mean(weights, shades) as f32;
             }
         });
     }
@@ -80,11 +84,12 @@ impl ZBuffer {
 
     /// The samples in a triangle, with the weights of its corners and the depth there.
     fn each(&mut self, at: [[f64; 3]; 3], mut put: impl FnMut(&mut Sample, [f64; 3], f32)) {
-        let (fine, columns) = (SAMPLES as f64, self.width * SAMPLES);
-        let x = at.map(|p| [fine * p[0], fine * p[1]]);
-        Raster::each_in(columns, self.height * SAMPLES, x, |place, weights| {
-            let depth: f64 = weights.iter().zip(at).map(|(w, p)| w * p[2]).sum();
-            put(&mut self.samples[place], weights, depth as f32);
+        let size = [self.width * SAMPLES, self.height * SAMPLES];
+        let x = at.map(|p| [0, 1].map(|c| SAMPLES as f64 * p[c]));
+        let depths = at.map(|p| p[2]);
+        each_in(size, x, |place, weights| {
+            let depth = mean(weights, depths) as f32;
+            put(&mut self.samples[place], weights, depth);
         });
     }
 
@@ -102,39 +107,49 @@ impl ZBuffer {
     }
 
     /// The colour of each pixel, red, green, blue and how opaque it is; `top` has the last of the colours.
-    pub fn pixels(&self, top: f64) -> Vec<u8> {
+    fn pixels(&self, top: f64) -> Vec<u8> {
+        let levels = (0..=LEVELS).map(|k| k as f64 / LEVELS as f64);
+        let colours: Vec<[u8; 3]> = levels.map(viridis).collect();
         let columns = self.width * SAMPLES;
-        let mut pixels = Vec::with_capacity(4 * self.width * self.height);
-        for row in 0..self.height {
-            for column in 0..self.width {
-                // Colours are summed with how opaque they are.
+        let mut pixels = vec![0; 4 * self.width * self.height];
+        let rows = pixels.par_chunks_mut(4 * self.width);
+        rows.enumerate().for_each(|(row, pixels)| {
+            for (column, pixel) in pixels.chunks_exact_mut(4).enumerate() {
                 let mut sum = [0.0; 4];
                 for k in 0..SAMPLES * SAMPLES {
                     let (x, y) = (column * SAMPLES + k % SAMPLES, row * SAMPLES + k / SAMPLES);
-                    let ([r, g, b], opaque) = self.samples[y * columns + x].colour(top);
-                    let parts = [r * opaque, g * opaque, b * opaque, opaque];
-                    for (sum, part) in sum.iter_mut().zip(parts) {
-                        *sum += part;
-                    }
+                    let colour = self.samples[y * columns + x].colour(&colours, top);
+                    (0..4).for_each(|c| sum[c] += colour[c]);
                 }
-                let opaque = sum[3].max(f32::MIN_POSITIVE);
-                let [r, g, b] = [0, 1, 2].map(|c| (sum[c] / opaque).round() as u8);
-                let all = (SAMPLES * SAMPLES) as f32;
-                pixels.extend([r, g, b, (255.0 * sum[3] / all).round() as u8]);
+                if sum[3] > 0.0 {
+                    let [r, g, b] = [0, 1, 2].map(|c| sum[c] / sum[3]);
+                    let opaque = 255.0 / (SAMPLES * SAMPLES) as f32 * sum[3];
+                    // Half of one more rounds.
+                    pixel.copy_from_slice(&[r, g, b, opaque].map(|v| (v + 0.5) as u8));
+                }
             }
-        }
+        });
         pixels
+    }
+
+    /// As PNG.
+    pub fn png(&self, top: f64) -> Vec<u8> {
+        png([self.width, self.height], &self.pixels(top), |encoder| {
+            encoder.set_color(png::ColorType::Rgba);
+        })
     }
 }
 
 impl Sample {
-    /// Its colour, and how opaque it is.
-    fn colour(&self, top: f64) -> ([f32; 3], f32) {
+    /// Its red, green and blue, times how opaque it is, and that.
+    fn colour(&self, colours: &[[u8; 3]], top: f64) -> [f32; 4] {
         if self.depth == f32::NEG_INFINITY {
             let beside = self.veil > f32::NEG_INFINITY;
-            return (VEIL, if beside { BESIDE } else { 0.0 });
+            let [r, g, b] = VEIL;
+            return [r, g, b, 1.0].map(|v| if beside { BESIDE * v } else { 0.0 });
         }
-        let full = viridis(f64::from(self.value) / top);
+        let level = f64::from(self.value) / top * LEVELS as f64 + 0.5;
+        let full = colours[(level as usize).min(LEVELS)];
         // What touches the bodies does not veil them.
         let is_veiled = self.veil > self.depth + BEHIND / SAMPLES as f32;
         let veiled = if is_veiled { IN_FRONT } else { 0.0 };
@@ -143,12 +158,12 @@ impl Sample {
             bright if bright > 0.0 => (255.0, BRIGHT * bright),
             dark => (0.0, DARK * -dark),
         };
-        let colour = std::array::from_fn(|c| {
+        let [r, g, b] = std::array::from_fn(|c| {
             let plain = f32::from(full[c]);
             let lit = plain + part * (to - plain);
-            (lit + veiled * (VEIL[c] - lit)).clamp(0.0, 255.0)
+            lit + veiled * (VEIL[c] - lit)
         });
-        (colour, 1.0)
+        [r, g, b, 1.0]
     }
 }
 
@@ -166,8 +181,8 @@ mod tests {
 
     #[test]
     fn what_is_nearer_hides_what_is_behind_in_any_order() {
-        let left = [[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]];
-        let all = [[-9.0, -9.0], [20.0, -9.0], [-9.0, 20.0]];
+        let left = [[0.0, 0.0], [0.0, 4.0], [4.0, 0.0]];
+        let all = [[-9.0, -9.0], [-9.0, 20.0], [20.0, -9.0]];
         let [near, far] = [flat(left, 9.0, 1.0), flat(all, 1.0, 0.0)];
         for triangles in [[near, far], [far, near]] {
             let mut picture = ZBuffer::new(4, 4);
@@ -185,7 +200,7 @@ mod tests {
     fn bodies_shine_through_a_veil() {
         let all = [[-9.0, -9.0], [20.0, -9.0], [-9.0, 20.0]];
         let mut picture = ZBuffer::new(2, 1);
-        picture.triangle(flat([[0.0, -4.0], [1.0, 0.0], [0.0, 4.0]], 1.0, 1.0));
+        picture.triangle(flat([[0.0, -4.0], [0.0, 4.0], [1.0, 0.0]], 1.0, 1.0));
         picture.veil(all.map(|[x, y]| [x, y, 5.0]));
         let pixels = picture.pixels(1.0);
         assert_eq!((pixels[3], pixels[7]), (255, 158));

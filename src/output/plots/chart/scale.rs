@@ -1,9 +1,10 @@
 //! Round numbers along an axis, and where they stand.
 
 use super::Axis;
+use crate::mesh::vector::bounds;
 
 /// From values to places along an axis.
-pub(in crate::output::plots) struct Scale {
+pub struct Scale {
     low: f64,
     high: f64,
     logarithmic: bool,
@@ -14,7 +15,7 @@ pub(in crate::output::plots) struct Scale {
 }
 
 impl Scale {
-    pub(in crate::output::plots) fn new(
+    pub fn new(
         axis: &Axis,
         values: impl Iterator<Item = f64>,
         start: f64,
@@ -22,17 +23,9 @@ impl Scale {
         room: f64,
     ) -> Self {
         let usable = |v: &f64| v.is_finite() && (!axis.logarithmic || *v > 0.0);
-        let (mut low, mut high) = values
-            .filter(usable)
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| {
-                (a.min(v), b.max(v))
-            });
+        let ([mut low], [mut high]) = bounds(values.filter(usable).map(|v| [v]));
         if !(low <= high) {
-            (low, high) = if axis.logarithmic {
-                (0.1, 1.0)
-            } else {
-                (0.0, 1.0)
-            };
+            (low, high) = (if axis.logarithmic { 0.1 } else { 0.0 }, 1.0);
         }
         let mut unit = 1.0;
         if axis.logarithmic {
@@ -61,7 +54,7 @@ impl Scale {
         }
     }
 
-    pub(in crate::output::plots) fn place(&self, v: f64) -> f64 {
+    pub fn place(&self, v: f64) -> f64 {
         let part = if self.logarithmic {
             (v / self.low).log10() / (self.high / self.low).log10()
         } else {
@@ -70,12 +63,10 @@ impl Scale {
         self.start + part * (self.end - self.start)
     }
 
-    pub(in crate::output::plots) fn ticks(&self, wanted: f64) -> Vec<(f64, String)> {
+    pub fn ticks(&self, wanted: f64) -> Vec<(f64, String)> {
         if self.logarithmic {
-            let (a, b) = (
-                self.low.log10().ceil() as i32,
-                self.high.log10().floor() as i32,
-            );
+            let a = self.low.log10().ceil() as i32;
+            let b = self.high.log10().floor() as i32;
             if b - a < 2 {
                 return (a - 1..=b)
                     .flat_map(|k| [(1, k), (2, k), (5, k)])
@@ -101,19 +92,16 @@ impl Scale {
         let decimals = (-(step / self.unit).log10().floor()).max(0.0) as usize;
         let first = (self.low / step).ceil() as i64;
         let last = (self.high / step).floor() as i64;
-        (first..=last)
-            .map(|k| {
-                let v = k as f64 * step;
-                (
-                    v,
-                    format!("{:.decimals$}", v / self.unit + 0.0).replace('-', "−"),
-                )
-            })
-            .collect()
+        let tick = |k: i64| {
+            let v = k as f64 * step;
+            let label = format!("{:.decimals$}", v / self.unit + 0.0);
+            (v, label.replace('-', "−"))
+        };
+        (first..=last).map(tick).collect()
     }
 
     /// The label of the axis with its unit.
-    pub(in crate::output::plots) fn label(&self, axis: &Axis) -> String {
+    pub fn label(&self, axis: &Axis) -> String {
         let factor = match self.unit.log10().round() as i32 {
             0 => String::new(),
             k => power_of_ten(k),
@@ -127,7 +115,7 @@ impl Scale {
 }
 
 /// The next of 1, 2, 5, 10 … at or above a step.
-pub(in crate::output::plots) fn nice(step: f64) -> f64 {
+pub fn nice(step: f64) -> f64 {
     let power = 10f64.powf(step.log10().floor());
     let factor = [1.0, 2.0, 5.0, 10.0]
         .into_iter()
@@ -168,26 +156,14 @@ mod tests {
 
     #[test]
     fn nice_numbers_are_the_next_of_1_2_and_5() {
-        for (step, round) in [
-            (1.0, 1.0),
-            (1.1, 2.0),
-            (2.0, 2.0),
-            (2.1, 5.0),
-            (5.1, 10.0),
-            (0.03, 0.05),
-            (7e-9, 1e-8),
-            (340.0, 500.0),
-        ] {
+        let steps = [1.0, 1.1, 2.0, 2.1, 5.1, 0.03, 7e-9, 340.0];
+        let round = [1.0, 2.0, 2.0, 5.0, 10.0, 0.05, 1e-8, 500.0];
+        for (step, round) in steps.into_iter().zip(round) {
             let found = nice(step);
             assert!((found / round - 1.0).abs() < 1e-12, "{step}: {found}");
         }
         // What rounding has left above a round number is that number.
         assert!((nice(0.1 + 0.2 - 0.1) - 0.2).abs() < 1e-15);
-    }
-
-    #[test]
-    fn powers_of_ten_are_raised() {
-        assert_eq!(power_of_ten(6), "10⁶");
-        assert_eq!(power_of_ten(-12), "10⁻¹²");
+        assert_eq!([6, -12].map(power_of_ten), ["10⁶", "10⁻¹²"]);
     }
 }

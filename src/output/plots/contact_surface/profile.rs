@@ -1,125 +1,60 @@
 //! What is met along a line of a contact surface.
 
-use super::{STATES, Scene, along};
+use super::{Scene, along};
 use crate::mesh::vector::bounds;
-use crate::output::NodeStatus;
-use crate::output::plots::chart::{Axis, Chart, Mark, Series, Zone, colour};
-use crate::output::plots::legend::short;
+use crate::output::plots::chart::{Axis, Chart};
+use crate::output::plots::curves::Line;
+use crate::output::plots::legend::{short, state};
 use crate::output::plots::raster::largest;
 use crate::output::plots::sheet::Sheet;
 
 /// Pressure, tangential traction and slip bound through the largest pressure, along the first or the second coordinate.
 pub(super) fn profile(scene: &Scene, sheet: &Sheet, axis: usize) -> Chart {
-    let peak = peak(scene, sheet)[1 - axis];
+    let across = 1 - axis;
+    let peak = scene.peak(sheet).1[across];
     let ((low, high), _) = scene.range(sheet);
-    let line = Line::new(scene, sheet, axis, peak, [low[axis], high[axis]]);
-    let series = |name: &str, colour, mark, part: usize| Series {
-        name: name.to_owned(),
-        colour,
-        mark,
-        points: line.points.iter().map(|(s, v)| (*s, v[part])).collect(),
-    };
-    let mut all = Vec::new();
-    if scene.has_friction {
-        all.push(series("slip bound", colour::GREY, Mark::Dashed, 2));
-        all.push(series("tangential traction", colour::ORANGE, Mark::Line, 1));
-    }
-    all.push(series("contact pressure", colour::BLUE, Mark::Line, 0));
-    let (unit, label, other) = (
-        &scene.elastic.units.length,
-        &sheet.labels[axis],
-        &sheet.labels[1 - axis],
-    );
+    let line = line(scene, sheet, axis, peak, [low[axis], high[axis]]);
+    let (length, stress) = (&scene.elastic.units.length, scene.elastic.units.stress());
     // The first word is what it is called.
-    let [along, other] = [label, other].map(|l| l.split(' ').next().unwrap_or(l));
+    let called = |label: &str| label.split(' ').next().map(str::to_owned);
+    let [along, other] = [axis, across].map(|c| called(&sheet.labels[c]).unwrap_or_default());
     // Without the rounding of coordinates.
-    let extent = high[1 - axis] - low[1 - axis];
-    let place = if peak.abs() < 1e-9 * extent {
-        0.0
-    } else {
-        peak
-    };
-    Chart {
-        title: format!("Along {along}, at {other} = {} {unit}", short(place)),
-        x: Axis::new(label, unit),
-        y: Axis::new("contact stress", &scene.elastic.units.stress()),
-        series: all,
-        zones: line.zones,
-        rules: Vec::new(),
-    }
-}
-
-/// The place of the largest pressure.
-fn peak(scene: &Scene, sheet: &Sheet) -> [f64; 2] {
-    let mut best = (f64::NEG_INFINITY, [0.0; 2]);
-    for (at, nodes) in &sheet.triangles {
-        for (x, node) in at.iter().zip(nodes) {
-            let value = scene.rows.get(node).map(|&i| scene.contact.pressure[i]);
-            if let Some(value) = value.filter(|value| *value > best.0) {
-                best = (value, *x);
-            }
-        }
-    }
-    best.1
+    let is_zero = peak.abs() < 1e-9 * (high[across] - low[across]);
+    let place = short(if is_zero { 0.0 } else { peak });
+    let title = format!("Along {along}, at {other} = {place} {length}");
+    let x = Axis::new(&sheet.labels[axis], length);
+    line.chart(title, x, &stress, scene.has_friction, false)
 }
 
 /// Where a line meets the border of a triangle: the place, pressure, tangential traction and slip bound there, and the
 /// nearest contact node.
 type Cut = (f64, [f64; 3], usize);
 
-/// What is met along a line of a sheet.
-struct Line {
-    /// Places with pressure, tangential traction and slip bound; NaN between parts.
-    points: Vec<(f64, [f64; 3])>,
-    zones: Vec<Zone>,
-}
-
-impl Line {
-    /// Along a coordinate in a range, where the other one has this value.
-    fn new(scene: &Scene, sheet: &Sheet, axis: usize, value: f64, range: [f64; 2]) -> Self {
-        // A line along the upper border has no triangle above it.
-        let (low, high) = bounds(sheet.triangles.iter().flat_map(|(at, _)| *at));
-        let across = 1 - axis;
-        let value = value.min(high[across] - 1e-9 * (high[across] - low[across]));
-        let rounding = 1e-6 * (range[1] - range[0]);
-        let mut parts: Vec<[Cut; 2]> = (sheet.triangles.iter())
-            .filter_map(|(at, nodes)| cuts(scene, at, nodes, axis, value))
-            .collect();
-        parts.retain(|[from, to]| {
-            to.0 - from.0 > rounding && from.0 > range[0] - rounding && to.0 < range[1] + rounding
-        });
-        parts.sort_by(|a, b| a[0].0.total_cmp(&b[0].0));
-        let mut line = Self {
-            points: Vec::new(),
-            zones: Vec::new(),
-        };
-        for [from, to] in parts {
-            if (line.points.last()).is_some_and(|last| from.0 > last.0 + rounding) {
-                line.points.push((f64::NAN, [f64::NAN; 3]));
-            }
-            line.points.extend([(from.0, from.1), (to.0, to.1)]);
-            let middle = 0.5 * (from.0 + to.0);
-            line.zone([from.0, middle], rounding, scene.contact.status(from.2));
-            line.zone([middle, to.0], rounding, scene.contact.status(to.2));
+/// What is met along a coordinate in a range, where the other one has this value.
+fn line(scene: &Scene, sheet: &Sheet, axis: usize, value: f64, range: [f64; 2]) -> Line {
+    // A line along the upper border has no triangle above it.
+    let (low, high) = bounds(sheet.triangles.iter().flat_map(|(at, _)| *at));
+    let across = 1 - axis;
+    let value = value.min(high[across] - 1e-9 * (high[across] - low[across]));
+    let rounding = 1e-6 * (range[1] - range[0]);
+    let mut parts: Vec<[Cut; 2]> = (sheet.triangles.iter())
+        .filter_map(|(at, nodes)| cuts(scene, at, nodes, axis, value))
+        .collect();
+    parts.retain(|[from, to]| {
+        to.0 - from.0 > rounding && from.0 > range[0] - rounding && to.0 < range[1] + rounding
+    });
+    parts.sort_by(|a, b| a[0].0.total_cmp(&b[0].0));
+    let mut line = Line::default();
+    for [from, to] in parts {
+        if (line.points.last()).is_some_and(|last| from.0 > last.0 + rounding) {
+            line.interrupt();
         }
-        line
+        line.points.extend([(from.0, from.1), (to.0, to.1)]);
+        let middle = 0.5 * (from.0 + to.0);
+        line.zone([from.0, middle], rounding, state(scene.contact, from.2));
+        line.zone([middle, to.0], rounding, state(scene.contact, to.2));
     }
-
-    /// Adds a zone, or goes on with the last.
-    fn zone(&mut self, [from, to]: [f64; 2], rounding: f64, state: NodeStatus) {
-        let Some((_, name, colour)) = STATES.into_iter().find(|(s, ..)| *s == state) else {
-            return;
-        };
-        match self.zones.last_mut() {
-            Some(zone) if zone.name == name && (from - zone.to).abs() <= rounding => zone.to = to,
-            _ => self.zones.push(Zone {
-                from,
-                to,
-                name,
-                colour,
-            }),
-        }
-    }
+    line
 }
 
 /// Where a line goes into a triangle of contact nodes, and out of it.
