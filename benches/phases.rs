@@ -6,7 +6,7 @@
 use signorini::dual::DirectDual;
 use signorini::output::peak_memory_mib;
 use signorini::reference::{self, CASE_A, Geometry};
-use signorini::ssnm::{self, Settings};
+use signorini::ssnm::{self, NewtonSettings};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -47,7 +47,7 @@ fn main() {
         for tolerance in [1e-4, 1e-6] {
             let start = Instant::now();
             let mut dual = DirectDual::new(&problem).expect("K is positive definite");
-            let settings = Settings {
+            let settings = NewtonSettings {
                 tolerance,
                 ..Default::default()
             };

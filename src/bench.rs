@@ -11,7 +11,7 @@ use crate::dual::{DirectDual, DualError, DualOperator, NestedDual};
 use crate::output::{forget_peak_memory, peak_memory_mib};
 use crate::problem::ContactProblem;
 use crate::sparse::norm;
-use crate::ssnm::{self, Settings, SolveError, Status};
+use crate::ssnm::{self, NewtonSettings, SolveError, Status};
 use crate::stiffness::amg::{self, Hierarchy};
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::{Pcg, PcgError};
@@ -135,7 +135,7 @@ fn speeds<B: Backend, const D: usize>(
     let k = problem.stiffness();
     let n = k.n_rows();
     let start = Instant::now();
-    let settings = amg::Settings::of_dimension(D);
+    let settings = amg::AmgSettings::of_dimension(D);
     let hierarchy =
         Hierarchy::<B::Stored>::new(k, problem.coordinates(), &settings).map_err(PcgError::from)?;
     let matrix_bytes = k.n_blocks() * (D * D * real + 4);
@@ -289,7 +289,7 @@ pub fn solve_on<const D: usize>(
             }
         };
         let set_up = start.elapsed().as_secs_f64();
-        let settings = Settings {
+        let settings = NewtonSettings {
             tolerance,
             ..Default::default()
         };

@@ -14,7 +14,7 @@ mod tables;
 mod text;
 
 pub use build::{BuildError, CaseProblem};
-pub use quantity::Figure;
+pub use quantity::NumberOrExpression;
 pub use solver::SolverTable;
 pub use tables::{
     AlgebraicTable, AnalysisTable, AxisTable, BodyForceTable, BoxTable, ContactTable,

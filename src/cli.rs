@@ -212,12 +212,12 @@ impl GpuArguments {
 }
 
 impl EngineArguments {
-    fn options(&self) -> engine::Options {
-        engine::Options {
+    fn options(&self) -> engine::EngineOptions {
+        engine::EngineOptions {
             place: match self.backend {
-                Backend::Auto => engine::Place::Auto,
-                Backend::Cpu => engine::Place::Cpu,
-                Backend::Gpu => engine::Place::Gpu,
+                Backend::Auto => engine::Device::Auto,
+                Backend::Cpu => engine::Device::Cpu,
+                Backend::Gpu => engine::Device::Gpu,
             },
             stiffness: match self.stiffness {
                 Stiffness::Auto => engine::Stiffness::Auto,

@@ -19,7 +19,7 @@ pub use rows::{ContactRows, contact_rows};
 
 use crate::elasticity::{Body, Elements, Field};
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{Facet, Kind, Place, Topology, bounds};
+use crate::mesh::{ElementKind, Facet, Location, Topology, bounds};
 use std::collections::HashMap;
 
 /// A friction law on a contact boundary.
@@ -135,7 +135,7 @@ impl<const D: usize> PairOptions<'_, D> {
     /// The search distance between the boundary `facets` and another one.
     pub fn distance_between(&self, body: &Body<D>, facets: &[Facet<D>], others: &[Facet<D>]) -> f64
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         self.search_distance
             .unwrap_or_else(|| reach([around(body, facets), around(body, others)]))
@@ -144,7 +144,7 @@ impl<const D: usize> PairOptions<'_, D> {
     /// The search distance between the boundary `facets` and an obstacle.
     pub fn distance_to(&self, body: &Body<D>, facets: &[Facet<D>], obstacle: &Obstacle<D>) -> f64
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         self.search_distance
             .unwrap_or_else(|| reach([around(body, facets), obstacle.bounds()]))
@@ -222,7 +222,7 @@ impl SlipBound {
     }
 }
 
-/// What elastic bodies in contact need of D dimensions: `where Kind: Space<D>` says it all.
+/// What elastic bodies in contact need of D dimensions: `where ElementKind: Space<D>` says it all.
 pub trait Space<const D: usize>: Elements<D> + Mortar<D> {}
 
 impl<const D: usize, T: Elements<D> + Mortar<D>> Space<D> for T {}
@@ -237,7 +237,7 @@ pub enum ContactError {
     )]
     Overlap {
         /// The node.
-        place: Place,
+        place: Location,
         /// How deep.
         depth: f64,
     },
@@ -248,7 +248,7 @@ pub enum ContactError {
     )]
     BodiesOverlap {
         /// Where they do so most.
-        place: Place,
+        place: Location,
         /// How deep.
         depth: f64,
     },
@@ -260,7 +260,7 @@ pub enum ContactError {
     )]
     Twice {
         /// The node.
-        place: Place,
+        place: Location,
     },
     /// Prescribed displacements penetrate.
     #[error(
@@ -269,7 +269,7 @@ pub enum ContactError {
     )]
     Driven {
         /// The node.
-        place: Place,
+        place: Location,
         /// How deep.
         depth: f64,
     },
@@ -281,13 +281,13 @@ pub enum ContactError {
     )]
     DrivenAlong {
         /// The node.
-        place: Place,
+        place: Location,
     },
     /// A node on both sides.
     #[error("the node at {place} belongs to both boundaries of the contact")]
     Shared {
         /// The node.
-        place: Place,
+        place: Location,
     },
     /// The boundary looks away from a half-plane (half-space).
     #[error(
@@ -315,7 +315,7 @@ pub enum ContactError {
     )]
     NoNormal {
         /// The node.
-        place: Place,
+        place: Location,
         /// What the obstacle is called.
         obstacle: &'static str,
     },
@@ -323,11 +323,11 @@ pub enum ContactError {
     #[error("the boundary turns back on itself at {place}, so its normal is undefined")]
     Folded {
         /// The node.
-        place: Place,
+        place: Location,
     },
     /// The boundaries are too far from each other.
     #[error(
-        "no part of it faces the other boundary within the search distance {distance:.3e}; {}",
+        "no part of it faces the master boundary within the search distance {distance:.3e}; {}",
         if nearest > distance {
             format!("they are at least {nearest:.3e} apart: check the boundaries, or set search_distance")
         } else {
@@ -346,7 +346,7 @@ pub enum ContactError {
         /// What it is about.
         what: &'static str,
         /// Where.
-        place: Place,
+        place: Location,
         /// The value there.
         value: f64,
     },
@@ -355,7 +355,7 @@ pub enum ContactError {
 /// The rounding of coordinates: what this distance and less means touching.
 fn rounding<const D: usize>(body: &Body<D>) -> f64
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     1e-9 * diagonal(body.mesh.bounding_box())
 }
@@ -387,7 +387,7 @@ fn reach<const D: usize>(boxes: [([f64; D], [f64; D]); 2]) -> f64 {
 /// The box around the nodes of some facets.
 fn around<const D: usize>(body: &Body<D>, facets: &[Facet<D>]) -> ([f64; D], [f64; D])
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let nodes = facets.iter().flat_map(|facet| facet.as_ref());
     bounds(nodes.map(|&node| body.mesh.nodes[node as usize]))

@@ -63,7 +63,7 @@ pub enum Accuracy {
 
 /// How a u that follows λ has come closer to K⁻¹(f − Bᵀλ), in the norm √(vᵀKv).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Followed {
+pub struct Correction {
     /// What it has moved by.
     pub change: f64,
     /// What it is off by now, as far as PCG can tell.

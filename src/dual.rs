@@ -8,7 +8,7 @@ pub use direct::DirectDual;
 pub(crate) use direct::plan;
 pub use nested::NestedDual;
 
-use crate::control::{Accuracy, Costs, Followed, Stop, Stopped};
+use crate::control::{Accuracy, Correction, Costs, Stop, Stopped};
 use crate::dense::{symmetric_eigen, tridiagonal_largest};
 use crate::problem::{ContactProblem, Kkt, LoadCase};
 use crate::sparse::{dot, norm};
@@ -65,7 +65,7 @@ impl From<PcgError> for DualError {
 /// use signorini::dual::{DualError, DualOperator};
 /// use signorini::problem::{ContactData, ContactProblem, LoadCase};
 /// use signorini::sparse::{BlockCsr, Csr};
-/// use signorini::ssnm::{self, Settings, Status};
+/// use signorini::ssnm::{self, NewtonSettings, Status};
 /// use std::ops::ControlFlow;
 ///
 /// struct Chain<K> {
@@ -131,7 +131,7 @@ impl From<PcgError> for DualError {
 /// })?
 /// .elsewhere();
 /// let mut chain = Chain { b: problem.contact_matrix().as_ref().clone(), inverse };
-/// let solution = ssnm::solve(&problem, &mut chain, &Settings::default(), |_| ControlFlow::Continue(()))?;
+/// let solution = ssnm::solve(&problem, &mut chain, &NewtonSettings::default(), |_| ControlFlow::Continue(()))?;
 /// assert_eq!(solution.status, Status::Converged);
 /// assert!((solution.u[2] - 0.1).abs() < 1e-9 && (solution.u[5] - 0.1).abs() < 1e-9);
 /// // By symmetry.
@@ -171,7 +171,7 @@ pub trait DualOperator {
         _along: f64,
         _accuracy: Accuracy,
         _stop: &Stop,
-    ) -> Result<Option<Followed>, DualError> {
+    ) -> Result<Option<Correction>, DualError> {
         Ok(None)
     }
     /// u = K⁺(f − Bᵀλ) with ‖f − Bᵀλ − Ku‖ ≤ `residual`, or as close as rounding allows; what is at hand where
@@ -331,7 +331,7 @@ pub(crate) fn scatter(len: usize) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::backend::cpu::Cpu;
-    use crate::engine::{Engine, Options, Place, Stiffness};
+    use crate::engine::{Device, Engine, EngineOptions, Stiffness};
     use crate::lattice::lattice;
     use crate::problem::{ContactData, ContactProblem};
     use crate::sparse::Csr;
@@ -405,8 +405,8 @@ mod tests {
             .unwrap_or_else(|error| panic!("{error}"));
         close(made(&mut nested));
         for stiffness in [Stiffness::Auto, Stiffness::Pcg] {
-            let options = Options {
-                place: Place::Cpu,
+            let options = EngineOptions {
+                place: Device::Cpu,
                 stiffness,
                 ..Default::default()
             };

@@ -5,8 +5,8 @@
 //! per body of the given thickness; coordinates, moduli and tractions may be in any consistent units (metres, pascals
 //! and newtons in the documentation).
 //!
-//! A new type of element is a [`Kind`] of the mesh, a file beside `quad.rs` with its shape functions, and a line in
-//! `Kind::with`; what its facets are integrated with is in `surface.rs`.
+//! A new type of element is a [`ElementKind`] of the mesh, a file beside `quad.rs` with its shape functions, and a line in
+//! `ElementKind::with`; what its facets are integrated with is in `surface.rs`.
 
 mod assembly;
 mod element;
@@ -31,7 +31,7 @@ pub use surface::FacetPoint;
 pub(crate) use surface::{edge_points, triangle_points};
 pub use unknowns::Unknowns;
 
-use crate::mesh::{Kind, Mesh, Topology};
+use crate::mesh::{ElementKind, Mesh, Topology};
 
 /// An isotropic linear material.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,7 +75,7 @@ pub type Field<'a, const D: usize = 2> = &'a (dyn Fn([f64; D]) -> f64 + Sync);
 #[derive(Clone, Copy)]
 pub struct Body<'a, const D: usize = 2>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     /// The mesh.
     pub mesh: &'a Mesh<D>,
@@ -89,7 +89,7 @@ where
 
 impl<const D: usize> Body<'_, D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     /// The Lamé pair of each region times the thickness.
     fn moduli(&self) -> Vec<(f64, f64)> {

@@ -5,7 +5,7 @@ use crate::backend::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::backend::gpu::{Context, Gpu, GpuError};
 use crate::backend::{GpuOptions, Precision};
-use crate::control::{Accuracy, Costs, Followed, Stop};
+use crate::control::{Accuracy, Correction, Costs, Stop};
 use crate::dual::{DirectDual, DualError, DualOperator, NestedDual, plan};
 use crate::memory;
 use crate::problem::{ContactProblem, LoadCase};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 /// Where to compute.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Place {
+pub enum Device {
     /// On a real GPU where that gains time, on the CPU otherwise, and on the CPU if the GPU fails.
     #[default]
     Auto,
@@ -41,9 +41,9 @@ pub enum Stiffness {
 
 /// What to ask of an [`Engine`].
 #[derive(Clone, Debug, Default)]
-pub struct Options {
+pub struct EngineOptions {
     /// Where to compute.
-    pub place: Place,
+    pub place: Device,
     /// How to apply K⁻¹.
     pub stiffness: Stiffness,
     /// Inside PCG.
@@ -120,11 +120,11 @@ impl Path {
     }
 }
 
-type Again = dyn Fn(bool, &Options, &mut dyn FnMut(&str)) -> Result<Path, EngineError> + Send;
+type Again = dyn Fn(bool, &EngineOptions, &mut dyn FnMut(&str)) -> Result<Path, EngineError> + Send;
 
 /// A dual operator by the means chosen.
 ///
-/// With [`Place::Auto`] a GPU that fails in the middle of a solve is replaced by the CPU: the product under
+/// With [`Device::Auto`] a GPU that fails in the middle of a solve is replaced by the CPU: the product under
 /// way is made again and nothing else is lost.
 ///
 /// It owns what it needs, and may be kept, moved to another thread and used again: for all problems that differ from the one it
@@ -142,7 +142,7 @@ type Again = dyn Fn(bool, &Options, &mut dyn FnMut(&str)) -> Result<Path, Engine
 /// use signorini::model::{Model, Pair, Support, Traction};
 /// use signorini::ssnm::Status;
 ///
-/// let plane = Obstacle::HalfPlane { point: [0.0; 2], normal: [0.0, 1.0] };
+/// let plane = Obstacle::HalfSpace { point: [0.0; 2], normal: [0.0, 1.0] };
 /// let built = Model::on(rectangle([0.0; 2], [3.0, 1.0], [12, 4], CellShape::Quad, "body", ""))
 ///     .material(Material { young: 2e5, poisson: 0.3, density: 0.0 })
 ///     .support(Support::on("left").fixed())
@@ -151,7 +151,7 @@ type Again = dyn Fn(bool, &Options, &mut dyn FnMut(&str)) -> Result<Path, Engine
 ///     .contact(Pair::obstacle("bottom", plane).coulomb(0.1))
 ///     .build()?;
 /// let mut engine = Engine::new(&built.problem, Default::default(), |line| println!("{line}"))?;
-/// // What the fixed end carries of the push falls as friction rises.
+/// // The floor carries ever more of the push, until nothing slips any more.
 /// let (mut friction, mut products) = (Vec::new(), Vec::new());
 /// for k in 0..20 {
 ///     let mu = vec![0.05 * f64::from(k); built.problem.m()];
@@ -161,8 +161,9 @@ type Again = dyn Fn(bool, &Options, &mut dyn FnMut(&str)) -> Result<Path, Engine
 ///     friction.push(-solution.lambda[problem.m()..].iter().sum::<f64>());
 ///     products.push(solution.n_a());
 /// }
-/// assert!(friction.is_sorted_by(|a, b| a.abs() < b.abs()));
-/// assert!(products[19] <= products[0]);
+/// assert!(friction.is_sorted_by(|a, b| a.abs() < 1.000_001 * b.abs() + 1e-6));
+/// // The first solve takes eight products with A, those behind it two on average: they know what it has found out.
+/// assert!(products[1..].iter().sum::<usize>() <= 3 * 19, "{products:?}");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct Engine {
@@ -171,7 +172,7 @@ pub struct Engine {
     /// Where K and B of the problem are, which it keeps: by these its problems are known.
     matrices: [usize; 2],
     path: Path,
-    options: Options,
+    options: EngineOptions,
     log: Box<dyn FnMut(&str) + Send>,
     /// What solves on it have found out.
     pub(crate) recycled: RecycledSubspace,
@@ -182,14 +183,14 @@ impl Engine {
     /// the CPU.
     pub fn new<const D: usize>(
         problem: &ContactProblem<D>,
-        options: Options,
+        options: EngineOptions,
         mut log: impl FnMut(&str) + Send + 'static,
     ) -> Result<Self, EngineError> {
         let n = problem.n();
         let path = match (options.place, options.stiffness) {
-            (Place::Gpu, Stiffness::Cholesky) => return Err(EngineError::NoCholeskyOnGpu),
-            (Place::Gpu, _) => on_gpu(problem, &options, &mut log)?,
-            (Place::Cpu, Stiffness::Pcg) => on_cpu(problem, &options)?,
+            (Device::Gpu, Stiffness::Cholesky) => return Err(EngineError::NoCholeskyOnGpu),
+            (Device::Gpu, _) => on_gpu(problem, &options, &mut log)?,
+            (Device::Cpu, Stiffness::Pcg) => on_cpu(problem, &options)?,
             (_, Stiffness::Cholesky) => Path::Cholesky(Box::new(DirectDual::new(problem)?)),
             (place, Stiffness::Auto) => match direct(
                 problem,
@@ -198,16 +199,16 @@ impl Engine {
                 &mut log,
             )? {
                 Some(dual) => Path::Cholesky(dual),
-                None if place == Place::Auto && n >= WORTH_A_GPU => {
+                None if place == Device::Auto && n >= WORTH_A_GPU => {
                     on_best(problem, &options, &mut log)?
                 }
                 None => on_cpu(problem, &options)?,
             },
             // Whoever names an adapter means it.
-            (Place::Auto, Stiffness::Pcg) if n < WORTH_A_GPU && options.gpu.adapter.is_none() => {
+            (Device::Auto, Stiffness::Pcg) if n < WORTH_A_GPU && options.gpu.adapter.is_none() => {
                 on_cpu(problem, &options)?
             }
-            (Place::Auto, Stiffness::Pcg) => on_best(problem, &options, &mut log)?,
+            (Device::Auto, Stiffness::Pcg) => on_best(problem, &options, &mut log)?,
         };
         let [_, fallback] = path.levels();
         if let Some(reason) = fallback {
@@ -226,7 +227,7 @@ impl Engine {
     fn on<const D: usize>(
         path: Path,
         problem: ContactProblem<D>,
-        options: Options,
+        options: EngineOptions,
         log: Box<dyn FnMut(&str) + Send>,
     ) -> Self {
         Self {
@@ -322,14 +323,14 @@ impl Engine {
     /// # Errors
     /// The same error, if the choice was not left open or nothing else can be made.
     fn way_back(&mut self, error: PcgError) -> Result<Path, DualError> {
-        let Options {
+        let EngineOptions {
             place, stiffness, ..
         } = self.options;
         let lost = matches!(error, PcgError::Backend(_));
         let open = match error {
-            PcgError::Backend(_) => place == Place::Auto,
+            PcgError::Backend(_) => place == Device::Auto,
             PcgError::Stalled { .. } | PcgError::NotPositiveDefinite => {
-                stiffness == Stiffness::Auto && place != Place::Gpu
+                stiffness == Stiffness::Auto && place != Device::Gpu
             }
             _ => false,
         };
@@ -371,7 +372,7 @@ fn addresses<const D: usize>(problem: &ContactProblem<D>) -> [usize; 2] {
 fn again<const D: usize>(
     problem: &ContactProblem<D>,
     lost: bool,
-    options: &Options,
+    options: &EngineOptions,
     log: &mut dyn FnMut(&str),
 ) -> Result<Path, EngineError> {
     if !lost {
@@ -443,7 +444,7 @@ fn direct<const D: usize>(
 
 fn on_cpu<const D: usize>(
     problem: &ContactProblem<D>,
-    options: &Options,
+    options: &EngineOptions,
 ) -> Result<Path, EngineError> {
     let cpu = Cpu::<f32>::default();
     let dual = NestedDual::new(problem, cpu, options.preconditioner)?;
@@ -453,7 +454,7 @@ fn on_cpu<const D: usize>(
 #[cfg(not(feature = "gpu"))]
 fn on_gpu<const D: usize>(
     _problem: &ContactProblem<D>,
-    _options: &Options,
+    _options: &EngineOptions,
     _log: &mut dyn FnMut(&str),
 ) -> Result<Path, EngineError> {
     Err(EngineError::NoGpuSupport)
@@ -462,7 +463,7 @@ fn on_gpu<const D: usize>(
 #[cfg(feature = "gpu")]
 fn on_gpu<const D: usize>(
     problem: &ContactProblem<D>,
-    options: &Options,
+    options: &EngineOptions,
     log: &mut dyn FnMut(&str),
 ) -> Result<Path, EngineError> {
     let context = Context::new(&options.gpu)?;
@@ -485,7 +486,7 @@ fn on_gpu<const D: usize>(
 /// PCG on a real GPU or, without one or if it fails, on the CPU.
 fn on_best<const D: usize>(
     problem: &ContactProblem<D>,
-    options: &Options,
+    options: &EngineOptions,
     log: &mut dyn FnMut(&str),
 ) -> Result<Path, EngineError> {
     let mut hardware = options.clone();
@@ -540,7 +541,7 @@ impl DualOperator for Engine {
         along: f64,
         accuracy: Accuracy,
         stop: &Stop,
-    ) -> Result<Option<Followed>, DualError> {
+    ) -> Result<Option<Correction>, DualError> {
         self.with_fallback(|dual| dual.gradient(load, lambda, r, along, accuracy, stop))
     }
 
@@ -584,11 +585,11 @@ mod tests {
         let mesh = reference::mesh(Geometry::OneBody, 1);
         let problem = reference::problem(Geometry::OneBody, &mesh, &CASE_B).expect("valid");
         for (place, stiffness, expected) in [
-            (Place::Auto, Stiffness::Auto, Some("cholesky")),
-            (Place::Auto, Stiffness::Pcg, Some("pcg")),
-            (Place::Gpu, Stiffness::Pcg, None),
+            (Device::Auto, Stiffness::Auto, Some("cholesky")),
+            (Device::Auto, Stiffness::Pcg, Some("pcg")),
+            (Device::Gpu, Stiffness::Pcg, None),
         ] {
-            let options = Options {
+            let options = EngineOptions {
                 place,
                 stiffness,
                 ..Default::default()

@@ -21,7 +21,7 @@
 //! A = B K⁻¹ Bᵀ, B = (N; T).
 //!
 //! Bodies that can move as a whole make K singular; their rigid motions R are found from the coordinates
-//! ([`problem::FreeBodies`]), u = K⁺(f − Bᵀλ) + Rα, and λ has to balance them: Rᵀ(f − Bᵀλ) = 0.
+//! ([`problem::FloatingBodies`]), u = K⁺(f − Bᵀλ) + Rα, and λ has to balance them: Rᵀ(f − Bᵀλ) = 0.
 //!
 //! Under Coulomb's law g = μ λν is part of the solution, and of the Newton steps
 //! ([`problem::ContactProblem::with_friction_coefficient`]). Load steps are several such problems in a row:
@@ -46,7 +46,7 @@
 //!
 //! ```
 //! use signorini::problem::{ContactProblem, Matrices, SparseRef};
-//! use signorini::ssnm::{self, Settings, Status};
+//! use signorini::ssnm::{self, NewtonSettings, Status};
 //! use signorini::dual::DirectDual;
 //! use std::ops::ControlFlow;
 //!
@@ -62,7 +62,7 @@
 //! })?;
 //! let mut dual = DirectDual::new(&problem)?;
 //! // The observer sees every outer step, and may stop the solve.
-//! let solution = ssnm::solve(&problem, &mut dual, &Settings::default(), |step| {
+//! let solution = ssnm::solve(&problem, &mut dual, &NewtonSettings::default(), |step| {
 //!     println!("step {}: err {:e}, {} products with A", step.iter, step.err, step.n_a);
 //!     ControlFlow::Continue(())
 //! })?;
@@ -122,7 +122,7 @@
 //!
 //! let case = Case::read(Path::new("examples/press.toml"), &["solver.tolerance=1e-6".to_owned()])?;
 //! let built = case.build()?.plane().expect("an elastic case of the plane");
-//! let mut options = signorini::solve::Options::default();
+//! let mut options = signorini::solve::SolveOptions::default();
 //! options.settings = case.settings();
 //! let solution = built.solve(&options)?.remove(0);
 //! let fields = ContactFields::new(&built.problem, &built.elastic, &built.step(0)?, &solution);

@@ -20,7 +20,7 @@ pub(crate) mod vector;
 #[cfg(feature = "files")]
 mod vtu;
 
-pub use element::{Element, Facet, Kind, Topology, facet, facet_nodes};
+pub use element::{Element, ElementKind, Facet, Topology, facet, facet_nodes};
 pub use file::FileError;
 pub use gmsh::write::msh;
 pub(crate) use groups::Groups;
@@ -36,7 +36,7 @@ use std::fmt;
 #[derive(Clone, Debug)]
 pub struct Mesh<const D: usize = 2>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     /// Coordinates, one row per node.
     pub nodes: Vec<[f64; D]>,
@@ -52,7 +52,7 @@ where
     /// [`Mesh::outer_facets`] and [`Mesh::facets`] mind that.
     pub boundaries: BTreeMap<String, Vec<Facet<D>>>,
     /// What is wrong with the boundaries that are not on the outside of the body altogether.
-    pub faults: BTreeMap<String, Fault<D>>,
+    pub faults: BTreeMap<String, FacetFault<D>>,
 }
 
 /// A mesh of either dimension: which one may show only when a file is read.
@@ -66,7 +66,7 @@ pub enum AnyMesh {
 
 /// The worst that the facets of a boundary have, and the first facet that has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fault<const D: usize = 2> {
+pub struct FacetFault<const D: usize = 2> {
     /// What it is.
     pub kind: FaultKind,
     /// The coordinates of two nodes of the facet: both ends of an edge, two corners of a face.
@@ -84,7 +84,7 @@ pub enum FaultKind {
     NoFacet,
 }
 
-impl<const D: usize> fmt::Display for Fault<D> {
+impl<const D: usize> fmt::Display for FacetFault<D> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         if self.kind == FaultKind::NoFacet {
             let facet = if D == 2 {
@@ -92,10 +92,10 @@ impl<const D: usize> fmt::Display for Fault<D> {
             } else {
                 "all corners of no outer face"
             };
-            let place = Place::from(self.ends[0]);
+            let place = Location::from(self.ends[0]);
             return write!(f, "a set of nodes, with one at {place}, that has {facet}");
         }
-        let [from, to] = self.ends.map(Place::from);
+        let [from, to] = self.ends.map(Location::from);
         let (which, a_facet) = match D {
             2 => ("edge from", "an edge"),
             _ => ("face with corners from", "a face"),
@@ -114,18 +114,18 @@ impl<const D: usize> fmt::Display for Fault<D> {
 
 /// Where something is wrong, in any dimension: for messages.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Place(
+pub struct Location(
     /// The coordinates.
     pub Vec<f64>,
 );
 
-impl<const D: usize> From<[f64; D]> for Place {
+impl<const D: usize> From<[f64; D]> for Location {
     fn from(x: [f64; D]) -> Self {
         Self(x.to_vec())
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let coordinates: Vec<String> = self.0.iter().map(|x| format!("{x:.6e}")).collect();
         write!(f, "({})", coordinates.join(", "))
@@ -178,7 +178,7 @@ pub enum MeshError {
         /// The element.
         element: usize,
         /// Its first node.
-        place: Place,
+        place: Location,
     },
     /// An element names a region that does not exist.
     #[error("element {element} is in region {region}, but there are only {n_regions} regions")]
@@ -204,7 +204,7 @@ pub enum MeshError {
 
 impl<const D: usize> Mesh<D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     /// A mesh from its parts: checks them, turns elements around whose nodes go the wrong way round, drops nodes that
     /// no element uses, and directs the facets of boundaries so that the body lies behind them. Boundaries may have
@@ -379,7 +379,7 @@ where
 /// The coordinates of the nodes of an element, and how many these are.
 fn corners<const D: usize>(element: &Element<D>, nodes: &[[f64; D]]) -> ([[f64; D]; 8], usize)
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let mut x = [[0.0; D]; 8];
     for (x, &node) in x.iter_mut().zip(element.nodes()) {
@@ -396,7 +396,7 @@ fn orient<const D: usize>(
     number: usize,
 ) -> Result<(), MeshError>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let (mut x, len) = corners(element, nodes);
     if element.kind().determinants(&x[..len]).sum::<f64>() < 0.0 {

@@ -13,7 +13,7 @@
 //! use signorini::model::{Model, Pair, Support, Traction};
 //! use signorini::ssnm::Status;
 //!
-//! let floor = Obstacle::HalfPlane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+//! let floor = Obstacle::HalfSpace { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
 //! let mesh = block([0.0; 3], [3.0, 1.0, 1.0], [6, 2, 2], SolidShape::Hexahedron, "steel", "");
 //! let built = Model::on(mesh)
 //!     .material(Material { young: 2.1e11, poisson: 0.3, density: 0.0 })
@@ -36,6 +36,7 @@ mod analysis;
 mod axis;
 mod build;
 mod contacts;
+mod elastic;
 mod entities;
 mod error;
 mod loads;
@@ -45,12 +46,13 @@ mod supports;
 mod tests;
 mod units;
 
-pub use analysis::{Analysis, AnyAnalysis, AnyBuilt};
+pub use analysis::{Analysis, AnyAnalysis};
 pub use axis::Axis;
-pub use build::{Built, Elastic};
+pub use build::{AnyBuilt, Built};
 pub use contacts::PairData;
+pub use elastic::Elastic;
 pub use entities::{BodyForce, Names, Pair, Support, Traction};
-pub use error::{Entity, Fault, Kind, ModelError};
+pub use error::{Entity, EntityKind, Fault, ModelError};
 pub use loads::StepData;
 pub use quantity::Quantity;
 pub use units::Units;
@@ -59,7 +61,7 @@ pub use units::Units;
 pub(crate) use error::{nearest, without_boundaries};
 
 use crate::elasticity::{Material, Plane};
-use crate::mesh::{Kind as ElementKind, Mesh, Topology};
+use crate::mesh::{ElementKind, Mesh, Topology};
 use crate::problem::{SIZES, is_sized};
 
 /// A model on its way: a mesh, and what is said about it. Numbers are in any consistent units.
@@ -214,14 +216,14 @@ impl<const D: usize> Definition<D> {
     pub(crate) fn check(&self) -> Result<(), ModelError> {
         self.check_materials()?;
         if let Some(fault) = self.units.as_ref().and_then(Units::fault) {
-            return Err(Entity::all(Kind::Units).error(fault));
+            return Err(Entity::all(EntityKind::Units).error(fault));
         }
         if !(self.thickness > 0.0 && self.thickness.is_finite()) {
-            return Err(Entity::all(Kind::Thickness).error("thickness must be positive"));
+            return Err(Entity::all(EntityKind::Thickness).error("thickness must be positive"));
         }
         if !is_sized(self.thickness) {
             let text = format!("thickness is {:e}: {SIZES}", self.thickness);
-            return Err(Entity::all(Kind::Thickness).error(text));
+            return Err(Entity::all(EntityKind::Thickness).error(text));
         }
         self.check_entities()?;
         self.check_steps()
@@ -230,7 +232,7 @@ impl<const D: usize> Definition<D> {
     /// Every material is one, and there is at least one.
     fn check_materials(&self) -> Result<(), ModelError> {
         if self.materials.is_empty() {
-            return Err(Entity::all(Kind::Material).error("there is no material"));
+            return Err(Entity::all(EntityKind::Material).error("there is no material"));
         }
         for (number, (_, m)) in self.materials.iter().enumerate() {
             let fault = if !(m.young > 0.0 && m.young.is_finite()) {
@@ -255,7 +257,7 @@ impl<const D: usize> Definition<D> {
     fn material_entity(&self, number: usize) -> Entity {
         let region = self.materials[number].0.as_ref();
         let place = region.map_or(String::new(), |name| format!("of \"{name}\""));
-        Entity::one(Kind::Material, number, place)
+        Entity::one(EntityKind::Material, number, place)
     }
 
     /// Every support, load and contact says enough and nothing impossible, and no contact stands twice.
@@ -281,7 +283,7 @@ impl<const D: usize> Definition<D> {
     fn check_steps(&self) -> Result<(), ModelError> {
         let finite = |factors: &[f64]| factors.iter().all(|f| f.is_finite());
         if (self.steps.as_ref()).is_some_and(|steps| steps.is_empty() || !finite(steps)) {
-            return Err(Entity::all(Kind::Steps)
+            return Err(Entity::all(EntityKind::Steps)
                 .error("factors needs at least one number, all of them finite"));
         }
         let supports = (self.supports.iter().enumerate()).map(|(i, s)| (s.entity(i), &s.factors));

@@ -6,7 +6,7 @@
 
 mod any;
 mod check;
-mod free;
+mod floating;
 mod kkt;
 mod load;
 mod matrices;
@@ -17,7 +17,7 @@ mod tests;
 pub use any::{AnyProblem, dimension};
 pub use check::ProblemError;
 pub(crate) use check::{LARGEST, SIZES, is_sized};
-pub use free::{FreeBodies, FreeBody};
+pub use floating::{FloatingBodies, FloatingBody};
 pub use kkt::Kkt;
 pub(crate) use kkt::slip_violation;
 pub use load::LoadCase;

@@ -7,7 +7,7 @@
 //!
 //! **Coulomb friction** is part of the Newton steps (`ssnm`). As no function falls along them, they may fail.
 //! Then bodies that only contact holds are put on weak springs (`springs`), which tell whether anything holds them, and
-//! rounds with frozen slip bounds (`rounds`) go on from the best point, and the coupled step is tried once more where
+//! rounds with frozen slip bounds (`rounds`) go on from the best point, and the monolithic step is tried once more where
 //! they settle.
 
 mod rounds;
@@ -102,25 +102,25 @@ impl State {
 
 /// Settings of a step.
 #[derive(Clone, Debug)]
-pub struct Settings {
+pub struct StepSettings {
     /// Those of the method.
-    pub ssnm: ssnm::Settings,
+    pub ssnm: ssnm::NewtonSettings,
     /// Under Coulomb's law: whether the bounds are part of the Newton steps. If not, there are only rounds.
-    pub coupled: bool,
+    pub monolithic: bool,
     /// max |μλν − g| / max μλν that rounds have to reach; ten times the tolerance of the problems if None.
     pub friction_tolerance: Option<f64>,
     /// Rounds at most.
     pub max_rounds: usize,
 }
 
-impl Settings {
+impl StepSettings {
     /// max |μλν − g| / max μλν that rounds have to reach.
     pub fn friction_tolerance(&self) -> f64 {
         self.friction_tolerance
             .unwrap_or(ssnm::MET * self.ssnm.tolerance)
     }
 
-    /// Whether the numbers make sense for any problem: see [`ssnm::Settings::check`].
+    /// Whether the numbers make sense for any problem: see [`ssnm::NewtonSettings::check`].
     ///
     /// # Errors
     /// The first setting that does not.
@@ -132,11 +132,11 @@ impl Settings {
     }
 }
 
-impl Default for Settings {
+impl Default for StepSettings {
     fn default() -> Self {
         Self {
-            ssnm: ssnm::Settings::default(),
-            coupled: true,
+            ssnm: ssnm::NewtonSettings::default(),
+            monolithic: true,
             friction_tolerance: None,
             max_rounds: 100,
         }
@@ -165,7 +165,7 @@ pub struct Round {
 pub enum Event<'a> {
     /// An outer step of the Newton method.
     Newton(&'a Step),
-    /// A solve with frozen slip bounds has ended, or one whose coupled steps have not got on.
+    /// A solve with frozen slip bounds has ended, or one whose monolithic steps have not got on.
     Round(&'a Round),
 }
 
@@ -173,12 +173,12 @@ pub enum Event<'a> {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct NotHeld {
-    /// Its number among [`System::free_bodies`].
+    /// Its number among [`System::floating_bodies`].
     pub body: usize,
     /// Which way the loads push it, in words.
     pub motion: String,
     /// No forces within the friction law balance it. Otherwise some do, but contact and friction do not come to them: on
-    /// springs, however weak, it drifts, or slip bounds that have settled do not hold it.
+    /// springs, however weak, it moves away, or slip bounds that have settled do not hold it.
     pub proven: bool,
 }
 
@@ -267,7 +267,7 @@ pub fn solve_step<const D: usize, K>(
     load: &Load,
     start: &State,
     dual: &mut (impl DualOperator + ?Sized),
-    settings: &Settings,
+    settings: &StepSettings,
     recycled: &mut RecycledSubspace,
     mut observer: impl FnMut(Event) -> ControlFlow<()>,
 ) -> Result<StepSolution<D>, StepError> {
@@ -295,7 +295,7 @@ struct Process<'a, const D: usize, O: ?Sized, V> {
     /// Under the whole load; T u is counted from T ū, less what prescribed displacements slide meanwhile.
     lawful: ContactProblem<D, Elsewhere>,
     dual: &'a mut O,
-    settings: &'a Settings,
+    settings: &'a StepSettings,
     recycled: &'a mut RecycledSubspace,
     observer: V,
     begin: Instant,
@@ -316,7 +316,7 @@ where
         load: &Load,
         start: &State,
         dual: &'a mut O,
-        settings: &'a Settings,
+        settings: &'a StepSettings,
         recycled: &'a mut RecycledSubspace,
         observer: V,
     ) -> Self {
@@ -334,7 +334,7 @@ where
             )
         };
         Self {
-            place: whole.free_bodies().resultants(&start.u),
+            place: whole.floating_bodies().resultants(&start.u),
             lawful: whole.under(case),
             dual,
             settings,
@@ -346,16 +346,16 @@ where
         }
     }
 
-    /// The step, with the bounds that were frozen for what it has ended with: coupled Newton steps, and rounds where
+    /// The step, with the bounds that were frozen for what it has ended with: monolithic Newton steps, and rounds where
     /// those give up.
     fn make(&mut self, start: &State) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
         let tolerance = self.settings.ssnm.tolerance;
         let has_coulomb = self.lawful.has_coulomb();
-        let coupled = self.settings.coupled;
-        let is_free = has_coulomb && !self.lawful.free_bodies().is_empty();
+        let monolithic = self.settings.monolithic;
+        let is_free = has_coulomb && !self.lawful.floating_bodies().is_empty();
         let mut from = start.lambda.clone();
         let mut is_held = false;
-        if coupled || !has_coulomb {
+        if monolithic || !has_coulomb {
             // Where springs can be asked, that is cheaper than patience.
             let mut numbers = self.settings.ssnm.numbers;
             if is_free {
@@ -385,12 +385,12 @@ where
             // Bounds that do not hold the body are not those of where springs hardly notice it.
             solution.status = Status::Stagnated;
             solution.imbalance.clear();
-            solution.driven.clear();
+            solution.mechanism.clear();
         }
-        if !coupled || solution.status != Status::Converged {
+        if !monolithic || solution.status != Status::Converged {
             return Ok((solution, Some(rounds.bounds)));
         }
-        // From where rounds have led, the coupled step may get on.
+        // From where rounds have led, the monolithic step may get on.
         let again = self.solve(None, &rounds.lambda, tolerance)?;
         if !has_given_up(again.status) {
             return Ok((again, None));
@@ -398,16 +398,16 @@ where
         self.better_of(solution, rounds.bounds, again)
     }
 
-    /// Of what rounds have settled on and a coupled step that has given up: what the law itself says is better.
+    /// Of what rounds have settled on and a monolithic step that has given up: what the law itself says is better.
     fn better_of(
         &mut self,
         mut settled: Solution<D>,
         bounds: Vec<f64>,
-        coupled: Solution<D>,
+        monolithic: Solution<D>,
     ) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
         let kkt = conditions(&self.lawful, self.dual, &settled.u, &settled.lambda)?;
-        if coupled.info.kkt.max() < kkt.max() {
-            return Ok((coupled, None));
+        if monolithic.info.kkt.max() < kkt.max() {
+            return Ok((monolithic, None));
         }
         settled.info.kkt = kkt;
         if !(kkt.max() <= ssnm::MET * self.settings.ssnm.tolerance) {
@@ -453,7 +453,7 @@ where
         }
         let problem = self.lawful.under(case);
         let ssnm = &self.settings.ssnm;
-        let settings = ssnm::Settings {
+        let settings = ssnm::NewtonSettings {
             tolerance,
             numbers,
             time_limit: ssnm
@@ -512,14 +512,14 @@ where
     fn on_springs(&mut self, lambda: &[f64]) -> Result<Springs<D>, SolveError> {
         let own = self.lawful.compliance().iter().zip(lambda);
         let work: f64 = own.map(|(c, l)| c * l * l).sum();
-        let (free, force) = (self.lawful.free_bodies(), self.lawful.load());
+        let (free, force) = (self.lawful.floating_bodies(), self.lawful.load());
         let (load, acting) = (norm(&free.resultants(force)), norm(&free.sizes(force)));
         let stiffness = load * load / (WEAK * work);
-        // What nothing pushes does not drift.
+        // What nothing pushes does not move away.
         if !(load > BALANCED * acting && stiffness.is_normal()) {
             return Ok(Springs::Break);
         }
-        let &ssnm::Settings {
+        let &ssnm::NewtonSettings {
             tolerance, numbers, ..
         } = &self.settings.ssnm;
         let solution = self.attempt(None, Some(stiffness), lambda, tolerance, numbers)?;
@@ -529,7 +529,7 @@ where
         let mut forces = self.lawful.load().to_vec();
         let b = self.lawful.contact_matrix();
         b.mul_transpose_add(-1.0, &solution.lambda, &mut forces);
-        let free = self.lawful.free_bodies();
+        let free = self.lawful.floating_bodies();
         let borne = free.resultants(&forces);
         if norm(&borne).powi(2) <= stiffness * work {
             return Ok(Springs::Idle(solution.lambda));
@@ -543,7 +543,7 @@ where
         Ok(Springs::Bear(Box::new(Solution {
             status: Status::NotHeld,
             u,
-            driven: borne.clone(),
+            mechanism: borne.clone(),
             imbalance: borne,
             info,
             ..solution
@@ -578,12 +578,12 @@ fn pushed<const D: usize>(
     solution: &Solution<D>,
     proven: bool,
 ) -> Vec<NotHeld> {
-    let (imbalance, free) = (&solution.imbalance, system.free_bodies());
+    let (imbalance, free) = (&solution.imbalance, system.floating_bodies());
     if imbalance.is_empty() {
         return Vec::new();
     }
     let all = norm(imbalance);
-    let bodies = free.parts(imbalance).zip(free.parts(&solution.driven));
+    let bodies = free.parts(imbalance).zip(free.parts(&solution.mechanism));
     (bodies.enumerate())
         .filter(|(_, ((_, part), _))| norm(part) > PUSHED * all)
         .map(|(body, (_, (free, motion)))| NotHeld {

@@ -13,7 +13,7 @@ use crate::contact::{ContactError, ContactPlace, Friction, Obstacle, PairOptions
 use crate::contact::{contact_rows, mortar_contact, obstacle_contact};
 use crate::elasticity::{Body, Elements, Material, Plane, Unknowns, assemble};
 use crate::mesh::structured::{CellShape, join, rectangle};
-use crate::mesh::{Kind, Mesh};
+use crate::mesh::{ElementKind, Mesh};
 use crate::problem::{ContactData, ContactProblem, ProblemError};
 
 /// The material of all reference problems.
@@ -136,7 +136,7 @@ pub fn problem(
     };
     let candidates: Vec<ContactPlace> = match geometry {
         Geometry::OneBody => {
-            let plane = Obstacle::HalfPlane {
+            let plane = Obstacle::HalfSpace {
                 point: [0.0, 0.0],
                 normal: [0.0, 1.0],
             };
@@ -157,7 +157,7 @@ fn contact_problem<const D: usize>(
     candidates: &[ContactPlace<D>],
 ) -> Result<ContactProblem<D>, ReferenceError>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     let (stiffness, load) = assemble(body, unknowns, forces);
     let rows = contact_rows(body, unknowns, candidates)?;

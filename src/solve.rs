@@ -2,7 +2,7 @@
 
 use crate::contact::Space;
 use crate::engine::{self, Engine, EngineError};
-use crate::mesh::Kind;
+use crate::mesh::ElementKind;
 use crate::model::{Analysis, AnyBuilt, Built, ModelError, StepData};
 use crate::problem::{AnyProblem, ContactProblem, Kkt};
 use crate::quasistatic::{self, Load, Round, State, StepError, StepSolution};
@@ -12,11 +12,11 @@ use std::time::Instant;
 
 /// How to solve a problem.
 #[derive(Clone, Debug, Default)]
-pub struct Options {
+pub struct SolveOptions {
     /// On what, and how to apply K⁻¹.
-    pub engine: engine::Options,
+    pub engine: engine::EngineOptions,
     /// Of the method.
-    pub settings: quasistatic::Settings,
+    pub settings: quasistatic::StepSettings,
 }
 
 /// A problem could not be solved.
@@ -81,7 +81,7 @@ pub struct Solved<'a, const D: usize = 2> {
 
 impl<const D: usize> Analysis<'_, D>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     /// Makes the load steps one after another, from rest, until one does not converge or `observer` breaks off: a step
     /// under way then ends as [`Status::Interrupted`]. The time limit is that of all steps together.
@@ -92,7 +92,7 @@ where
     pub fn solve_on(
         &self,
         engine: &mut Engine,
-        settings: &quasistatic::Settings,
+        settings: &quasistatic::StepSettings,
         mut observer: impl FnMut(Event<D>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
         let begin = Instant::now();
@@ -147,7 +147,7 @@ where
     }
 
     /// The same with an engine of its own, unwatched.
-    fn solve(&self, options: &Options) -> Result<Vec<StepSolution<D>>, Failed<D>> {
+    fn solve(&self, options: &SolveOptions) -> Result<Vec<StepSolution<D>>, Failed<D>> {
         let mut finished = Vec::with_capacity(self.n_steps());
         let made = (options.settings.check().map_err(Error::from))
             .and_then(|()| Ok(Engine::new(self.problem, options.engine.clone(), |_| {})?))
@@ -168,21 +168,21 @@ where
 
 impl<const D: usize> Built<D>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     /// Solves all load steps from rest; ends after the first one that does not converge. [`Analysis::solve_on`] is for
     /// whoever wants to watch, to stop, or to keep the engine.
     ///
     /// # Errors
     /// As [`ContactProblem::solve`]; the steps before the one at fault are kept.
-    pub fn solve(&self, options: &Options) -> Result<Vec<StepSolution<D>>, Failed<D>> {
+    pub fn solve(&self, options: &SolveOptions) -> Result<Vec<StepSolution<D>>, Failed<D>> {
         Analysis::from(self).solve(options)
     }
 }
 
 impl<const D: usize> ContactProblem<D>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     /// Solves the problem as it is given, from rest: Coulomb friction and bodies that only contact holds included.
     ///
@@ -195,7 +195,7 @@ where
     ///
     /// ```
     /// use signorini::problem::{ContactData, ContactProblem};
-    /// use signorini::solve::Options;
+    /// use signorini::solve::SolveOptions;
     /// use signorini::sparse::{BlockCsr, Csr};
     /// use signorini::ssnm::Status;
     ///
@@ -208,18 +208,18 @@ where
     ///     slip_bound: vec![0.1],
     ///     coordinates: None,
     /// })?;
-    /// let solution = problem.solve(&Options::default())?;
+    /// let solution = problem.solve(&SolveOptions::default())?;
     /// assert_eq!(solution.status, Status::Converged);
     /// // The wall holds the second spring at 1, friction holds back the first: 2 u₁ − 1 = −0.1.
     /// assert!((solution.u[0] - 0.45).abs() < 1e-6 && (solution.u[1] - 1.0).abs() < 1e-6);
     ///
-    /// let mut options = Options::default();
+    /// let mut options = SolveOptions::default();
     /// options.settings.ssnm.tolerance = 2.0;
     /// let error = problem.solve(&options).unwrap_err();
     /// assert_eq!(error.to_string(), "tolerance must lie between 0 and 1");
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn solve(&self, options: &Options) -> Result<StepSolution<D>, Error> {
+    pub fn solve(&self, options: &SolveOptions) -> Result<StepSolution<D>, Error> {
         let made = Analysis::from(self).solve(options);
         let mut made = made.map_err(|failed| failed.error)?;
         Ok(made.pop().expect("there is one step"))
@@ -232,7 +232,7 @@ where
     pub fn solve_on(
         &self,
         engine: &mut Engine,
-        settings: &quasistatic::Settings,
+        settings: &quasistatic::StepSettings,
     ) -> Result<StepSolution<D>, Error> {
         let mut made = None;
         Analysis::from(self).solve_on(engine, settings, |event| {
@@ -306,7 +306,7 @@ impl AnyProblem {
     ///
     /// # Errors
     /// As there.
-    pub fn solve(&self, options: &Options) -> Result<AnySolution, Error> {
+    pub fn solve(&self, options: &SolveOptions) -> Result<AnySolution, Error> {
         Ok(match self {
             Self::Plane(problem) => AnySolution::Plane(problem.solve(options)?),
             Self::Space(problem) => AnySolution::Space(problem.solve(options)?),
@@ -319,7 +319,7 @@ impl AnyBuilt {
     ///
     /// # Errors
     /// As there, without the steps made before.
-    pub fn solve(&self, options: &Options) -> Result<Vec<AnySolution>, Error> {
+    pub fn solve(&self, options: &SolveOptions) -> Result<Vec<AnySolution>, Error> {
         Ok(match self {
             Self::Plane(built) => {
                 let made = built.solve(options).map_err(|failed| failed.error)?;
@@ -344,7 +344,7 @@ mod tests {
     /// A block on a plane, without any other support against moving up.
     fn block(steps: &[f64]) -> Built {
         let mesh = rectangle([0.0; 2], [2.0, 1.0], [6, 3], CellShape::Quad, "body", "");
-        let ground = Obstacle::HalfPlane {
+        let ground = Obstacle::HalfSpace {
             point: [0.0; 2],
             normal: [0.0, 1.0],
         };
@@ -367,7 +367,7 @@ mod tests {
     fn load_steps_are_made_until_one_does_not_converge() {
         let solved = |steps: &[f64]| -> Vec<(Status, f64)> {
             let built = block(steps);
-            let made = built.solve(&Options::default());
+            let made = built.solve(&SolveOptions::default());
             let made = made.unwrap_or_else(|error| panic!("{error}"));
             let m = built.problem.m();
             (made.iter())
@@ -388,7 +388,7 @@ mod tests {
 
     #[test]
     fn what_is_wrong_is_told_first() {
-        let mut options = Options::default();
+        let mut options = SolveOptions::default();
         options.settings.ssnm.beta = -1.0;
         let failed = block(&[1.0]).solve(&options).err();
         let error = failed.map(|failed| failed.error);

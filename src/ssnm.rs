@@ -73,7 +73,7 @@ mod tests;
 pub use numbers::Numbers;
 pub use point::project;
 pub use sets::{SetSizes, Sets, SlipSizes};
-pub use settings::{Method, RecycledSubspace, Settings, SettingsError, WarmStart};
+pub use settings::{Method, NewtonSettings, RecycledSubspace, SettingsError, WarmStart};
 pub use solution::{Cause, Info, Solution, SolveError, Status, Step};
 
 use crate::dual::{DualError, DualOperator, conditions};
@@ -97,7 +97,7 @@ const EXACT: f64 = 1e-12;
 pub fn solve<const D: usize, K>(
     problem: &ContactProblem<D, K>,
     dual: &mut (impl DualOperator + ?Sized),
-    settings: &Settings,
+    settings: &NewtonSettings,
     observer: impl FnMut(&Step) -> ControlFlow<()>,
 ) -> Result<Solution<D>, SolveError> {
     solve_from(WarmStart::default(), problem, dual, settings, observer)
@@ -115,7 +115,7 @@ pub fn solve_from<const D: usize, K>(
     mut start: WarmStart,
     problem: &ContactProblem<D, K>,
     dual: &mut (impl DualOperator + ?Sized),
-    settings: &Settings,
+    settings: &NewtonSettings,
     mut observer: impl FnMut(&Step) -> ControlFlow<()>,
 ) -> Result<Solution<D>, SolveError> {
     let begin = Instant::now();
@@ -131,7 +131,7 @@ pub fn solve_from<const D: usize, K>(
     let problem = &problem.elsewhere();
     let dual = Scaled::new(problem, dual, settings.numbers.scaling);
     let first = Start::new(problem, &dual);
-    let (imbalance, driven) = (first.imbalance.clone(), first.driven.clone());
+    let (imbalance, mechanism) = (first.imbalance.clone(), first.mechanism.clone());
     // What no contact can balance of the load is left out of it, so that there is a u under the rest.
     let held = &problem.under(first.held(problem));
     let SetUp {
@@ -205,7 +205,7 @@ pub fn solve_from<const D: usize, K>(
         lambda,
         sets,
         imbalance,
-        driven,
+        mechanism,
         info,
     })
 }

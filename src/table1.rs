@@ -2,7 +2,7 @@
 
 use crate::dual::DualOperator;
 use crate::problem::ContactProblem;
-use crate::ssnm::{self, Method, Settings, SolveError, Status};
+use crate::ssnm::{self, Method, NewtonSettings, SolveError, Status};
 use serde::Serialize;
 use std::ops::ControlFlow;
 
@@ -86,7 +86,7 @@ pub fn row(
         if before_cell(beta).is_break() {
             break;
         }
-        let settings = Settings {
+        let settings = NewtonSettings {
             tolerance: TOLERANCE,
             beta,
             method,

@@ -3,9 +3,10 @@
 use super::{AlgebraicTable, Case, CaseError};
 use crate::contact::Space;
 use crate::matrix_market::{self, Matrix, MatrixMarketError};
-use crate::mesh::{AnyMesh, FileError, Kind as ElementKind, Mesh, Topology};
+use crate::mesh::{AnyMesh, ElementKind, FileError, Mesh, Topology};
 use crate::model::{
-    Analysis, AnyAnalysis, AnyBuilt, Built, Fault, Kind, Model, ModelError, without_boundaries,
+    Analysis, AnyAnalysis, AnyBuilt, Built, EntityKind, Fault, Model, ModelError,
+    without_boundaries,
 };
 use crate::problem::{AnyProblem, ContactData, ContactProblem, ProblemError, dimension};
 use std::path::PathBuf;
@@ -129,7 +130,7 @@ impl Case {
                 .part_without_boundaries(name, known, dimension)
                 .unwrap_or_else(|| fault.to_string()),
             Fault::NoRegion { .. } | Fault::Boundary(_) => fault.to_string(),
-            _ if entity.kind == Kind::Contact && entity.number.is_some() => {
+            _ if entity.kind == EntityKind::Contact && entity.number.is_some() => {
                 format!("contact {}: {fault}", entity.place)
             }
             _ => fault.to_string(),

@@ -4,11 +4,12 @@ use super::tables::{
     AxisTable, BodyForceTable, ContactTable, FrictionTable, MaterialTable, ObstacleTable,
     SupportTable, TractionTable,
 };
-use super::{Figure, Tables};
+use super::{NumberOrExpression, Tables};
 use crate::contact::Obstacle;
 use crate::elasticity::Material;
 use crate::model::{
-    Axis, BodyForce, Definition, Entity, Kind, Names, Pair, Quantity, Support, Traction, Units,
+    Axis, BodyForce, Definition, Entity, EntityKind, Names, Pair, Quantity, Support, Traction,
+    Units,
 };
 use serde::Deserialize;
 use std::ops::Range;
@@ -59,7 +60,9 @@ pub(super) fn vector<const D: usize>(list: &Spanned<Vec<f64>>) -> Result<[f64; D
 }
 
 /// A figure as a quantity.
-pub(super) fn quantity<const D: usize>(figure: &Spanned<Figure>) -> Result<Quantity<D>, Wrong> {
+pub(super) fn quantity<const D: usize>(
+    figure: &Spanned<NumberOrExpression>,
+) -> Result<Quantity<D>, Wrong> {
     let quantity = figure.get_ref().quantity();
     quantity.map_err(|message| (figure.span(), message))
 }
@@ -75,7 +78,7 @@ fn with<T, V: Clone>(part: T, value: &Option<V>, say: impl Fn(T, V) -> T) -> T {
 /// The same for a figure.
 fn with_figure<T, const D: usize>(
     part: T,
-    figure: &Option<Spanned<Figure>>,
+    figure: &Option<Spanned<NumberOrExpression>>,
     say: impl Fn(T, Quantity<D>) -> T,
 ) -> Result<T, Wrong> {
     Ok(match figure {
@@ -92,7 +95,7 @@ const NO_AXIAL: &str =
 /// The same for a figure along each direction; `beyond` is what is wrong with more of them than dimensions.
 fn along_each<T, const D: usize>(
     mut part: T,
-    figures: [&Option<Spanned<Figure>>; 3],
+    figures: [&Option<Spanned<NumberOrExpression>>; 3],
     beyond: &str,
     say: impl Fn(T, usize, Quantity<D>) -> T,
 ) -> Result<T, Wrong> {
@@ -195,19 +198,19 @@ impl ObstacleTable {
             vector.try_into().ok()
         }
         Some(match self {
-            Self::HalfPlane { point, normal } => Obstacle::HalfPlane {
+            Self::HalfPlane { point, normal } => Obstacle::HalfSpace {
                 point: of(point)?,
                 normal: of(normal)?,
             },
-            Self::HalfSpace { point, normal } => Obstacle::HalfPlane {
+            Self::HalfSpace { point, normal } => Obstacle::HalfSpace {
                 point: of(point)?,
                 normal: of(normal)?,
             },
-            Self::Circle { center, radius } => Obstacle::Circle {
+            Self::Circle { center, radius } => Obstacle::Sphere {
                 center: of(center)?,
                 radius: *radius,
             },
-            Self::Sphere { center, radius } => Obstacle::Circle {
+            Self::Sphere { center, radius } => Obstacle::Sphere {
                 center: of(center)?,
                 radius: *radius,
             },
@@ -326,20 +329,20 @@ impl Tables {
         let mesh = self.mesh.as_ref().map(Spanned::span);
         let number = entity.number.unwrap_or(0);
         let span = match entity.kind {
-            Kind::Model => mesh,
+            EntityKind::Model => mesh,
             // A region without a material could stand behind the last.
-            Kind::Material => match entity.number {
+            EntityKind::Material => match entity.number {
                 Some(number) => of(&self.material, number),
                 None => self.material.last().map(Spanned::span).or(mesh),
             },
-            Kind::Gravity => of(&self.material, 0),
-            Kind::Support => of(&self.support, number),
-            Kind::Traction => of(&self.traction, number),
-            Kind::BodyForce => of(&self.body_force, number),
-            Kind::Contact => of(&self.contact, number),
-            Kind::Thickness => self.analysis.thickness.as_ref().map(Spanned::span),
-            Kind::Steps => self.steps.as_ref().map(Spanned::span),
-            Kind::Units => self.units.as_ref().map(Spanned::span),
+            EntityKind::Gravity => of(&self.material, 0),
+            EntityKind::Support => of(&self.support, number),
+            EntityKind::Traction => of(&self.traction, number),
+            EntityKind::BodyForce => of(&self.body_force, number),
+            EntityKind::Contact => of(&self.contact, number),
+            EntityKind::Thickness => self.analysis.thickness.as_ref().map(Spanned::span),
+            EntityKind::Steps => self.steps.as_ref().map(Spanned::span),
+            EntityKind::Units => self.units.as_ref().map(Spanned::span),
         };
         span.unwrap_or(0..0)
     }

@@ -2,8 +2,8 @@
 
 use super::build::BuildError;
 use super::definition::{quantity, vector};
-use super::{BoxTable, Case, CaseError, Figure, MeshTable, PartTable, RectangleTable};
-use crate::mesh::{self, AnyMesh, Kind, Mesh, Topology, structured};
+use super::{BoxTable, Case, CaseError, MeshTable, NumberOrExpression, PartTable, RectangleTable};
+use crate::mesh::{self, AnyMesh, ElementKind, Mesh, Topology, structured};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -229,7 +229,7 @@ impl Case {
         mut mesh: Mesh<D>,
     ) -> Result<Mesh<D>, CaseError>
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         if let Some(shift) = &part.shift {
             let by = vector(shift).or_else(|(span, message)| self.invalid(span, message))?;
@@ -252,7 +252,7 @@ impl Case {
         mesh: Mesh<D>,
     ) -> Result<Mesh<D>, CaseError>
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         let group = (mesh.groups.keys()).find(|&name| before.groups.contains_key(name));
         let boundary =
@@ -293,10 +293,10 @@ impl Case {
         span: Range<usize>,
         name: &str,
         mut mesh: Mesh<D>,
-        map: &Option<[Spanned<Figure>; D]>,
+        map: &Option<[Spanned<NumberOrExpression>; D]>,
     ) -> Result<Mesh<D>, CaseError>
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         let Some(map) = map else {
             return Ok(mesh);

@@ -11,7 +11,7 @@ use std::fmt;
 /// A constant, or an expression of the coordinates such as `"-2e7 * (1 - x / 1.5)"`: which coordinates there are the
 /// mesh has to say, and until then an expression is a text.
 #[derive(Clone, Debug)]
-pub enum Figure {
+pub enum NumberOrExpression {
     /// A finite number.
     Number(f64),
     /// What stands in quotes.
@@ -29,7 +29,7 @@ enum Spelling {
     Expression(String),
 }
 
-impl<'de> Deserialize<'de> for Figure {
+impl<'de> Deserialize<'de> for NumberOrExpression {
     fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         match Spelling::deserialize(from)? {
             Spelling::Number(value) if value.is_finite() => Ok(Self::Number(value)),
@@ -41,7 +41,7 @@ impl<'de> Deserialize<'de> for Figure {
     }
 }
 
-impl Figure {
+impl NumberOrExpression {
     /// What it means in D dimensions; if nothing, why not.
     pub(super) fn quantity<const D: usize>(&self) -> Result<Quantity<D>, String> {
         match self {
@@ -54,7 +54,7 @@ impl Figure {
     }
 }
 
-impl fmt::Display for Figure {
+impl fmt::Display for NumberOrExpression {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
             Self::Number(value) => write!(f, "{value}"),

@@ -33,8 +33,8 @@ pub struct SolverTable {
 
 impl Default for SolverTable {
     fn default() -> Self {
-        let defaults = ssnm::Settings::default();
-        let rounds = quasistatic::Settings::default();
+        let defaults = ssnm::NewtonSettings::default();
+        let rounds = quasistatic::StepSettings::default();
         let plain = |value| Spanned::new(0..0, value);
         Self {
             tolerance: plain(defaults.tolerance),
@@ -52,10 +52,10 @@ impl Default for SolverTable {
 
 impl Case {
     /// The solver table as settings.
-    pub fn settings(&self) -> quasistatic::Settings {
+    pub fn settings(&self) -> quasistatic::StepSettings {
         let s = &self.tables.solver;
-        quasistatic::Settings {
-            ssnm: ssnm::Settings {
+        quasistatic::StepSettings {
+            ssnm: ssnm::NewtonSettings {
                 tolerance: *s.tolerance.get_ref(),
                 beta: *s.beta.get_ref(),
                 r_tol: *s.r_tol.get_ref(),

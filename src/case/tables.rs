@@ -3,7 +3,7 @@
 //! They are the same in the plane and in space: which of the two is meant is known when the mesh is, and
 //! `case/definition.rs` holds it against what they say.
 
-use super::{Figure, SolverTable};
+use super::{NumberOrExpression, SolverTable};
 use crate::elasticity::Plane;
 use crate::mesh::structured::{CellShape, SolidShape};
 use crate::model::{Names, Units};
@@ -110,7 +110,7 @@ pub struct RectangleTable {
     pub shape: CellShape,
     /// Where the point (x, y) of the rectangle goes: bends it, or grades its mesh.
     #[serde(default, deserialize_with = "exactly_or_none")]
-    pub map: Option<[Spanned<Figure>; 2]>,
+    pub map: Option<[Spanned<NumberOrExpression>; 2]>,
 }
 
 /// `[mesh.box]`.
@@ -131,7 +131,7 @@ pub struct BoxTable {
     pub shape: SolidShape,
     /// Where the point (x, y, z) of the box goes: bends it, or grades its mesh.
     #[serde(default, deserialize_with = "exactly_or_none")]
-    pub map: Option<[Spanned<Figure>; 3]>,
+    pub map: Option<[Spanned<NumberOrExpression>; 3]>,
 }
 
 /// `[analysis]`.
@@ -170,17 +170,17 @@ pub struct SupportTable {
     /// the node nearest to a point.
     pub point: Option<Spanned<Vec<f64>>>,
     /// u_x in m; free if left out.
-    pub x: Option<Spanned<Figure>>,
+    pub x: Option<Spanned<NumberOrExpression>>,
     /// u_y in m; free if left out.
-    pub y: Option<Spanned<Figure>>,
+    pub y: Option<Spanned<NumberOrExpression>>,
     /// u_z in m; free if left out, and in space only.
-    pub z: Option<Spanned<Figure>>,
+    pub z: Option<Spanned<NumberOrExpression>>,
     /// Displacement away from the axis, in m; free if left out.
-    pub radial: Option<Spanned<Figure>>,
+    pub radial: Option<Spanned<NumberOrExpression>>,
     /// Displacement around the axis, in m; free if left out.
-    pub hoop: Option<Spanned<Figure>>,
+    pub hoop: Option<Spanned<NumberOrExpression>>,
     /// Displacement along the axis, in m; free if left out, and in space only.
-    pub axial: Option<Spanned<Figure>>,
+    pub axial: Option<Spanned<NumberOrExpression>>,
     /// What these are about.
     pub axis: Option<Spanned<AxisTable>>,
     /// No displacement across a straight (plane) boundary.
@@ -197,19 +197,19 @@ pub struct TractionTable {
     /// A boundary or several.
     pub boundary: Names,
     /// In Pa.
-    pub x: Option<Spanned<Figure>>,
+    pub x: Option<Spanned<NumberOrExpression>>,
     /// In Pa.
-    pub y: Option<Spanned<Figure>>,
+    pub y: Option<Spanned<NumberOrExpression>>,
     /// In Pa; in space only.
-    pub z: Option<Spanned<Figure>>,
+    pub z: Option<Spanned<NumberOrExpression>>,
     /// In Pa, against the outward normal.
-    pub pressure: Option<Spanned<Figure>>,
+    pub pressure: Option<Spanned<NumberOrExpression>>,
     /// In Pa, away from the axis.
-    pub radial: Option<Spanned<Figure>>,
+    pub radial: Option<Spanned<NumberOrExpression>>,
     /// In Pa, around the axis.
-    pub hoop: Option<Spanned<Figure>>,
+    pub hoop: Option<Spanned<NumberOrExpression>>,
     /// In Pa, along the axis; in space only.
-    pub axial: Option<Spanned<Figure>>,
+    pub axial: Option<Spanned<NumberOrExpression>>,
     /// A moment about the axis in N·m, as traction around it that grows with the distance.
     pub torque: Option<f64>,
     /// What these are about.
@@ -253,11 +253,11 @@ pub struct BodyForceTable {
     /// A region; all if left out.
     pub region: Option<String>,
     /// In N/m³.
-    pub x: Option<Spanned<Figure>>,
+    pub x: Option<Spanned<NumberOrExpression>>,
     /// In N/m³.
-    pub y: Option<Spanned<Figure>>,
+    pub y: Option<Spanned<NumberOrExpression>>,
     /// In N/m³; in space only.
-    pub z: Option<Spanned<Figure>>,
+    pub z: Option<Spanned<NumberOrExpression>>,
     /// Load factors of its own, one per step.
     pub factors: Option<Vec<f64>>,
 }
@@ -284,9 +284,9 @@ pub struct ContactTable {
     #[serde(default)]
     pub friction: FrictionTable,
     /// The initial gap in m, instead of the distance of the meshes.
-    pub gap: Option<Spanned<Figure>>,
+    pub gap: Option<Spanned<NumberOrExpression>>,
     /// How far the sides overlap where they meet, in m, instead of a gap.
-    pub interference: Option<Spanned<Figure>>,
+    pub interference: Option<Spanned<NumberOrExpression>>,
     /// Gaps and overlaps up to this distance in m count as touching.
     pub adjust: Option<f64>,
     /// Edges of the boundaries that are sharper, in degrees between the normals of neighbours, cut them into smooth parts.
@@ -371,9 +371,9 @@ pub enum FrictionTable {
     #[default]
     None,
     /// `{ tresca = … }`: the bound in Pa.
-    Tresca(Spanned<Figure>),
+    Tresca(Spanned<NumberOrExpression>),
     /// `{ coulomb = … }`: the coefficient of friction.
-    Coulomb(Spanned<Figure>),
+    Coulomb(Spanned<NumberOrExpression>),
 }
 
 /// `[algebraic]`: Matrix Market files, relative to the case file.

@@ -13,7 +13,7 @@ use signorini::stiffness::pcg::PcgError;
 use std::error::Error;
 
 /// An error as the user reads it: what the library says, and what to type if that may help.
-pub fn told(error: &(dyn Error + 'static)) -> String {
+pub fn message_of(error: &(dyn Error + 'static)) -> String {
     match (error.downcast_ref(), advice(error)) {
         (Some(CaseError::Setting { setting, message }), _) => {
             format!("--set {setting}: {message}")
@@ -130,7 +130,7 @@ mod tests {
             ),
         ];
         for (error, end) in errors {
-            let text = told(error.as_ref());
+            let text = message_of(error.as_ref());
             assert_eq!(text, format!("{error}{end}"));
         }
     }
@@ -141,16 +141,16 @@ mod tests {
             adapter: "a GPU".to_owned(),
             reason: "unplugged".to_owned(),
         };
-        assert_eq!(told(&lost), lost.to_string());
+        assert_eq!(message_of(&lost), lost.to_string());
         #[cfg(feature = "gpu")]
         {
             let list = GpuError::NoAdapter("no adapter is called \"x\"; there are:\n  0: y".into());
-            assert_eq!(told(&list), list.to_string());
+            assert_eq!(message_of(&list), list.to_string());
         }
         let setting = CaseError::Setting {
             setting: "solver.beta".to_owned(),
             message: "there is no =".to_owned(),
         };
-        assert_eq!(told(&setting), "--set solver.beta: there is no =");
+        assert_eq!(message_of(&setting), "--set solver.beta: there is no =");
     }
 }

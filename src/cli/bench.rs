@@ -1,6 +1,6 @@
 //! `signorini bench`.
 
-use super::advice::told;
+use super::advice::message_of;
 use super::{BenchArguments, NOT_CONVERGED, print};
 use signorini::backend::gpu::Context;
 use signorini::backend::{GpuOptions, Precision};
@@ -73,7 +73,7 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
             "solves": rows,
             "growth": fits,
         });
-        write_whole(path, format!("{document:#}\n").as_bytes()).map_err(|e| told(&e))?;
+        write_whole(path, format!("{document:#}\n").as_bytes()).map_err(|e| message_of(&e))?;
     }
     // Each answer may be off by ten times the tolerance.
     let sound = |row: &Row| row.status == Status::Converged && row.difference < 2e-3;
@@ -137,7 +137,7 @@ fn measure<const D: usize>(
     let (mut speeds, mut rows) = (Vec::new(), Vec::new());
     for &k in &sizes.k {
         progress(&format!("k = {k}: assembly"));
-        let problem = problem(k).map_err(|e| told(&e))?;
+        let problem = problem(k).map_err(|e| message_of(&e))?;
         let failed = |e| format!("k = {k}: {e}");
         speeds.push(bench::measure(&problem).map_err(failed)?);
         for context in contexts {
@@ -165,7 +165,7 @@ fn contexts(arguments: &BenchArguments) -> Result<Vec<Arc<Context>>, String> {
     let named = options.adapter.is_some();
     let first = match Context::new(&options) {
         Ok(context) => context,
-        Err(error) if named => return Err(told(&error)),
+        Err(error) if named => return Err(message_of(&error)),
         Err(_) => return Ok(Vec::new()),
     };
     let mut contexts = vec![first];
@@ -174,7 +174,7 @@ fn contexts(arguments: &BenchArguments) -> Result<Vec<Arc<Context>>, String> {
             precision: Some(Precision::F32),
             ..options
         };
-        contexts.push(Context::new(&options).map_err(|e| told(&e))?);
+        contexts.push(Context::new(&options).map_err(|e| message_of(&e))?);
     }
     Ok(contexts)
 }

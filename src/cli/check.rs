@@ -1,19 +1,19 @@
 //! `signorini check`.
 
-use super::advice::told;
+use super::advice::message_of;
 use signorini::case::Case;
 use signorini::contact::Space;
 use signorini::elasticity::Plane;
 use signorini::engine::factor_bytes;
-use signorini::mesh::{FaultKind, Kind, Mesh, Topology};
+use signorini::mesh::{ElementKind, FaultKind, Mesh, Topology};
 use signorini::model::{Analysis, AnyAnalysis, Elastic, PairData};
 use signorini::problem::ContactProblem;
 use std::path::Path;
 use toml::Spanned;
 
 pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
-    let case = Case::read(path, settings).map_err(|e| told(&e))?;
-    let made = case.build().map_err(|e| told(&e))?;
+    let case = Case::read(path, settings).map_err(|e| message_of(&e))?;
+    let made = case.build().map_err(|e| message_of(&e))?;
     let lines = match made.analysis() {
         AnyAnalysis::Plane(analysis) => describe(&case, analysis)?,
         AnyAnalysis::Space(analysis) => describe(&case, analysis)?,
@@ -25,7 +25,7 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
 /// What was understood of a case.
 fn describe<const D: usize>(case: &Case, analysis: Analysis<D>) -> Result<Vec<String>, String>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let mut lines = Vec::new();
     if !case.tables.title.is_empty() {
@@ -60,18 +60,18 @@ where
 /// How many elements of each kind a mesh has; in space of those that it has any of.
 fn elements<const D: usize>(mesh: &Mesh<D>) -> String
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
-    let count = |kind: Kind| mesh.elements.iter().filter(|e| e.kind() == kind).count();
-    let kinds: &[(Kind, &str)] = match D {
+    let count = |kind: ElementKind| mesh.elements.iter().filter(|e| e.kind() == kind).count();
+    let kinds: &[(ElementKind, &str)] = match D {
         2 => &[
-            (Kind::Triangle, "triangles"),
-            (Kind::Quad, "quadrilaterals"),
+            (ElementKind::Triangle, "triangles"),
+            (ElementKind::Quad, "quadrilaterals"),
         ],
         _ => &[
-            (Kind::Tetrahedron, "tetrahedra"),
-            (Kind::Hexahedron, "hexahedra"),
-            (Kind::Wedge, "wedges"),
+            (ElementKind::Tetrahedron, "tetrahedra"),
+            (ElementKind::Hexahedron, "hexahedra"),
+            (ElementKind::Wedge, "wedges"),
         ],
     };
     let counted: Vec<String> = (kinds.iter())
@@ -85,7 +85,7 @@ where
 /// How large a mesh is: nodes, elements, bodies, the box around it.
 pub(super) fn mesh<const D: usize>(mesh: &Mesh<D>) -> String
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let (low, high) = mesh.bounding_box();
     let sides: Vec<String> = (low.iter().zip(high))
@@ -104,7 +104,7 @@ where
 /// The mesh, its regions with their materials, its groups.
 fn bodies<const D: usize>(lines: &mut Vec<String>, case: &Case, elastic: &Elastic<D>)
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let (units, mesh) = (case.units(), &elastic.mesh);
     let (length, stress) = (&units.length, units.stress());
@@ -133,7 +133,7 @@ where
 /// The named boundaries, and what they are not good for.
 fn boundaries<const D: usize>(lines: &mut Vec<String>, case: &Case, mesh: &Mesh<D>)
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let length = case.units().length;
     let (facets_of, power) = match D {
@@ -164,7 +164,7 @@ fn loads<const D: usize>(
     elastic: &Elastic<D>,
 ) -> Result<(), String>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let units = case.units();
     let plane = match elastic.plane {
@@ -179,7 +179,9 @@ where
         _ => "analysis      solid".to_owned(),
     });
     for step in 0..case.n_steps() {
-        let data = elastic.step(step).map_err(|e| told(&case.at_line(e)))?;
+        let data = elastic
+            .step(step)
+            .map_err(|e| message_of(&case.at_line(e)))?;
         let name = match case.n_steps() {
             1 => String::new(),
             _ => format!(", step {}", step + 1),
@@ -227,7 +229,7 @@ where
         let factors = &steps.get_ref().factors;
         lines.push(format!("steps         factors {factors:?}"));
     }
-    for body in analysis.free_bodies() {
+    for body in analysis.floating_bodies() {
         lines.push(format!("supports      {body}: only contact holds it"));
     }
     Ok(())
@@ -236,7 +238,7 @@ where
 /// A contact pair with its gaps, its law of friction and the nodes that the law does not reach.
 fn contact<const D: usize>(lines: &mut Vec<String>, case: &Case, pair: &PairData<D>)
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let length = case.units().length;
     lines.push(format!(

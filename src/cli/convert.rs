@@ -1,7 +1,7 @@
 //! `signorini convert`.
 
-use super::advice::told;
-use signorini::mesh::{self, AnyMesh, Kind, Mesh, Topology};
+use super::advice::message_of;
+use signorini::mesh::{self, AnyMesh, ElementKind, Mesh, Topology};
 use signorini::output::write_whole;
 use std::path::Path;
 
@@ -26,8 +26,8 @@ pub fn run(input: &Path, output: &Path, scale: f64, cell_data: Option<&str>) -> 
     if cell_data.is_some() && !mesh::has_cell_arrays(input) {
         return Err("--cell-data belongs to a .vtu file".to_owned());
     }
-    let read = mesh::read(input, scale, cell_data).map_err(|e| told(&e))?;
-    write_whole(output, mesh::msh(&read).as_bytes()).map_err(|e| told(&e))?;
+    let read = mesh::read(input, scale, cell_data).map_err(|e| message_of(&e))?;
+    write_whole(output, mesh::msh(&read).as_bytes()).map_err(|e| message_of(&e))?;
     let lines = match &read {
         AnyMesh::Plane(mesh) => describe(mesh),
         AnyMesh::Space(mesh) => describe(mesh),
@@ -39,7 +39,7 @@ pub fn run(input: &Path, output: &Path, scale: f64, cell_data: Option<&str>) -> 
 /// The mesh, and the names that a case calls its parts by.
 fn describe<const D: usize>(mesh: &Mesh<D>) -> Vec<String>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let mut lines = vec![super::check::mesh(mesh)];
     let (measure, facets) = match D {

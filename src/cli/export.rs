@@ -1,17 +1,17 @@
 //! `signorini export`.
 
-use super::advice::told;
+use super::advice::message_of;
 use super::{ExportArguments, NOT_CONVERGED};
 use signorini::case::Case;
 use signorini::contact::Space;
-use signorini::mesh::Kind;
+use signorini::mesh::ElementKind;
 use signorini::model::{Analysis, AnyAnalysis};
 use signorini::output::{self, ExportError};
 use signorini::solve;
 
 pub fn run(arguments: &ExportArguments) -> Result<u8, String> {
-    let case = Case::read(&arguments.case, &arguments.settings).map_err(|e| told(&e))?;
-    let made = case.build().map_err(|e| told(&e))?;
+    let case = Case::read(&arguments.case, &arguments.settings).map_err(|e| message_of(&e))?;
+    let made = case.build().map_err(|e| message_of(&e))?;
     match made.analysis() {
         AnyAnalysis::Plane(analysis) => export(&case, analysis, arguments),
         AnyAnalysis::Space(analysis) => export(&case, analysis, arguments),
@@ -24,7 +24,7 @@ fn export<const D: usize>(
     arguments: &ExportArguments,
 ) -> Result<u8, String>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let log = |line: &str| eprintln!("{line}");
     let options = arguments.engine.options();
@@ -40,8 +40,14 @@ where
             eprintln!("{}: {error}", arguments.case.display());
             Ok(NOT_CONVERGED)
         }
-        Err(ExportError::Solve(solve::Error::Model(error))) => Err(told(&case.at_line(error))),
-        Err(ExportError::Output(error)) => Err(told(&error)),
-        Err(error) => Err(format!("{}: {}", arguments.case.display(), told(&error))),
+        Err(ExportError::Solve(solve::Error::Model(error))) => {
+            Err(message_of(&case.at_line(error)))
+        }
+        Err(ExportError::Output(error)) => Err(message_of(&error)),
+        Err(error) => Err(format!(
+            "{}: {}",
+            arguments.case.display(),
+            message_of(&error)
+        )),
     }
 }

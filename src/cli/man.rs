@@ -1,6 +1,6 @@
 //! `signorini man`.
 
-use super::advice::told;
+use super::advice::message_of;
 use super::{Cli, print};
 use clap::{Command, CommandFactory as _};
 use clap_mangen::Man;
@@ -20,7 +20,7 @@ pub fn run(directory: Option<&Path>) -> Result<u8, String> {
             for command in std::iter::once(program).chain(commands) {
                 let man = Man::new(command);
                 let path = directory.join(man.get_filename());
-                write_whole(&path, page(&man).as_bytes()).map_err(|e| told(&e))?;
+                write_whole(&path, page(&man).as_bytes()).map_err(|e| message_of(&e))?;
                 print(&format!("{}\n", path.display()))?;
             }
         }

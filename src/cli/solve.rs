@@ -3,13 +3,13 @@
 mod log;
 mod summary;
 
-use super::advice::told;
+use super::advice::message_of;
 use super::{NOT_CONVERGED, SolveArguments};
 use log::Log;
 use signorini::case::Case;
 use signorini::engine::Engine;
 use signorini::input::is_reading;
-use signorini::mesh::Kind;
+use signorini::mesh::ElementKind;
 use signorini::model::{Analysis, AnyAnalysis};
 use signorini::output::{Draw, Results, prepare, withdraw};
 use signorini::quasistatic;
@@ -69,13 +69,13 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         Err(error) => {
             // The case comes first in what the user has to mend.
             let _ = withdraw(&output, std::slice::from_ref(&arguments.case));
-            return Err(told(&error));
+            return Err(message_of(&error));
         }
     };
-    withdraw(&output, &case.inputs()).map_err(|e| told(&e))?;
+    withdraw(&output, &case.inputs()).map_err(|e| message_of(&e))?;
     let log = Log::new(arguments);
 
-    let made = case.build().map_err(|e| told(&e))?;
+    let made = case.build().map_err(|e| message_of(&e))?;
     READ.store(true, Ordering::Relaxed);
     let run = Run {
         start,
@@ -103,13 +103,13 @@ impl Run<'_> {
     /// Solves, writes and tells; the exit code.
     fn make<const D: usize>(&self, analysis: Analysis<D>) -> Result<u8, String>
     where
-        Kind: Draw<D>,
+        ElementKind: Draw<D>,
     {
         let (case, log) = (self.case, self.log);
         let made = self.start.elapsed().as_secs_f64();
-        prepare(self.output, &case.inputs()).map_err(|e| told(&e))?;
+        prepare(self.output, &case.inputs()).map_err(|e| message_of(&e))?;
         let mut results =
-            Results::new(self.output, &case.tables.title, analysis).map_err(|e| told(&e))?;
+            Results::new(self.output, &case.tables.title, analysis).map_err(|e| message_of(&e))?;
         results.set_begin(self.start);
         #[cfg(feature = "plots")]
         if self.arguments.plots {
@@ -123,7 +123,7 @@ impl Run<'_> {
             analysis.problem.m(),
             timings.pairing
         ));
-        for body in analysis.free_bodies() {
+        for body in analysis.floating_bodies() {
             log.tell(&format!("{body}: only contact holds it"));
         }
         // What was finished before an error is written nevertheless.
@@ -131,7 +131,10 @@ impl Run<'_> {
         if let Err(error) = &solved {
             results.report.fail(error);
         }
-        let written = results.finish().map(<[_]>::to_vec).map_err(|e| told(&e));
+        let written = results
+            .finish()
+            .map(<[_]>::to_vec)
+            .map_err(|e| message_of(&e));
         solved?;
         let files = written?;
         if !self.arguments.quiet {
@@ -147,8 +150,8 @@ impl Run<'_> {
     /// An error of the solver, with the case that it has met.
     fn failed(&self, error: solve::Error) -> String {
         match error {
-            solve::Error::Model(error) => told(&self.case.at_line(error)),
-            error => format!("{}: {}", self.arguments.case.display(), told(&error)),
+            solve::Error::Model(error) => message_of(&self.case.at_line(error)),
+            error => format!("{}: {}", self.arguments.case.display(), message_of(&error)),
         }
     }
 
@@ -159,7 +162,7 @@ impl Run<'_> {
         results: &mut Results<D>,
     ) -> Result<(), String>
     where
-        Kind: Draw<D>,
+        ElementKind: Draw<D>,
     {
         let log = self.log;
         if INTERRUPTED.load(Ordering::Relaxed) {
@@ -190,7 +193,7 @@ impl Run<'_> {
         results: &mut Results<D>,
     ) -> Result<(), String>
     where
-        Kind: Draw<D>,
+        ElementKind: Draw<D>,
     {
         let (log, n_steps) = (self.log, analysis.n_steps());
         let mut settings = self.case.settings();
@@ -221,7 +224,7 @@ impl Run<'_> {
             }
         };
         (analysis.solve_on(engine, &settings, observer)).map_err(|error| self.failed(error))?;
-        written.map_err(|error| told(&error))
+        written.map_err(|error| message_of(&error))
     }
 }
 

@@ -1,6 +1,6 @@
 //! `signorini table1`.
 
-use super::advice::told;
+use super::advice::message_of;
 use super::{GeometryArgument, NOT_CONVERGED, Table1Arguments, print};
 use signorini::engine::Engine;
 use signorini::output::write_whole;
@@ -44,7 +44,7 @@ pub fn run(arguments: &Table1Arguments) -> Result<u8, String> {
             "cells": cells,
         });
         let text = format!("{document:#}\n");
-        write_whole(path, text.as_bytes()).map_err(|e| told(&e))?;
+        write_whole(path, text.as_bytes()).map_err(|e| message_of(&e))?;
     }
     Ok(if failed == 0 { 0 } else { NOT_CONVERGED })
 }
@@ -79,8 +79,8 @@ fn table(arguments: &Table1Arguments) -> Result<Vec<Cell>, String> {
             }
         };
         let mesh = reference::mesh(geometry, k);
-        let problem = reference::problem(geometry, &mesh, &TABLE1).map_err(|e| told(&e))?;
-        let mut engine = Engine::new(&problem, options.clone(), log).map_err(|e| told(&e))?;
+        let problem = reference::problem(geometry, &mesh, &TABLE1).map_err(|e| message_of(&e))?;
+        let mut engine = Engine::new(&problem, options.clone(), log).map_err(|e| message_of(&e))?;
         let mut found = Vec::new();
         for method in [Method::Inexact, Method::Multisecant] {
             let made = row(&problem, &mut engine, k, &arguments.beta, method, |beta| {
@@ -89,7 +89,7 @@ fn table(arguments: &Table1Arguments) -> Result<Vec<Cell>, String> {
                 }
                 ControlFlow::Continue(())
             });
-            found.push(made.map_err(|e| told(&e))?);
+            found.push(made.map_err(|e| message_of(&e))?);
         }
         if terminal {
             eprint!("\r\x1b[2K");

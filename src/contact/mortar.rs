@@ -1,13 +1,13 @@
 //! Contact between two boundaries whose meshes need not match: a segment-based mortar method with dual
 //! (biorthogonal) multipliers that belong to places.
 //!
-//! The condition of place i on the first boundary is
+//! The condition of place i on the slave boundary is
 //!
 //! ```text
 //! νᵢ · (Σₖ (Wᵢₖ/Dᵢ) uₖ − Σⱼ (Mᵢⱼ/Dᵢ) uⱼ) ≤ dᵢ,     Dᵢ = ∫ βᵢ ds,   Wᵢₖ = ∫ ψᵢ φₖ ds,   Mᵢⱼ = ∫ ψᵢ φⱼ ds,   dᵢ = ∫ ψᵢ gap ds / Dᵢ
 //! ```
 //!
-//! with νᵢ halfway between the normals of both sides, k over the nodes of the first boundary and j over those of the
+//! with νᵢ halfway between the normals of both sides, k over the nodes of the slave boundary and j over those of the
 //! second one. All integrals are taken over what the facets of both meshes have in common: in the plane segments between
 //! projected nodes (`mortar/segments.rs`), in space polygons (`mortar/polygons.rs`). The dual functions ψ span what the
 //! β of a facet span, with ∫ ψᵢ βⱼ ds = δᵢⱼ Dᵢ.
@@ -15,7 +15,7 @@
 //! - **A facet that is wholly covered** has its own shape functions as β: its places are its nodes, Wᵢₖ = δᵢₖ Dᵢ
 //!   (Wohlmuth 2000; Popp, Gee and Wall 2009).
 //! - **A facet that is covered in part** has the places that are the vertices of the convex hull P of what one connected
-//!   part of the other boundary covers of it, and as β the barycentric functions of P (Wachspress 1975; in the plane those
+//!   part of the master boundary covers of it, and as β the barycentric functions of P (Wachspress 1975; in the plane those
 //!   of a segment, `mortar/hull.rs` in space). Since Σβ = 1 and Σβᵢxᵢ = x, Σψ = 1 and ∫ ψᵢ x ds = Dᵢ xᵢ: a uniform
 //!   pressure is handed on exactly, and the force of a place acts just there, on the border of what is covered. With the
 //!   facet's own functions it would act at nodes beyond, and a body would stand on what is not there.
@@ -26,7 +26,7 @@
 //!   places and normals of its own.
 //!
 //! Weights Mᵢⱼ/Dᵢ add up to 1, so that the contact forces of a pair add up to nothing. Rows may depend on each other where
-//! several parts of the other boundary lie under one facet; forces are unique even so.
+//! several parts of the master boundary lie under one facet; forces are unique even so.
 
 mod flat;
 mod hull;
@@ -39,7 +39,7 @@ use super::search::{Bounds, Search};
 use super::{ContactError, ContactPlace, Friction, PairOptions, rounding};
 use crate::dense;
 use crate::elasticity::Body;
-use crate::mesh::{Facet, Kind, Topology, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Topology, facet_nodes};
 use faer::Mat;
 use places::Places;
 use rayon::prelude::*;
@@ -51,9 +51,9 @@ pub use super::search::Beam;
 /// The corners of a facet, and how many these are.
 pub type Corners<const D: usize> = ([[f64; D]; 4], usize);
 
-/// A facet of the first boundary.
+/// A facet of the slave boundary, the one that has the multipliers.
 #[derive(Clone, Copy, Debug)]
-pub struct Here<const D: usize> {
+pub struct SlaveFacet<const D: usize> {
     /// How many corners it has.
     len: usize,
     /// These.
@@ -66,9 +66,9 @@ pub struct Here<const D: usize> {
     thickness: f64,
 }
 
-/// A facet of the other boundary that may be met.
+/// A facet of the master boundary that the slave may meet.
 #[derive(Clone, Copy, Debug)]
-pub struct Near<const D: usize> {
+pub struct MasterFacet<const D: usize> {
     /// Its number in the boundary.
     number: usize,
     /// Its nodes, one for each corner.
@@ -80,18 +80,18 @@ pub struct Near<const D: usize> {
     part: u32,
 }
 
-/// A place where a facet of the first boundary meets one of the other: an integration point of what they have in
+/// A place where a facet of the slave boundary meets one of the master: an integration point of what they have in
 /// common.
 #[derive(Clone, Copy, Debug)]
-pub struct Meeting<const D: usize> {
+pub struct IntegrationPoint<const D: usize> {
     /// Which of the facets that are near.
     other: usize,
-    /// The place on the first boundary.
+    /// The place on the slave boundary.
     place: [f64; D],
     /// φ of the nodes of the facet there.
-    here: [f64; 4],
+    slave: [f64; 4],
     /// φ of the nodes of the other facet, at the place that it meets.
-    there: [f64; 4],
+    master: [f64; 4],
     /// How far apart they are, along the averaged normal; negative where they overlap.
     distance: f64,
     /// The weight, with the thickness in it.
@@ -109,17 +109,17 @@ pub enum Site {
     Inside,
 }
 
-/// What one connected part of the other boundary covers of a facet of the first one.
+/// What one connected part of the master boundary covers of a slave facet.
 #[derive(Clone, Debug)]
 pub struct Cover<const D: usize> {
-    /// The smooth part of the other boundary.
+    /// The smooth part of the master boundary.
     part: u32,
     /// The places that it hands forces on at, the vertices of its convex hull, with its angle there in half turns (in the
     /// plane a half for either end): those of all that is covered around a place on its border add up to 1 or, at a
     /// corner, to less.
     vertices: Vec<(Site, [f64; D], f64)>,
     /// Integration points, those with one facet one after the other.
-    meetings: Vec<Meeting<D>>,
+    points: Vec<IntegrationPoint<D>>,
     /// β of the vertices at each of them; none of a facet that is wholly covered, where they are φ.
     functions: Vec<f64>,
 }
@@ -127,23 +127,23 @@ pub struct Cover<const D: usize> {
 /// What boundaries have in common, in the plane and in space.
 pub trait Mortar<const D: usize>: Topology<D> {
     /// A box that holds whatever a facet can meet within a distance.
-    fn beam(here: &Here<D>, distance: f64) -> Beam<D>;
+    fn beam(slave: &SlaveFacet<D>, distance: f64) -> Beam<D>;
 
     /// Where a facet meets some others, no farther away than the distance: what is nearest, where there are several.
-    fn covers(here: &Here<D>, near: &[Near<D>], distance: f64) -> Vec<Cover<D>>;
+    fn covers(slave: &SlaveFacet<D>, near: &[MasterFacet<D>], distance: f64) -> Vec<Cover<D>>;
 
     /// What the normal of a facet weighs at each of its corners in the averaged normal.
     fn corner_weights(corners: &[[f64; D]]) -> [f64; 4];
 }
 
-impl Mortar<2> for Kind {
-    fn beam(here: &Here<2>, distance: f64) -> Beam<2> {
-        let ends = here.corners[..here.len].iter().copied();
+impl Mortar<2> for ElementKind {
+    fn beam(slave: &SlaveFacet<2>, distance: f64) -> Beam<2> {
+        let ends = slave.corners[..slave.len].iter().copied();
         Beam::around([[1.0, 0.0], [0.0, 1.0]], ends, [distance; 2])
     }
 
-    fn covers(here: &Here<2>, near: &[Near<2>], distance: f64) -> Vec<Cover<2>> {
-        segments::covers(here, near, distance)
+    fn covers(slave: &SlaveFacet<2>, near: &[MasterFacet<2>], distance: f64) -> Vec<Cover<2>> {
+        segments::covers(slave, near, distance)
     }
 
     fn corner_weights(_: &[[f64; 2]]) -> [f64; 4] {
@@ -151,13 +151,13 @@ impl Mortar<2> for Kind {
     }
 }
 
-impl Mortar<3> for Kind {
-    fn beam(here: &Here<3>, distance: f64) -> Beam<3> {
-        polygons::beam(here, distance)
+impl Mortar<3> for ElementKind {
+    fn beam(slave: &SlaveFacet<3>, distance: f64) -> Beam<3> {
+        polygons::beam(slave, distance)
     }
 
-    fn covers(here: &Here<3>, near: &[Near<3>], distance: f64) -> Vec<Cover<3>> {
-        polygons::covers(here, near, distance)
+    fn covers(slave: &SlaveFacet<3>, near: &[MasterFacet<3>], distance: f64) -> Vec<Cover<3>> {
+        polygons::covers(slave, near, distance)
     }
 
     fn corner_weights(corners: &[[f64; 3]]) -> [f64; 4] {
@@ -180,11 +180,11 @@ const MET: f64 = 0.5;
 pub struct MortarContact<const D: usize> {
     /// The places that may come into contact.
     pub places: Vec<ContactPlace<D>>,
-    /// What of the other boundary lies opposite of the first one, but is not met by it.
+    /// What of the master boundary lies opposite of the slave, but is not met by it.
     pub unmet: Option<Unmet<D>>,
 }
 
-/// Facets of the other boundary that the first one does not meet, although it lies opposite within the search distance.
+/// Facets of the master boundary that the slave does not meet, although it lies opposite within the search distance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unmet<const D: usize> {
     /// How many.
@@ -210,7 +210,7 @@ pub fn mortar_contact<const D: usize>(
     options: &PairOptions<D>,
 ) -> Result<MortarContact<D>, ContactError>
 where
-    Kind: Mortar<D>,
+    ElementKind: Mortar<D>,
 {
     let mesh = body.mesh;
     let nodes_of = |facet: &Facet<D>| -> Vec<u32> { facet_nodes(facet).to_vec() };
@@ -229,9 +229,9 @@ where
     let shares: Vec<FacetShares<D>> = (0..facets.len())
         .into_par_iter()
         .map(|number| {
-            let here = Here::new(body, &first, number);
-            let near = second.near(mesh, &search, &here, distance);
-            integrate(&here, &near, distance, rounding, options)
+            let slave = SlaveFacet::new(body, &first, number);
+            let near = second.near(mesh, &search, &slave, distance);
+            integrate(&slave, &near, distance, rounding, options)
         })
         .collect();
     if let Some(worst) = shares
@@ -260,7 +260,7 @@ where
     })
 }
 
-/// What the other boundary sees of the first one, and is not met there.
+/// What the master boundary sees of the slave, and is not met there.
 fn unmet<const D: usize>(
     body: &Body<D>,
     [first, second]: [&Surface<D>; 2],
@@ -268,7 +268,7 @@ fn unmet<const D: usize>(
     distance: f64,
 ) -> Option<Unmet<D>>
 where
-    Kind: Mortar<D>,
+    ElementKind: Mortar<D>,
 {
     let mut met = vec![0.0; second.facets.len()];
     for &(number, area) in shares.iter().flat_map(|shares| &shares.met) {
@@ -278,11 +278,11 @@ where
     let opposite: Vec<f64> = (0..second.facets.len())
         .into_par_iter()
         .map(|number| {
-            let here = Here::new(body, second, number);
-            let near = first.near(body.mesh, &search, &here, distance);
-            let covers = <Kind as Mortar<D>>::covers(&here, &near, distance);
-            let meetings = covers.iter().flat_map(|cover| &cover.meetings);
-            meetings.map(|meeting| meeting.weight).sum()
+            let facet = SlaveFacet::new(body, second, number);
+            let near = first.near(body.mesh, &search, &facet, distance);
+            let covers = <ElementKind as Mortar<D>>::covers(&facet, &near, distance);
+            let points = covers.iter().flat_map(|cover| &cover.points);
+            points.map(|point| point.weight).sum()
         })
         .collect();
     let missed = (met.iter().zip(&opposite).enumerate())
@@ -296,17 +296,17 @@ where
     })
 }
 
-impl<const D: usize> Near<D> {
+impl<const D: usize> MasterFacet<D> {
     /// Its nodes.
     fn nodes(&self) -> &[u32] {
         &self.nodes[..self.corners.1]
     }
 }
 
-impl<const D: usize> Here<D> {
+impl<const D: usize> SlaveFacet<D> {
     fn new(body: &Body<D>, surface: &Surface<D>, number: usize) -> Self
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         let facet = &surface.facets[number];
         let (corners, len) = body.mesh.corners_of(facet);
@@ -324,18 +324,18 @@ impl<const D: usize> Here<D> {
     }
 }
 
-/// What a facet of the first boundary adds to the integrals of places.
+/// What a facet of the slave boundary adds to the integrals of places.
 struct FacetShares<const D: usize> {
-    /// Of each part of the other boundary that it meets.
+    /// Of each part of the master boundary that it meets.
     covers: Vec<Shares<D>>,
-    /// How much of which facets of the other boundary it meets.
+    /// How much of which facets of the master boundary it meets.
     met: Vec<(usize, f64)>,
     /// The deepest overlap and where.
     depth: f64,
     place: [f64; D],
 }
 
-/// What is covered of a facet by one part of the other boundary, and what it adds to the integrals of its vertices.
+/// What is covered of a facet by one part of the master boundary, and what it adds to the integrals of its vertices.
 struct Shares<const D: usize> {
     part: u32,
     vertices: Vec<Share<D>>,
@@ -352,7 +352,7 @@ struct Share<const D: usize> {
     bound: f64,
     /// ∫ ψᵢ gap.
     gap: f64,
-    /// ∫ βᵢ n of the other boundary.
+    /// ∫ βᵢ n of the master boundary.
     facing: [f64; D],
     /// ∫ ψᵢ φₖ over the corners of the facet; none where it is wholly covered: there they are δᵢₖ ∫ βᵢ.
     own: Option<[f64; 4]>,
@@ -368,16 +368,16 @@ fn add_to(entries: &mut Vec<(u32, f64)>, node: u32, value: f64) {
     }
 }
 
-/// The integrals over one facet of the first boundary. (One text: all of them are sums over the same points, made once.)
+/// The integrals over one facet of the slave boundary. (One text: all of them are sums over the same points, made once.)
 fn integrate<const D: usize>(
-    here: &Here<D>,
-    near: &[Near<D>],
+    slave: &SlaveFacet<D>,
+    near: &[MasterFacet<D>],
     distance: f64,
     rounding: f64,
     options: &PairOptions<D>,
 ) -> FacetShares<D>
 where
-    Kind: Mortar<D>,
+    ElementKind: Mortar<D>,
 {
     let mut all = FacetShares {
         covers: Vec::new(),
@@ -385,16 +385,16 @@ where
         depth: 0.0,
         place: [0.0; D],
     };
-    for cover in <Kind as Mortar<D>>::covers(here, near, distance) {
+    for cover in <ElementKind as Mortar<D>>::covers(slave, near, distance) {
         let n = cover.vertices.len();
         let is_whole = cover.functions.is_empty();
         let functions = |number: usize| match is_whole {
-            true => &cover.meetings[number].here[..n],
+            true => &cover.points[number].slave[..n],
             false => &cover.functions[n * number..][..n],
         };
         // Mass matrix and ∫ β over the covered part; ψ = C β with C = diag(∫ β) mass⁻¹.
         let (mut mass, mut area) = (Mat::<f64>::zeros(n, n), vec![0.0; n]);
-        for (number, Meeting { weight, .. }) in cover.meetings.iter().enumerate() {
+        for (number, IntegrationPoint { weight, .. }) in cover.points.iter().enumerate() {
             let beta = functions(number);
             for i in 0..n {
                 for j in i..n {
@@ -418,19 +418,19 @@ where
                 partners: Vec::new(),
             })
             .collect();
-        for (number, meeting) in cover.meetings.iter().enumerate() {
-            let &Meeting {
+        for (number, point) in cover.points.iter().enumerate() {
+            let &IntegrationPoint {
                 place: x,
                 weight: w,
                 ..
-            } = meeting;
-            let other = &near[meeting.other];
+            } = point;
+            let other = &near[point.other];
             match all.met.last_mut() {
                 Some(last) if last.0 == other.number => last.1 += w,
                 _ => all.met.push((other.number, w)),
             }
             let beta = functions(number);
-            let gap = options.gap_at(x, meeting.distance, rounding);
+            let gap = options.gap_at(x, point.distance, rounding);
             // NaN from an expression must stay.
             if gap < -all.depth && options.interference.is_none() {
                 all.depth = -gap;
@@ -450,12 +450,12 @@ where
                     share.facing[c] += w * beta[i] * other.normal[c];
                 }
                 if let Some(own) = &mut share.own {
-                    for (own, phi) in own.iter_mut().zip(meeting.here) {
+                    for (own, phi) in own.iter_mut().zip(point.slave) {
                         *own += w * psi * phi;
                     }
                 }
-                for (&node, there) in other.nodes().iter().zip(meeting.there) {
-                    add_to(&mut share.partners, node, w * psi * there);
+                for (&node, master) in other.nodes().iter().zip(point.master) {
+                    add_to(&mut share.partners, node, w * psi * master);
                 }
             }
         }

@@ -5,21 +5,21 @@ use super::{
 };
 use crate::elasticity::{Body, Elements};
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{Facet, Kind, facet_nodes};
+use crate::mesh::{ElementKind, Facet, facet_nodes};
 
 /// A rigid obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Obstacle<const D: usize = 2> {
-    /// Everything behind the line (in space the plane) through `point`; `normal` (any length) points out of the
+    /// Everything behind the plane (in the plane the line) through `point`; `normal` (any length) points out of the
     /// obstacle.
-    HalfPlane {
+    HalfSpace {
         /// Any point of the surface.
         point: [f64; D],
         /// The direction out of the obstacle.
         normal: [f64; D],
     },
-    /// A disc (in space a ball); the body lies outside.
-    Circle {
+    /// A ball (in the plane a disc); the body lies outside.
+    Sphere {
         /// Its centre.
         center: [f64; D],
         /// Its radius.
@@ -43,11 +43,11 @@ impl<const D: usize> Obstacle<D> {
     /// half-plane, linearised at x for a circle or a cylinder.
     pub fn distance(&self, x: [f64; D]) -> (f64, [f64; D]) {
         match *self {
-            Self::HalfPlane { point, normal } => {
+            Self::HalfSpace { point, normal } => {
                 let outward = unit(normal);
                 (dot(minus(x, point), outward), outward.map(|v| -v))
             }
-            Self::Circle { center, radius } => {
+            Self::Sphere { center, radius } => {
                 let to = minus(center, x);
                 (length(to) - radius, unit(to))
             }
@@ -67,8 +67,8 @@ impl<const D: usize> Obstacle<D> {
     /// Smallest and largest corner of a box around it.
     pub(super) fn bounds(&self) -> ([f64; D], [f64; D]) {
         match *self {
-            Self::HalfPlane { .. } => ([f64::NEG_INFINITY; D], [f64::INFINITY; D]),
-            Self::Circle { center, radius } => {
+            Self::HalfSpace { .. } => ([f64::NEG_INFINITY; D], [f64::INFINITY; D]),
+            Self::Sphere { center, radius } => {
                 (center.map(|c| c - radius), center.map(|c| c + radius))
             }
             Self::Cylinder {
@@ -88,10 +88,10 @@ impl<const D: usize> Obstacle<D> {
     /// What it is called: "half-plane", "circle"; in space "half-space", "sphere", "cylinder".
     pub const fn name(&self) -> &'static str {
         match self {
-            Self::HalfPlane { .. } if D == 2 => "half-plane",
-            Self::HalfPlane { .. } => "half-space",
-            Self::Circle { .. } if D == 2 => "circle",
-            Self::Circle { .. } => "sphere",
+            Self::HalfSpace { .. } if D == 2 => "half-plane",
+            Self::HalfSpace { .. } => "half-space",
+            Self::Sphere { .. } if D == 2 => "circle",
+            Self::Sphere { .. } => "sphere",
             Self::Cylinder { .. } => "cylinder",
         }
     }
@@ -99,13 +99,13 @@ impl<const D: usize> Obstacle<D> {
     /// The error about a boundary of which no part looks at it.
     fn unseen(&self) -> ContactError {
         let (obstacle, solid) = match self {
-            Self::HalfPlane { .. } => {
+            Self::HalfSpace { .. } => {
                 return ContactError::FacesAway {
                     obstacle: self.name(),
                 };
             }
-            Self::Circle { .. } if D == 2 => (self.name(), "disc"),
-            Self::Circle { .. } => (self.name(), "ball"),
+            Self::Sphere { .. } if D == 2 => (self.name(), "disc"),
+            Self::Sphere { .. } => (self.name(), "ball"),
             Self::Cylinder { .. } => (self.name(), "solid cylinder"),
         };
         ContactError::Inside { obstacle, solid }
@@ -125,7 +125,7 @@ pub fn obstacle_contact<const D: usize>(
     options: &PairOptions<D>,
 ) -> Result<Vec<ContactPlace<D>>, ContactError>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     let mesh = body.mesh;
     let rounding = rounding(body);
@@ -139,7 +139,7 @@ where
         !(dot(outward, towards) <= 0.0)
     };
     let inside = |&node: &u32| obstacle.distance(mesh.nodes[node as usize]).0 < -rounding;
-    let round = !matches!(obstacle, Obstacle::HalfPlane { .. });
+    let round = !matches!(obstacle, Obstacle::HalfSpace { .. });
     if (round && nodes.iter().all(inside)) || !facets.iter().any(faces) {
         return Err(obstacle.unseen());
     }

@@ -8,7 +8,7 @@
 use super::{ContactError, ContactPlace, SlipBound};
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, minus};
-use crate::mesh::{Kind, Mesh, Place, Topology};
+use crate::mesh::{ElementKind, Location, Mesh, Topology};
 use crate::sparse::Csr;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -38,10 +38,10 @@ pub struct ContactRows<const D: usize = 2> {
     /// What prescribed displacements add to N u and to T u, row by row.
     held: [Vec<Vec<Held>>; 2],
     /// Candidates whose normal motion is prescribed altogether: their place, gap, and that motion.
-    fixed: Vec<(Place, f64, Vec<Held>)>,
+    fixed: Vec<(Location, f64, Vec<Held>)>,
     /// In space: nodes with friction along one tangent only, what supports prescribe along the other, and the part of it
     /// that they may be off by.
-    along_one: Vec<(Place, Vec<Held>, f64)>,
+    along_one: Vec<(Location, Vec<Held>, f64)>,
 }
 
 /// Writes the rows of contact places.
@@ -60,7 +60,7 @@ pub fn contact_rows<const D: usize>(
     candidates: &[ContactPlace<D>],
 ) -> Result<ContactRows<D>, ContactError>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let (mut places, mut numbers, mut fixed) = (Vec::new(), Vec::new(), Vec::new());
     let mut rows: [Vec<Vec<Entry>>; 2] = Default::default();
@@ -176,7 +176,7 @@ fn kept_along<const D: usize>(
     tangent: [f64; D],
 ) -> bool
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let mut kept = tangent;
     for &(node, weight) in &place.own {
@@ -385,7 +385,7 @@ impl<const D: usize> ContactRows<D> {
             }
         }
         let mut driven = self.along_one.iter();
-        let is_off = |(_, held, rest): &&(Place, Vec<Held>, f64)| {
+        let is_off = |(_, held, rest): &&(Location, Vec<Held>, f64)| {
             let terms = held.iter().map(|held| motion(&[*held], unknowns).abs());
             motion(held, unknowns).abs() > rest * terms.fold(0.0, f64::max)
         };

@@ -1,7 +1,7 @@
 //! Which facets of a boundary may be near to another one.
 
 use crate::mesh::vector::{dot, length};
-use crate::mesh::{Facet, Kind, Mesh, Topology, bounds};
+use crate::mesh::{ElementKind, Facet, Mesh, Topology, bounds};
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree, RTreeObject, SelectionFunction};
 
@@ -15,7 +15,7 @@ pub(super) struct Bounds<const D: usize> {
 impl<const D: usize> Bounds<D> {
     pub fn around(mesh: &Mesh<D>, facet: &Facet<D>) -> Self
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         let nodes = facet.as_ref().iter();
         let (low, high) = bounds(nodes.map(|&node| mesh.nodes[node as usize]));
@@ -82,7 +82,7 @@ impl<const D: usize> Beam<D> {
 /// depend on how the tree came about.
 pub(super) struct Search<const D: usize>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     /// With the number of each in the boundary.
     facets: Vec<(Bounds<D>, usize, Facet<D>)>,
@@ -94,7 +94,7 @@ type Numbered<const D: usize> = GeomWithData<Rectangle<[f64; D]>, usize>;
 
 impl<const D: usize> Search<D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     pub fn new(mesh: &Mesh<D>, facets: &[Facet<D>]) -> Self {
         let boxes = facets.iter().map(|facet| Bounds::around(mesh, facet));

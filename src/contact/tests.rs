@@ -16,7 +16,7 @@ const MATERIAL: Material = Material {
 
 fn body<const D: usize>(mesh: &Mesh<D>) -> Body<'_, D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     Body {
         mesh,
@@ -56,26 +56,26 @@ fn dense(rows: &crate::sparse::Csr) -> Vec<Vec<f64>> {
 
 #[test]
 fn distances_from_obstacles() {
-    let plane = Obstacle::HalfPlane {
+    let plane = Obstacle::HalfSpace {
         point: [0.0, 1.0],
         normal: [0.0, 5.0],
     };
     assert_eq!(plane.distance([7.0, 3.0]), (2.0, [0.0, -1.0]));
-    let disc = Obstacle::Circle {
+    let disc = Obstacle::Sphere {
         center: [3.0, 4.0],
         radius: 2.0,
     };
     assert_eq!(disc.distance([0.0, 0.0]), (3.0, [0.6, 0.8]));
     assert_eq!(disc.distance([3.0, 5.0]), (-1.0, [0.0, -1.0]));
 
-    let floor = Obstacle::HalfPlane {
+    let floor = Obstacle::HalfSpace {
         point: [1.0, 1.0, 1.0],
         normal: [2.0, 3.0, 6.0],
     };
     let (distance, towards) = floor.distance([3.0, 4.0, 7.0]);
     assert_relative_eq!(distance, 7.0, max_relative = 1e-15);
     assert_relative_eq!(dot(towards, [2.0, 3.0, 6.0]), -7.0, max_relative = 1e-15);
-    let ball = Obstacle::Circle {
+    let ball = Obstacle::Sphere {
         center: [2.0, 3.0, 6.0],
         radius: 1.0,
     };
@@ -117,7 +117,7 @@ fn frames_are_orthonormal() {
 #[test]
 fn a_block_on_a_half_plane() {
     let mesh = rectangle([0.0, 0.5], [2.0, 1.0], [2, 1], CellShape::Quad, "a", "");
-    let floor = Obstacle::HalfPlane {
+    let floor = Obstacle::HalfSpace {
         point: [0.0; 2],
         normal: [0.0, 1.0],
     };

@@ -1,4 +1,4 @@
-//! Contact forces that balance every free body: the nearest λ ∈ Λ with Gλ = e, and what is orthogonal to G.
+//! Contact forces that balance every floating body: the nearest λ ∈ Λ with Gλ = e, and what is orthogonal to G.
 //!
 //! With the equality in it, Λₑ = {λ ∈ Λ: Gλ = e} is convex as Λ is. All that the method asks of Λ is its
 //! projection, and that of Λₑ costs no product with A: λ = P_Λ(x + Gᵀη), where the few numbers η make a
@@ -8,7 +8,7 @@
 
 use crate::constraint::{NodeSets, Projected, at, put, row_of};
 use crate::dense::{pseudo_inverse, symmetric_eigen};
-use crate::problem::FreeBodies;
+use crate::problem::FloatingBodies;
 use crate::rounding::{DEPENDENT, ROUNDING};
 use crate::sparse::{Csr, add_times, dot, norm_max};
 use faer::Mat;
@@ -26,7 +26,7 @@ pub(crate) const BALANCED: f64 = 1e-10;
 /// The slope at the end of a line search, relative to that at its start.
 const SEARCHED: f64 = 1e-2;
 
-/// G and e of all free bodies.
+/// G and e of all floating bodies.
 #[derive(Clone, Debug)]
 pub(crate) struct Balance {
     /// Gᵀ with columns of length one, a row for each multiplier.
@@ -96,16 +96,16 @@ impl<const D: usize> Trial<D> {
 }
 
 impl Balance {
-    /// Of the free bodies of a problem under the load f, with Gᵀ times `factor` (that of its row).
+    /// Of the floating bodies of a problem under the load f, with Gᵀ times `factor` (that of its row).
     pub fn new<const D: usize>(
-        free: &FreeBodies<D>,
+        free: &FloatingBodies<D>,
         b: &Csr,
         load: &[f64],
         factor: impl Fn(usize) -> f64,
     ) -> Self {
         let motions = free.contact_motions(b);
         let scaled = motions.triplets().map(|(i, j, v)| (i, j, factor(i) * v));
-        let transposed = Csr::from_triplets(motions.n_rows(), free.n_motions(), scaled);
+        let transposed = Csr::from_triplets(motions.n_rows(), free.n_modes(), scaled);
         let (e, acting) = (free.resultants(load), free.sizes(load));
         Self::from_parts(&transposed, &e, acting, free.body_of_motion())
     }
@@ -241,7 +241,7 @@ impl Balance {
             .collect();
         Nearest {
             imbalance,
-            motion: self.driven(&lambda),
+            motion: self.mechanism(&lambda),
             lambda,
             eta,
             balanced,
@@ -290,7 +290,7 @@ impl Balance {
 
     /// What is left of the imbalance of the nearest forces, as a motion: they would resist any that they could be larger
     /// against. Of a body that moves where nothing touches it, that alone.
-    fn driven(&self, lambda: &[f64]) -> Vec<f64> {
+    fn mechanism(&self, lambda: &[f64]) -> Vec<f64> {
         let left: Vec<f64> = self.excess(lambda).iter().map(|v| -v).collect();
         let mut motion = self.coefficients(&left);
         for (j, &alone) in self.without_contact.iter().enumerate() {

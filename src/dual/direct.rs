@@ -7,7 +7,7 @@
 //! reaction there.
 
 use super::{DualError, DualOperator};
-use crate::control::{Accuracy, Followed, Stop};
+use crate::control::{Accuracy, Correction, Stop};
 use crate::problem::{ContactProblem, LoadCase};
 use crate::sparse::stored::SquareBlocks;
 use crate::sparse::{Csr, norm};
@@ -45,7 +45,7 @@ pub struct DirectDual {
 /// The order of elimination for a problem and the pattern of the factor.
 pub(crate) fn plan<const D: usize>(problem: &ContactProblem<D>) -> Result<Plan, FactorError> {
     let touched = problem.touched();
-    let fixed = (problem.free_bodies()).unknowns_to_fix(|unknown| touched[unknown / D]);
+    let fixed = (problem.floating_bodies()).unknowns_to_fix(|unknown| touched[unknown / D]);
     Plan::new(problem.stiffness(), problem.coordinates(), &touched, fixed)
 }
 
@@ -256,7 +256,7 @@ impl DualOperator for DirectDual {
         _along: f64,
         _accuracy: Accuracy,
         stop: &Stop,
-    ) -> Result<Option<Followed>, DualError> {
+    ) -> Result<Option<Correction>, DualError> {
         if !self.refined {
             return Ok(None);
         }
@@ -265,7 +265,7 @@ impl DualOperator for DirectDual {
         for (r, c) in r.iter_mut().zip(load.offsets()) {
             *r = c - *r;
         }
-        Ok(Some(Followed::default()))
+        Ok(Some(Correction::default()))
     }
 
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {

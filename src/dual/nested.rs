@@ -1,6 +1,6 @@
 //! The nested path: A p = B K⁻¹ Bᵀ p with K⁻¹ applied by preconditioned conjugate gradients.
 
-use super::{Costs, DualError, DualOperator, Followed, Stop};
+use super::{Correction, Costs, DualError, DualOperator, Stop};
 use crate::backend::{Backend, Run};
 use crate::control::Accuracy;
 use crate::problem::{ContactProblem, LoadCase};
@@ -60,8 +60,8 @@ impl<B: Backend> NestedDual<B> {
     ) -> Result<Self, PcgError> {
         let b = Arc::clone(problem.contact_matrix());
         let touched = problem.touched();
-        let (k, ties) =
-            (problem.free_bodies()).grounded(problem.stiffness(), |unknown| touched[unknown / D]);
+        let (k, ties) = (problem.floating_bodies())
+            .grounded(problem.stiffness(), |unknown| touched[unknown / D]);
         let mut pcg = Pcg::new(backend, &k, problem.coordinates(), preconditioner)?;
         let unit = power_of_two_below(norm(problem.load()));
         let mut u = Vec::new();
@@ -143,7 +143,7 @@ impl<B: Backend> NestedDual<B> {
         along: f64,
         accuracy: Accuracy,
         stop: &Stop,
-    ) -> Result<Followed, DualError> {
+    ) -> Result<Correction, DualError> {
         let mut contact = vec![0.0; self.load.len()];
         self.b.mul_transpose_add(1.0, lambda, &mut contact);
         let terms = norm(&self.load).max(norm(&contact));
@@ -154,7 +154,7 @@ impl<B: Backend> NestedDual<B> {
                 self.pcg.backend.clear(&mut there.u);
             }
             y.fill(0.0);
-            return Ok(Followed::default());
+            return Ok(Correction::default());
         }
         let unit = power_of_two_below(terms);
         if !(1.0 / FAR..FAR).contains(&(unit / self.unit)) {
@@ -293,7 +293,7 @@ impl<B: Backend> DualOperator for NestedDual<B> {
         along: f64,
         accuracy: Accuracy,
         stop: &Stop,
-    ) -> Result<Option<Followed>, DualError> {
+    ) -> Result<Option<Correction>, DualError> {
         self.take(load)?;
         let followed = self.follow(lambda, r, along, accuracy, stop)?;
         r.iter_mut().for_each(|r| *r = -*r);

@@ -1,10 +1,10 @@
 //! The stiffness matrix, pattern first and row by row.
 
 use super::element::{Elements, Visit};
-use super::shape::{Element, Point};
+use super::shape::{Point, ShapeFunctions};
 use super::{Body, Unknowns};
 use crate::mesh::vector::{dot, minus};
-use crate::mesh::{self, Kind, Mesh, Topology};
+use crate::mesh::{self, ElementKind, Mesh, Topology};
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -18,7 +18,7 @@ struct Incidence {
 impl Incidence {
     fn new<const D: usize>(mesh: &Mesh<D>) -> Self
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         let mut start = vec![0u32; mesh.nodes.len() + 1];
         for element in &mesh.elements {
@@ -66,7 +66,7 @@ fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize]) -> Vec<&'a mut [T]> {
 /// b: K_ab = ∫ λ ∇φ_a ∇φ_bᵀ + μ ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I.
 struct Blocks<'a, const D: usize, W, F>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     mesh: &'a Mesh<D>,
     element: &'a mesh::Element<D>,
@@ -79,14 +79,14 @@ where
 
 impl<const D: usize, W, F> Visit<D> for Blocks<'_, D, W, F>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
     W: Fn(usize) -> bool,
     F: FnMut(usize, usize, &[[f64; D]; D]),
 {
     type Output = ();
 
     #[inline]
-    fn visit<E: Element<D, N>, const N: usize>(mut self) {
+    fn visit<E: ShapeFunctions<D, N>, const N: usize>(mut self) {
         let x = self.mesh.coordinates(self.element);
         let (lambda, mu) = self.moduli[self.element.region as usize];
         let mut points = [Point::<D, N>::ZERO; MOST_POINTS];
@@ -123,7 +123,7 @@ where
 /// The rows of K: those of a node come from the elements around it.
 struct Rows<'a, const D: usize>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     mesh: &'a Mesh<D>,
     unknowns: &'a Unknowns<D>,
@@ -133,7 +133,7 @@ where
 
 impl<const D: usize> Rows<'_, D>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     /// The columns of a block row.
     fn columns(&self, row: usize, found: &mut Vec<u32>) {
@@ -250,7 +250,7 @@ pub fn assemble<const D: usize>(
     forces: &[[f64; D]],
 ) -> (BlockCsr<D>, Vec<f64>)
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     let n_blocks = unknowns.n_blocks();
     let rows = Rows {
@@ -306,7 +306,7 @@ pub fn load_vector<const D: usize>(
     forces: &[[f64; D]],
 ) -> Vec<f64>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     let zero = vec![0.0; D * unknowns.n_blocks()];
     let held = internal_forces(body, unknowns, &unknowns.displacements(&zero));
@@ -336,7 +336,7 @@ pub fn internal_forces<const D: usize>(
     displacement: &[[f64; D]],
 ) -> Vec<[f64; D]>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     let moduli = body.moduli();
     let mut forces = vec![[0.0; D]; body.mesh.nodes.len()];

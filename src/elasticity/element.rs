@@ -2,12 +2,12 @@
 
 use super::hexahedron::Hexahedron;
 use super::quad::Quad;
-use super::shape::Element;
+use super::shape::ShapeFunctions;
 use super::surface::{self, FacetPoint};
 use super::tetrahedron::Tetrahedron;
 use super::triangle::Triangle;
 use super::wedge::Wedge;
-use crate::mesh::{Kind, Topology};
+use crate::mesh::{ElementKind, Topology};
 
 /// Something to do with an element of whichever type.
 pub trait Visit<const D: usize> {
@@ -15,15 +15,15 @@ pub trait Visit<const D: usize> {
     type Output;
 
     /// Does it, with an element of the type E.
-    fn visit<E: Element<D, N>, const N: usize>(self) -> Self::Output;
+    fn visit<E: ShapeFunctions<D, N>, const N: usize>(self) -> Self::Output;
 }
 
-/// Implemented by [`Kind`] for the dimensions in which there are elements.
+/// Implemented by [`ElementKind`] for the dimensions in which there are elements.
 pub trait Elements<const D: usize>: Topology<D> {
     /// Turns a kind into its type: the only place that does.
     ///
     /// # Panics
-    /// If it is a kind of another dimension, of which no [`crate::mesh::Element`] can be.
+    /// If it is a kind of another dimension, of which no [`crate::mesh::ShapeFunctions`] can be.
     fn with<V: Visit<D>>(self, visit: V) -> V::Output;
 
     /// Hands `take` the points that integrate over a facet with its corners at x a product of a shape function and a
@@ -31,7 +31,7 @@ pub trait Elements<const D: usize>: Topology<D> {
     fn facet_points(x: &[[f64; D]], thickness: f64, take: impl FnMut(&FacetPoint<D>));
 }
 
-impl Elements<2> for Kind {
+impl Elements<2> for ElementKind {
     #[inline]
     fn with<V: Visit<2>>(self, visit: V) -> V::Output {
         match self {
@@ -46,7 +46,7 @@ impl Elements<2> for Kind {
     }
 }
 
-impl Elements<3> for Kind {
+impl Elements<3> for ElementKind {
     #[inline]
     fn with<V: Visit<3>>(self, visit: V) -> V::Output {
         match self {

@@ -1,6 +1,6 @@
 //! The trilinear hexahedron with 2 × 2 × 2 Gauss points.
 
-use super::shape::{Element, GAUSS, Point};
+use super::shape::{GAUSS, Point, ShapeFunctions};
 use super::surface::line_points;
 
 pub(super) struct Hexahedron;
@@ -36,7 +36,7 @@ impl Hexahedron {
     }
 }
 
-impl Element<3, 8> for Hexahedron {
+impl ShapeFunctions<3, 8> for Hexahedron {
     #[inline]
     fn stiffness_points(x: &[[f64; 3]; 8]) -> impl Iterator<Item = Point<3, 8>> {
         (CORNERS.iter()).map(|corner| Self::point(corner.map(|v| v * GAUSS), 1.0, x))

@@ -1,14 +1,14 @@
 //! Loads: nodal forces from what acts on boundaries and in bodies.
 
 use super::element::{Elements, Visit};
-use super::shape::Element;
+use super::shape::ShapeFunctions;
 use super::surface::FacetPoint;
 use super::{Body, Field};
-use crate::mesh::{self, Facet, Kind, facet_nodes};
+use crate::mesh::{self, ElementKind, Facet, facet_nodes};
 
 impl<const D: usize> Body<'_, D>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     /// Adds ∫ t·v over the facets to the nodal forces (D per node); `traction(x, n)` gives t in Pa at
     /// the point x with outward unit normal n.
@@ -42,7 +42,7 @@ where
         for facet in facets {
             let (x, len) = self.mesh.corners_of(facet);
             let nodes = facet_nodes(facet);
-            <Kind as Elements<D>>::facet_points(&x[..len], self.thickness, |point| {
+            <ElementKind as Elements<D>>::facet_points(&x[..len], self.thickness, |point| {
                 take(nodes, point);
             });
         }
@@ -51,7 +51,7 @@ where
 
 impl<const D: usize> Body<'_, D>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     /// Adds ∫ b·v over the elements of some regions (None: all) to the nodal forces; `force(x, density)`
     /// gives the force per volume in N/m³.
@@ -78,7 +78,7 @@ where
 /// Adds what acts in an element.
 struct BodyForce<'a, const D: usize, F>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     body: &'a Body<'a, D>,
     element: &'a mesh::Element<D>,
@@ -88,11 +88,11 @@ where
 
 impl<const D: usize, F: Fn([f64; D], f64) -> [f64; D]> Visit<D> for BodyForce<'_, D, F>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     type Output = ();
 
-    fn visit<E: Element<D, N>, const N: usize>(self) {
+    fn visit<E: ShapeFunctions<D, N>, const N: usize>(self) {
         let x: [_; N] = self.body.mesh.coordinates(self.element);
         let density = self.body.materials[self.element.region as usize].density;
         for point in E::load_points(&x) {

@@ -1,6 +1,6 @@
 //! The bilinear quadrilateral with 2 × 2 Gauss points.
 
-use super::shape::{Element, GAUSS, Point};
+use super::shape::{GAUSS, Point, ShapeFunctions};
 
 pub(crate) struct Quad;
 
@@ -44,7 +44,7 @@ impl Quad {
     }
 }
 
-impl Element<2, 4> for Quad {
+impl ShapeFunctions<2, 4> for Quad {
     #[inline]
     fn stiffness_points(x: &[[f64; 2]; 4]) -> impl Iterator<Item = Point<2, 4>> {
         (CORNERS.iter()).map(|corner| Self::point(corner.map(|v| v * GAUSS), x))

@@ -72,7 +72,7 @@ impl<const N: usize> Point<3, N> {
 }
 
 /// A type of element with N nodes in D dimensions; `x` are their coordinates.
-pub trait Element<const D: usize, const N: usize> {
+pub trait ShapeFunctions<const D: usize, const N: usize> {
     /// The points that integrate the stiffness exactly enough, and whose stresses are the most accurate.
     fn stiffness_points(x: &[[f64; D]; N]) -> impl Iterator<Item = Point<D, N>>;
 

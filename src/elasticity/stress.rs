@@ -1,9 +1,9 @@
 //! Stress recovery.
 
 use super::element::{Elements, Visit};
-use super::shape::Element;
+use super::shape::ShapeFunctions;
 use super::{Body, Material, Plane};
-use crate::mesh::{self, Kind};
+use crate::mesh::{self, ElementKind};
 
 /// A state of stress, in Pa; in the plane σzz is perpendicular to it, and σyz and σzx are zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -79,7 +79,7 @@ pub fn stresses<const D: usize>(
     displacement: &[[f64; D]],
 ) -> (Vec<Stress>, Vec<Stress>)
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     let mut at_nodes = vec![Stress::default(); body.mesh.nodes.len()];
     let mut area = vec![0.0; body.mesh.nodes.len()];
@@ -103,7 +103,7 @@ where
 /// Adds an element's stresses, times its area (volume), at its nodes; gives the one in its middle.
 struct Recovery<'a, const D: usize>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     body: &'a Body<'a, D>,
     element: &'a mesh::Element<D>,
@@ -114,11 +114,11 @@ where
 
 impl<const D: usize> Visit<D> for Recovery<'_, D>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     type Output = Stress;
 
-    fn visit<E: Element<D, N>, const N: usize>(self) -> Stress {
+    fn visit<E: ShapeFunctions<D, N>, const N: usize>(self) -> Stress {
         let x: [_; N] = self.body.mesh.coordinates(self.element);
         let nodes = self.element.nodes();
         let material = self.body.materials[self.element.region as usize];

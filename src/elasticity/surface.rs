@@ -2,7 +2,7 @@
 
 use super::quad::Quad;
 use crate::mesh::vector::{cross, length, minus, unit};
-use crate::mesh::{Kind, Topology};
+use crate::mesh::{ElementKind, Topology};
 
 /// An integration point of a facet.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +45,7 @@ pub(crate) fn triangle_points() -> impl Iterator<Item = ([f64; 3], f64)> {
 
 /// The points of an edge from x₀ to x₁.
 pub(super) fn of_edge(x: &[[f64; 2]], thickness: f64, mut take: impl FnMut(&FacetPoint<2>)) {
-    let (length, normal) = <Kind as Topology<2>>::facet_normal(x);
+    let (length, normal) = <ElementKind as Topology<2>>::facet_normal(x);
     for (place, [a, b], weight) in edge_points([x[0], x[1]]) {
         take(&FacetPoint {
             place,

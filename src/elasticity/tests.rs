@@ -1,7 +1,7 @@
 mod solid;
 
 use super::element::Visit;
-use super::shape::Element;
+use super::shape::ShapeFunctions;
 use super::*;
 use crate::mesh;
 use approx::assert_relative_eq;
@@ -16,15 +16,15 @@ const STEEL: Material = Material {
 /// Checks the points of an element.
 struct Check<'a, const D: usize>(&'a Mesh<D>, &'a mesh::Element<D>)
 where
-    Kind: Topology<D>;
+    ElementKind: Topology<D>;
 
 impl<const D: usize> Visit<D> for Check<'_, D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     type Output = ();
 
-    fn visit<E: Element<D, N>, const N: usize>(self) {
+    fn visit<E: ShapeFunctions<D, N>, const N: usize>(self) {
         let x: [[f64; D]; N] = self.0.coordinates(self.1);
         let area = self.0.signed_measure(self.1);
         let (stiffness, loads): (Vec<_>, Vec<_>) = (
@@ -70,7 +70,7 @@ fn patch() -> Mesh {
 
 fn body<const D: usize>(mesh: &Mesh<D>) -> Body<'_, D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     Body {
         mesh,
@@ -93,7 +93,7 @@ fn a_quadrilateral_extrapolates_what_is_bilinear() {
     struct Corners;
     impl Visit<2> for Corners {
         type Output = ();
-        fn visit<E: Element<2, N>, const N: usize>(self) {
+        fn visit<E: ShapeFunctions<2, N>, const N: usize>(self) {
             let x: [[f64; 2]; N] = std::array::from_fn(|a| {
                 [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]][a].map(|v| 2.0 * v)
             });
@@ -109,7 +109,7 @@ fn a_quadrilateral_extrapolates_what_is_bilinear() {
             }
         }
     }
-    Kind::Quad.with(Corners);
+    ElementKind::Quad.with(Corners);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The 4-node tetrahedron: linear shape functions, constant gradients.
 
-use super::shape::{Element, Point};
+use super::shape::{Point, ShapeFunctions};
 use crate::mesh::vector::{cross, dot, minus};
 
 pub(super) struct Tetrahedron;
@@ -24,7 +24,7 @@ impl Tetrahedron {
     }
 }
 
-impl Element<3, 4> for Tetrahedron {
+impl ShapeFunctions<3, 4> for Tetrahedron {
     #[inline]
     fn stiffness_points(x: &[[f64; 3]; 4]) -> impl Iterator<Item = Point<3, 4>> {
         std::iter::once(Self::centre(x))

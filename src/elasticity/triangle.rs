@@ -1,6 +1,6 @@
 //! The 3-node triangle: linear shape functions, constant gradients.
 
-use super::shape::{Element, Point};
+use super::shape::{Point, ShapeFunctions};
 
 pub(super) struct Triangle;
 
@@ -22,7 +22,7 @@ impl Triangle {
     }
 }
 
-impl Element<2, 3> for Triangle {
+impl ShapeFunctions<2, 3> for Triangle {
     #[inline]
     fn stiffness_points(x: &[[f64; 2]; 3]) -> impl Iterator<Item = Point<2, 3>> {
         std::iter::once(Self::centre(x))

@@ -1,7 +1,7 @@
 //! Supports, and the numbering of what they leave free.
 
 use crate::mesh::vector::dot;
-use crate::mesh::{Kind, Mesh, Topology};
+use crate::mesh::{ElementKind, Mesh, Topology};
 use std::collections::BTreeMap;
 
 /// Which displacement components are prescribed, and the numbering of the rest.
@@ -143,7 +143,7 @@ impl<const D: usize> Unknowns<D> {
     /// Coordinates of the nodes of the blocks (for rigid body modes).
     pub fn coordinates(&self, mesh: &Mesh<D>) -> Vec<[f64; D]>
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         self.node_of_block
             .iter()

@@ -1,6 +1,6 @@
 //! The 6-node wedge, linear in its triangles and along its axis, with 3 × 2 points.
 
-use super::shape::{Element, GAUSS, Point};
+use super::shape::{GAUSS, Point, ShapeFunctions};
 use super::surface::{line_points, triangle_points};
 
 pub(super) struct Wedge;
@@ -35,7 +35,7 @@ impl Wedge {
     }
 }
 
-impl Element<3, 6> for Wedge {
+impl ShapeFunctions<3, 6> for Wedge {
     #[inline]
     fn stiffness_points(x: &[[f64; 3]; 6]) -> impl Iterator<Item = Point<3, 6>> {
         (0..6).map(|node| {

@@ -1,12 +1,12 @@
 //! Boundaries: which way their facets look, and which lie on the outside of the body.
 
 use super::element::{facet_nodes, unsided};
-use super::{BoundaryError, Element, Facet, Fault, FaultKind, Kind, Mesh, Topology};
+use super::{BoundaryError, Element, ElementKind, Facet, FacetFault, FaultKind, Mesh, Topology};
 use std::collections::HashMap;
 
 impl<const D: usize> Mesh<D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     /// Directs the facets of boundaries, notes those that are no outer ones, and drops those of no element.
     pub(super) fn direct_boundaries(&mut self) {
@@ -38,7 +38,7 @@ where
                 let nodes = facet_nodes(facet);
                 let ends = [nodes[0], nodes[nodes.len() / 2]];
                 let ends = ends.map(|node| self.nodes[node as usize]);
-                let fault = Fault { kind, ends };
+                let fault = FacetFault { kind, ends };
                 let worst = self.faults.entry(name.clone()).or_insert(fault);
                 if worst.kind < kind {
                     *worst = fault;
@@ -80,7 +80,7 @@ where
     /// The length (area) of a boundary facet and its outward unit normal: of a warped quadrilateral the mean.
     pub fn facet_normal(&self, facet: &Facet<D>) -> (f64, [f64; D]) {
         let (x, len) = self.corners_of(facet);
-        <Kind as Topology<D>>::facet_normal(&x[..len])
+        <ElementKind as Topology<D>>::facet_normal(&x[..len])
     }
 
     /// The mean of the corners of a facet.
@@ -101,7 +101,7 @@ where
     }
 }
 
-impl<const D: usize> Fault<D> {
+impl<const D: usize> FacetFault<D> {
     fn remedy(&self) -> String {
         let part = if D == 2 { "curve" } else { "surface" };
         let otherwise = match self.kind {

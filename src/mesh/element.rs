@@ -5,7 +5,7 @@ use std::hash::Hash;
 
 /// The kinds of elements, all of first order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Kind {
+pub enum ElementKind {
     /// Three nodes in the plane, counter-clockwise.
     Triangle,
     /// A quadrilateral: four nodes in the plane, counter-clockwise.
@@ -19,7 +19,7 @@ pub enum Kind {
     Wedge,
 }
 
-impl Kind {
+impl ElementKind {
     /// How many nodes it has: its corners.
     pub const fn n_nodes(self) -> usize {
         match self {
@@ -82,7 +82,7 @@ pub trait Topology<const D: usize> {
 
 /// The nodes of a facet in D dimensions: `[u32; 2]` in the plane, the ends of an edge; `[u32; 4]` in space, the
 /// corners of a face, where a triangle names its last corner twice ([`facet_nodes`]).
-pub type Facet<const D: usize = 2> = <Kind as Topology<D>>::Facet;
+pub type Facet<const D: usize = 2> = <ElementKind as Topology<D>>::Facet;
 
 /// The nodes of a facet, each once.
 pub fn facet_nodes<F: AsRef<[u32]>>(facet: &F) -> &[u32] {
@@ -98,7 +98,7 @@ pub fn facet_nodes<F: AsRef<[u32]>>(facet: &F) -> &[u32] {
 /// If there are none, or too many for the dimension.
 pub fn facet<const D: usize>(nodes: &[u32]) -> Facet<D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let mut facet = Facet::<D>::default();
     let last = *nodes.last().expect("a facet has nodes");
@@ -111,7 +111,7 @@ where
 /// neighbours.
 pub(super) fn unsided<const D: usize>(of: &Facet<D>) -> Facet<D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let mut copy = *of;
     let len = facet_nodes(of).len();
@@ -128,19 +128,19 @@ where
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Element<const D: usize = 2>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
-    kind: Kind,
-    nodes: <Kind as Topology<D>>::Nodes,
+    kind: ElementKind,
+    nodes: <ElementKind as Topology<D>>::Nodes,
     /// Index into [`super::Mesh::regions`].
     pub region: u32,
 }
 
 impl<const D: usize> Element<D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
-    fn new(kind: Kind, nodes: &[u32], region: u32) -> Self {
+    fn new(kind: ElementKind, nodes: &[u32], region: u32) -> Self {
         let mut element = Self {
             kind,
             nodes: Default::default(),
@@ -151,7 +151,7 @@ where
     }
 
     /// What it is.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> ElementKind {
         self.kind
     }
 
@@ -186,12 +186,12 @@ where
 impl Element {
     /// A 3-node triangle.
     pub fn triangle(nodes: [u32; 3], region: u32) -> Self {
-        Self::new(Kind::Triangle, &nodes, region)
+        Self::new(ElementKind::Triangle, &nodes, region)
     }
 
     /// A 4-node quadrilateral.
     pub fn quad(nodes: [u32; 4], region: u32) -> Self {
-        Self::new(Kind::Quad, &nodes, region)
+        Self::new(ElementKind::Quad, &nodes, region)
     }
 }
 
@@ -199,16 +199,16 @@ impl Element {
 impl Element<3> {
     /// A 4-node tetrahedron.
     pub fn tetrahedron(nodes: [u32; 4], region: u32) -> Self {
-        Self::new(Kind::Tetrahedron, &nodes, region)
+        Self::new(ElementKind::Tetrahedron, &nodes, region)
     }
 
     /// An 8-node hexahedron.
     pub fn hexahedron(nodes: [u32; 8], region: u32) -> Self {
-        Self::new(Kind::Hexahedron, &nodes, region)
+        Self::new(ElementKind::Hexahedron, &nodes, region)
     }
 
     /// A 6-node wedge.
     pub fn wedge(nodes: [u32; 6], region: u32) -> Self {
-        Self::new(Kind::Wedge, &nodes, region)
+        Self::new(ElementKind::Wedge, &nodes, region)
     }
 }

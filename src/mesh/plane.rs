@@ -1,7 +1,7 @@
 //! The geometry of the plane: areas of elements, lengths and normals of edges.
 
 use super::vector::{length, minus};
-use super::{Kind, Topology};
+use super::{ElementKind, Topology};
 
 /// Twice the signed area of the triangle a, b, c.
 fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
@@ -9,7 +9,7 @@ fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
 }
 
 /// The plane: facets are edges, from one node to the other.
-impl Topology<2> for Kind {
+impl Topology<2> for ElementKind {
     type Nodes = [u32; 4];
     type Facet = [u32; 2];
 

@@ -1,7 +1,7 @@
 //! The geometry of space: volumes of elements, areas and normals of faces.
 
 use super::vector::{cross, dot, length, minus, unit};
-use super::{Kind, Topology};
+use super::{ElementKind, Topology};
 
 /// The place of the lower Gauss point of two on (0, 1), which is (1 − 1/√3)/2.
 const GAUSS: f64 = 0.211_324_865_405_187_1;
@@ -47,7 +47,7 @@ fn grid<const N: usize>(of: [f64; N]) -> impl Iterator<Item = [f64; 3]> {
 }
 
 /// Space: facets are faces; one with three corners names the last of them twice.
-impl Topology<3> for Kind {
+impl Topology<3> for ElementKind {
     type Nodes = [u32; 8];
     type Facet = [u32; 4];
 

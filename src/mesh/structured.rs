@@ -1,6 +1,6 @@
 //! Structured meshes of rectangles and blocks.
 
-use super::{Element, Facet, Kind, Mesh, Topology};
+use super::{Element, ElementKind, Facet, Mesh, Topology};
 use std::collections::BTreeMap;
 
 /// Which elements fill a structured rectangle.
@@ -196,7 +196,7 @@ pub fn block(
 /// If both have a region, a group or a boundary of the same name.
 pub fn join<const D: usize>(mut a: Mesh<D>, mut b: Mesh<D>) -> Mesh<D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let (nodes, regions) = (a.nodes.len() as u32, a.regions.len() as u32);
     b.renumber(|node| node + nodes);

@@ -21,7 +21,7 @@ fn mesh(
 
 #[test]
 fn facets_go_round_a_kind() {
-    for kind in [Kind::Triangle, Kind::Quad] {
+    for kind in [ElementKind::Triangle, ElementKind::Quad] {
         for (number, facet) in kind.facets().iter().enumerate() {
             assert_eq!(**facet, [number, (number + 1) % kind.n_nodes()]);
         }
@@ -164,7 +164,7 @@ fn points_in_space_move_and_have_a_box() {
     let mut points = in_space(vec![[0.0, 1.0, 2.0], [3.0, -1.0, 5.0]]);
     points.shift([1.0, 2.0, 3.0]);
     assert_eq!(points.bounding_box(), ([1.0, 1.0, 5.0], [4.0, 3.0, 8.0]));
-    let place = Place::from(points.nodes[0]).to_string();
+    let place = Location::from(points.nodes[0]).to_string();
     assert_eq!(place, "(1.000000e0, 3.000000e0, 5.000000e0)");
     assert_eq!(vector::length([2.0, -3.0, 6.0]), 7.0);
     assert_eq!(vector::dot([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]), 32.0);

@@ -1,13 +1,13 @@
 //! What is solved: a contact problem and, where a model has made it, the bodies that it is about.
 
-use super::build::{Built, Elastic};
+use super::elastic::Elastic;
 use super::error::ModelError;
 use super::loads::StepData;
 use crate::contact::Space;
-use crate::mesh::{Kind as ElementKind, Topology};
-use crate::problem::{AnyProblem, ContactProblem, FreeBody};
+use crate::mesh::{ElementKind, Topology};
+use crate::problem::{AnyProblem, ContactProblem, FloatingBody};
 
-/// A contact problem to be solved in one or more load steps: that of a [`Built`] model, with its bodies, or one from matrices.
+/// A contact problem to be solved in one or more load steps: that of a [`Built`](super::Built) model, with its bodies, or one from matrices.
 #[derive(Debug)]
 pub struct Analysis<'a, const D: usize = 2>
 where
@@ -29,18 +29,6 @@ where
 }
 
 impl<const D: usize> Copy for Analysis<'_, D> where ElementKind: Topology<D> {}
-
-impl<'a, const D: usize> From<&'a Built<D>> for Analysis<'a, D>
-where
-    ElementKind: Topology<D>,
-{
-    fn from(built: &'a Built<D>) -> Self {
-        Self {
-            problem: &built.problem,
-            elastic: Some(&built.elastic),
-        }
-    }
-}
 
 impl<'a, const D: usize> From<&'a ContactProblem<D>> for Analysis<'a, D>
 where
@@ -76,11 +64,11 @@ impl<const D: usize> Analysis<'_, D>
 where
     ElementKind: Topology<D>,
 {
-    /// Which body one of [`System::free_bodies`](crate::problem::System::free_bodies) is: its region and a point of it, as far
+    /// Which body one of [`System::floating_bodies`](crate::problem::System::floating_bodies) is: its region and a point of it, as far
     /// as that is known.
     pub fn body_name(&self, body: usize) -> String {
         let listed = |point: [f64; D]| point.map(|x| format!("{x:.4e}")).join(", ");
-        let free = &self.problem.free_bodies().bodies()[body];
+        let free = &self.problem.floating_bodies().bodies()[body];
         let Some(Elastic { mesh, unknowns, .. }) = self.elastic else {
             return format!("the body around ({})", listed(free.centre()));
         };
@@ -96,8 +84,8 @@ where
     }
 
     /// The bodies that only contact holds, and how they could move as a whole, in words.
-    pub fn free_bodies(&self) -> Vec<String> {
-        let bodies = self.problem.free_bodies().bodies().iter().enumerate();
+    pub fn floating_bodies(&self) -> Vec<String> {
+        let bodies = self.problem.floating_bodies().bodies().iter().enumerate();
         bodies
             .map(|(number, body)| {
                 let name = self.body_name(number);
@@ -109,20 +97,17 @@ where
     /// A body that can move as a whole and has no contact to hold it, in words.
     pub(crate) fn loose_body(&self) -> Option<String> {
         let touched = self.problem.touched();
-        let alone = |body: &FreeBody<D>| !body.nodes().iter().any(|&node| touched[node as usize]);
-        let number = self.problem.free_bodies().bodies().iter().position(alone)?;
-        let freedom = self.free_bodies().swap_remove(number);
+        let alone =
+            |body: &FloatingBody<D>| !body.nodes().iter().any(|&node| touched[node as usize]);
+        let number = self
+            .problem
+            .floating_bodies()
+            .bodies()
+            .iter()
+            .position(alone)?;
+        let freedom = self.floating_bodies().swap_remove(number);
         Some(format!("{freedom}, and it has no contact to hold it"))
     }
-}
-
-/// A [`Built`] model of either dimension, for those who learn it at run time.
-#[derive(Debug)]
-pub enum AnyBuilt {
-    /// Of the plane.
-    Plane(Built),
-    /// Of space.
-    Space(Built<3>),
 }
 
 /// An [`Analysis`] of either dimension.
@@ -132,15 +117,6 @@ pub enum AnyAnalysis<'a> {
     Plane(Analysis<'a>),
     /// Of space.
     Space(Analysis<'a, 3>),
-}
-
-impl<'a> From<&'a AnyBuilt> for AnyAnalysis<'a> {
-    fn from(built: &'a AnyBuilt) -> Self {
-        match built {
-            AnyBuilt::Plane(built) => Self::Plane(built.into()),
-            AnyBuilt::Space(built) => Self::Space(built.into()),
-        }
-    }
 }
 
 impl<'a> From<&'a AnyProblem> for AnyAnalysis<'a> {

@@ -1,14 +1,13 @@
 //! From a model to a contact problem.
 
-use super::analysis::Analysis;
-use super::contacts::PairData;
-use super::error::{Entity, Fault, Kind, ModelError, listed};
+use super::analysis::{Analysis, AnyAnalysis};
+use super::elastic::Elastic;
+use super::error::{Entity, EntityKind, Fault, ModelError, listed};
 use super::loads::{StepData, acting, region};
-use super::supports::Prescriptions;
-use super::{Definition, Model, Units};
+use super::{Definition, Model};
 use crate::contact::{ContactRows, Space, contact_rows};
-use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
-use crate::mesh::{Kind as ElementKind, Mesh, Topology};
+use crate::elasticity::{Body, Material, Unknowns, assemble};
+use crate::mesh::{ElementKind, Mesh, Topology};
 use crate::problem::{ContactData, ContactProblem, LoadCase};
 use std::time::Instant;
 
@@ -24,68 +23,6 @@ where
     pub elastic: Elastic<D>,
 }
 
-/// The elastic side of a problem: what the results are written on.
-#[derive(Debug)]
-pub struct Elastic<const D: usize = 2>
-where
-    ElementKind: Topology<D>,
-{
-    /// The mesh of all bodies.
-    pub mesh: Mesh<D>,
-    /// One per region.
-    pub materials: Vec<Material>,
-    /// Plane strain or plane stress; in space plane strain, which has the same moduli.
-    pub plane: Plane,
-    /// Thickness in m; 1 in space.
-    pub thickness: f64,
-    /// The numbering of the unknowns, with the prescribed displacements of the first step.
-    pub unknowns: Unknowns<D>,
-    /// What supports prescribe: node, component (along the directions that [`Unknowns::frame`] gives the node, if any),
-    /// number of the support that does so first.
-    pub held: Vec<(u32, usize, usize)>,
-    /// The boundary or point of each support.
-    pub supports: Vec<String>,
-    /// The centroid of the boundaries of each support, or its point.
-    pub support_centres: Vec<[f64; D]>,
-    /// The rows of N and T with their contact nodes.
-    pub contact: ContactRows<D>,
-    /// The contacts of the model, in its order.
-    pub pairs: Vec<PairData<D>>,
-    /// Which pair each row belongs to.
-    pub pair_of: Vec<u32>,
-    /// What lengths and forces are called.
-    pub units: Units,
-    /// Whether the model says so itself.
-    pub units_stated: bool,
-    /// Seconds for K, f and the contact rows.
-    pub assembly_seconds: f64,
-    /// The part of it for the search and the integrals of the contacts.
-    pub pairing_seconds: f64,
-    /// What the load of each step follows from.
-    pub(super) definition: Definition<D>,
-    pub(super) prescriptions: Prescriptions<D>,
-}
-
-impl<const D: usize> Elastic<D>
-where
-    ElementKind: Topology<D>,
-{
-    /// The body as the elasticity functions want it.
-    pub fn body(&self) -> Body<'_, D> {
-        Body {
-            mesh: &self.mesh,
-            materials: &self.materials,
-            plane: self.plane,
-            thickness: self.thickness,
-        }
-    }
-
-    /// Number of load steps.
-    pub fn n_steps(&self) -> usize {
-        self.definition.n_steps()
-    }
-}
-
 impl<const D: usize> Built<D>
 where
     ElementKind: Space<D>,
@@ -98,6 +35,36 @@ where
     /// The load at the end of a step, counted from 0: [`Elastic::step`].
     pub fn step(&self, step: usize) -> Result<StepData<D>, ModelError> {
         self.elastic.step(step)
+    }
+}
+
+impl<'a, const D: usize> From<&'a Built<D>> for Analysis<'a, D>
+where
+    ElementKind: Topology<D>,
+{
+    fn from(built: &'a Built<D>) -> Self {
+        Self {
+            problem: &built.problem,
+            elastic: Some(&built.elastic),
+        }
+    }
+}
+
+/// A [`Built`] model of either dimension, for those who learn it at run time.
+#[derive(Debug)]
+pub enum AnyBuilt {
+    /// Of the plane.
+    Plane(Built),
+    /// Of space.
+    Space(Built<3>),
+}
+
+impl<'a> From<&'a AnyBuilt> for AnyAnalysis<'a> {
+    fn from(built: &'a AnyBuilt) -> Self {
+        match built {
+            AnyBuilt::Plane(built) => Self::Plane(built.into()),
+            AnyBuilt::Space(built) => Self::Space(built.into()),
+        }
     }
 }
 
@@ -123,7 +90,7 @@ where
         let prescriptions = definition.prescriptions(&mesh)?;
         let unknowns = definition.unknowns(&mesh, &prescriptions, 0)?;
         if unknowns.n_free() == 0 {
-            return Err(Entity::all(Kind::Support)
+            return Err(Entity::all(EntityKind::Support)
                 .error("the supports hold every node: nothing is left to solve"));
         }
         let forces = definition.forces(&body, 0)?;
@@ -132,7 +99,7 @@ where
         let mut candidates = definition.candidates(&body)?;
         let pairing_seconds = pairing.elapsed().as_secs_f64();
         let contact = contact_rows(&body, &unknowns, &candidates.places)
-            .map_err(|error| Entity::all(Kind::Contact).error(Fault::Contact(error)))?;
+            .map_err(|error| Entity::all(EntityKind::Contact).error(Fault::Contact(error)))?;
         let pair_of: Vec<u32> = (contact.candidate.iter())
             .map(|&i| candidates.pair_of[i])
             .collect();
@@ -165,7 +132,7 @@ where
             elastic: Some(&elastic),
         };
         if let Some(text) = analysis.loose_body() {
-            return Err(Entity::all(Kind::Support)
+            return Err(Entity::all(EntityKind::Support)
                 .error(format!("{text}: add a support, symmetry, or hold a point")));
         }
         elastic.assembly_seconds = start.elapsed().as_secs_f64();
@@ -184,7 +151,7 @@ where
     ElementKind: Space<D>,
 {
     let (stiffness, load) = assemble(body, unknowns, forces);
-    let failed = |error| Entity::all(Kind::Model).error(Fault::Problem(error));
+    let failed = |error| Entity::all(EntityKind::Model).error(Fault::Problem(error));
     // A prescribed motion may have closed a gap, and an interference is meant: what overlaps by mistake, the search for
     // contact nodes has refused.
     let problem = ContactProblem::of_bodies(ContactData {
@@ -258,10 +225,8 @@ where
         regions
             .map(|(material, name)| match material {
                 Some((material, _)) => Ok(*material),
-                None => {
-                    Err(Entity::all(Kind::Material)
-                        .error(format!("region \"{name}\" has no material")))
-                }
+                None => Err(Entity::all(EntityKind::Material)
+                    .error(format!("region \"{name}\" has no material"))),
             })
             .collect()
     }

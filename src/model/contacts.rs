@@ -1,7 +1,7 @@
 //! The contacts of a model: their nodes, and what is said of them.
 
 use super::entities::{Against, Law};
-use super::error::{Entity, Fault, Kind, ModelError};
+use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::outer_facets;
 use super::supports::Prescriptions;
 use super::{Definition, Pair, Units};
@@ -10,7 +10,7 @@ use crate::contact::{
     Unmet, mortar_contact, obstacle_contact,
 };
 use crate::elasticity::{Body, Unknowns};
-use crate::mesh::{Facet, Kind as ElementKind, Mesh, Place, Topology, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_nodes};
 use std::collections::{HashMap, HashSet};
 
 /// A contact as it was understood.
@@ -23,9 +23,9 @@ where
     pub boundary: String,
     /// Its facets.
     pub facets: Vec<Facet<D>>,
-    /// Those of the other boundary; none for an obstacle.
+    /// Those of the master boundary; none for an obstacle.
     pub others: Vec<Facet<D>>,
-    /// The other boundary, or what kind of obstacle.
+    /// The master boundary, or what kind of obstacle.
     pub against: String,
     /// The obstacle, where there is no other boundary.
     pub obstacle: Option<Obstacle<D>>,
@@ -35,7 +35,7 @@ where
     pub tresca: bool,
     /// How far apart candidates for contact may be; with an obstacle, up to where Tresca's bound acts.
     pub search_distance: f64,
-    /// What of the other boundary lies opposite within the search distance, but is not met.
+    /// What of the master boundary lies opposite within the search distance, but is not met.
     pub unmet: Option<Unmet<D>>,
     /// Contact places.
     pub places: usize,
@@ -53,7 +53,7 @@ impl<const D: usize> PairData<D>
 where
     ElementKind: Topology<D>,
 {
-    /// What of the other boundary lies opposite and is not met, in words.
+    /// What of the master boundary lies opposite and is not met, in words.
     pub fn unmet_text(&self, units: &Units) -> Option<String> {
         let unmet = self.unmet.as_ref()?;
         let facets = match (D, unmet.facets) {
@@ -66,7 +66,7 @@ where
             "{facets} of \"{}\", the largest around {}, with an area of {:.3e} {}² opposite within the search distance, \
              meet nothing: something else is nearer, or the sides are folded there",
             self.against,
-            Place::from(unmet.place),
+            Location::from(unmet.place),
             unmet.area,
             units.length
         ))
@@ -271,7 +271,7 @@ where
             };
             let entity = match driving {
                 Some((_, _, number)) => self.supports[number].entity(number),
-                None => Entity::all(Kind::Support),
+                None => Entity::all(EntityKind::Support),
             };
             return Err(match self.n_steps() {
                 1 => entity.error(Fault::Contact(error)),

@@ -1,7 +1,7 @@
 //! What a model consists of: supports, loads and contacts, as they are stated.
 
 use super::axis::{AROUND, Axis};
-use super::error::{Entity, Kind};
+use super::error::{Entity, EntityKind};
 use super::{Quantity, Units};
 use crate::contact::Obstacle;
 use crate::mesh::vector::length;
@@ -157,7 +157,7 @@ along_axes!(BodyForce, "force per volume", "N/m³");
 /// Prescribed displacements on boundaries or at a point. What is not stated is free.
 #[derive(Clone, Debug)]
 pub struct Support<const D: usize = 2> {
-    pub(super) place: Place<D>,
+    pub(super) place: Target<D>,
     pub(super) components: [Option<Quantity<D>>; D],
     /// Away from the axis, around it, along it.
     pub(super) around: [Option<Quantity<D>>; 3],
@@ -168,13 +168,13 @@ pub struct Support<const D: usize = 2> {
 
 /// Where a support is.
 #[derive(Clone, Debug)]
-pub(super) enum Place<const D: usize> {
+pub(super) enum Target<const D: usize> {
     Boundary(Names),
     Point([f64; D]),
 }
 
 impl<const D: usize> Support<D> {
-    fn at(place: Place<D>) -> Self {
+    fn at(place: Target<D>) -> Self {
         Self {
             place,
             components: [const { None }; D],
@@ -187,12 +187,12 @@ impl<const D: usize> Support<D> {
 
     /// On a boundary, or on several.
     pub fn on(boundary: impl Into<Names>) -> Self {
-        Self::at(Place::Boundary(boundary.into()))
+        Self::at(Target::Boundary(boundary.into()))
     }
 
     /// At the node nearest to a point.
     pub fn at_point(point: [f64; D]) -> Self {
-        Self::at(Place::Point(point))
+        Self::at(Target::Point(point))
     }
 
     /// No displacement at all.
@@ -209,16 +209,16 @@ impl<const D: usize> Support<D> {
 
     pub(super) fn entity(&self, number: usize) -> Entity {
         let place = match &self.place {
-            Place::Boundary(names) => format!("on \"{names}\""),
-            Place::Point(_) => format!("at {}", self.place_name()),
+            Target::Boundary(names) => format!("on \"{names}\""),
+            Target::Point(_) => format!("at {}", self.place_name()),
         };
-        Entity::one(Kind::Support, number, place)
+        Entity::one(EntityKind::Support, number, place)
     }
 
     fn place_name(&self) -> String {
         match &self.place {
-            Place::Boundary(names) => names.to_string(),
-            Place::Point(point) => {
+            Target::Boundary(names) => names.to_string(),
+            Target::Point(point) => {
                 let point: Vec<String> = point.iter().map(f64::to_string).collect();
                 format!("({})", point.join(", "))
             }
@@ -248,8 +248,8 @@ impl<const D: usize> Support<D> {
             return Some(fault);
         }
         match &self.place {
-            Place::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),
-            Place::Point(_) if self.symmetry => Some(alone::<D>()),
+            Target::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),
+            Target::Point(_) if self.symmetry => Some(alone::<D>()),
             _ if self.symmetry && stated => Some(alone::<D>()),
             _ if !self.symmetry && !stated => Some(match D {
                 2 => {
@@ -322,7 +322,11 @@ impl<const D: usize> Traction<D> {
     }
 
     pub(super) fn entity(&self, number: usize) -> Entity {
-        Entity::one(Kind::Traction, number, format!("on \"{}\"", self.boundary))
+        Entity::one(
+            EntityKind::Traction,
+            number,
+            format!("on \"{}\"", self.boundary),
+        )
     }
 
     pub(super) fn fault(&self) -> Option<&'static str> {
@@ -377,7 +381,7 @@ impl<const D: usize> BodyForce<D> {
 
     pub(super) fn entity(&self, number: usize) -> Entity {
         let place = (self.region.as_ref()).map_or(String::new(), |name| format!("in \"{name}\""));
-        Entity::one(Kind::BodyForce, number, place)
+        Entity::one(EntityKind::BodyForce, number, place)
     }
 
     pub(super) fn fault(&self) -> Option<&'static str> {
@@ -488,7 +492,11 @@ impl<const D: usize> Pair<D> {
     }
 
     pub(super) fn entity(&self, number: usize) -> Entity {
-        Entity::one(Kind::Contact, number, format!("on \"{}\"", self.boundary))
+        Entity::one(
+            EntityKind::Contact,
+            number,
+            format!("on \"{}\"", self.boundary),
+        )
     }
 
     /// The law and its figure, in words.
@@ -544,12 +552,12 @@ fn obstacle_fault<const D: usize>(obstacle: &Obstacle<D>) -> Option<&'static str
     let finite = |point: &[f64; D]| point.iter().all(|v| v.is_finite());
     let positive = |value: f64| value > 0.0 && value.is_finite();
     match obstacle {
-        Obstacle::HalfPlane { point, normal } => (!finite(point) || !positive(length(*normal)))
+        Obstacle::HalfSpace { point, normal } => (!finite(point) || !positive(length(*normal)))
             .then_some(match D {
                 2 => "half_plane needs a finite point and a normal that is not zero",
                 _ => "half_space needs a finite point and a normal that is not zero",
             }),
-        Obstacle::Circle { center, radius } => {
+        Obstacle::Sphere { center, radius } => {
             (!finite(center) || !positive(*radius)).then_some(match D {
                 2 => "circle needs a finite center and a positive radius",
                 _ => "sphere needs a finite center and a positive radius",

@@ -20,7 +20,7 @@ pub struct ModelError {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entity {
     /// What it is.
-    pub kind: Kind,
+    pub kind: EntityKind,
     /// Which of its kind, from 0; None where all of them are meant.
     pub number: Option<usize>,
     /// Where it is: `on "bottom"`, `at (0, 1)`; empty if that says nothing.
@@ -29,7 +29,7 @@ pub struct Entity {
 
 /// The parts that models consist of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum EntityKind {
     /// The model as a whole.
     Model,
     /// A material.
@@ -93,7 +93,7 @@ pub enum Fault {
 
 impl Entity {
     /// All parts of a kind, or the only one.
-    pub(crate) fn all(kind: Kind) -> Self {
+    pub(crate) fn all(kind: EntityKind) -> Self {
         Self {
             kind,
             number: None,
@@ -102,7 +102,7 @@ impl Entity {
     }
 
     /// One part of a kind.
-    pub(crate) fn one(kind: Kind, number: usize, place: String) -> Self {
+    pub(crate) fn one(kind: EntityKind, number: usize, place: String) -> Self {
         Self {
             kind,
             number: Some(number),
@@ -134,16 +134,16 @@ impl From<&str> for Fault {
 impl fmt::Display for Entity {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let (one, several) = match self.kind {
-            Kind::Model => ("model", "model"),
-            Kind::Material => ("material", "materials"),
-            Kind::Support => ("support", "supports"),
-            Kind::Traction => ("traction", "tractions"),
-            Kind::BodyForce => ("body force", "body forces"),
-            Kind::Contact => ("contact", "contacts"),
-            Kind::Thickness => ("thickness", "thickness"),
-            Kind::Gravity => ("gravity", "gravity"),
-            Kind::Steps => ("load steps", "load steps"),
-            Kind::Units => ("units", "units"),
+            EntityKind::Model => ("model", "model"),
+            EntityKind::Material => ("material", "materials"),
+            EntityKind::Support => ("support", "supports"),
+            EntityKind::Traction => ("traction", "tractions"),
+            EntityKind::BodyForce => ("body force", "body forces"),
+            EntityKind::Contact => ("contact", "contacts"),
+            EntityKind::Thickness => ("thickness", "thickness"),
+            EntityKind::Gravity => ("gravity", "gravity"),
+            EntityKind::Steps => ("load steps", "load steps"),
+            EntityKind::Units => ("units", "units"),
         };
         match (self.number, self.place.as_str()) {
             (None, _) => f.write_str(several),

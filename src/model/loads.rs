@@ -1,12 +1,12 @@
 //! The forces of each load step.
 
 use super::entities::Traction;
-use super::error::{Entity, Fault, Kind, ModelError};
+use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::{Definition, Elastic, Quantity};
 use crate::contact::Space;
 use crate::elasticity::{Body, Unknowns, load_vector};
 use crate::mesh::vector::dot;
-use crate::mesh::{BoundaryError, Facet, Kind as ElementKind, Mesh, Place as At, Topology};
+use crate::mesh::{BoundaryError, ElementKind, Facet, Location, Mesh, Topology};
 use crate::problem::{LARGEST, SIZES, is_sized};
 use crate::quasistatic::Load;
 use crate::sparse::{norm, norm_max};
@@ -38,7 +38,7 @@ where
         let definition = &self.definition;
         let n_steps = definition.n_steps();
         if step >= n_steps {
-            return Err(Entity::all(Kind::Steps).error(format!(
+            return Err(Entity::all(EntityKind::Steps).error(format!(
                 "there is no step {step} (they count from 0, and there are {n_steps})"
             )));
         }
@@ -135,11 +135,11 @@ where
                 None => Ok(()),
                 Some((value, &x)) if value.is_finite() => Err(Fault::Stated(format!(
                     "the {what} is a nodal force of {value:e} near {}: {SIZES}",
-                    At::from(x)
+                    Location::from(x)
                 ))),
                 Some((_, &x)) => Err(Fault::Stated(format!(
                     "the {what} has no finite value near {}",
-                    At::from(x)
+                    Location::from(x)
                 ))),
             }
         };
@@ -177,13 +177,13 @@ where
         }
         if let Some(g) = self.gravity {
             if body.materials.iter().all(|m| m.density == 0.0) {
-                return Err(Entity::all(Kind::Gravity)
+                return Err(Entity::all(EntityKind::Gravity)
                     .error("there is gravity, but no material has a density"));
             }
             let factor = self.factor(&None, step);
             let force = |_, density| g.map(|g| factor * g * density);
             body.add_body_force(None, force, &mut forces);
-            let all = || Entity::all(Kind::Gravity);
+            let all = || Entity::all(EntityKind::Gravity);
             finite(&forces, "gravity").map_err(|fault| all().error(fault))?;
             note(&forces, all());
         }

@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 /// A number, or a function of the place such as `|x: [f64; 2]| -2e7 * (1.0 - x[0] / 1.5)`.
 #[derive(Clone)]
-pub struct Quantity<const D: usize = 2>(Kind<D>);
+pub struct Quantity<const D: usize = 2>(Form<D>);
 
 #[derive(Clone)]
-enum Kind<const D: usize> {
+enum Form<const D: usize> {
     Constant(f64),
     Function {
         at: Arc<dyn Fn([f64; D]) -> f64 + Send + Sync>,
@@ -20,7 +20,7 @@ enum Kind<const D: usize> {
 impl<const D: usize> Quantity<D> {
     /// A function of the place with the text that descriptions print for it.
     pub fn described(text: &str, at: impl Fn([f64; D]) -> f64 + Send + Sync + 'static) -> Self {
-        Self(Kind::Function {
+        Self(Form::Function {
             at: Arc::new(at),
             text: text.into(),
         })
@@ -29,15 +29,15 @@ impl<const D: usize> Quantity<D> {
     /// The value at a point.
     pub fn at(&self, x: [f64; D]) -> f64 {
         match &self.0 {
-            Kind::Constant(value) => *value,
-            Kind::Function { at, .. } => at(x),
+            Form::Constant(value) => *value,
+            Form::Function { at, .. } => at(x),
         }
     }
 }
 
 impl<const D: usize> From<f64> for Quantity<D> {
     fn from(value: f64) -> Self {
-        Self(Kind::Constant(value))
+        Self(Form::Constant(value))
     }
 }
 
@@ -50,8 +50,8 @@ impl<const D: usize, F: Fn([f64; D]) -> f64 + Send + Sync + 'static> From<F> for
 impl<const D: usize> fmt::Display for Quantity<D> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match &self.0 {
-            Kind::Constant(value) => write!(f, "{value}"),
-            Kind::Function { text, .. } => f.write_str(text),
+            Form::Constant(value) => write!(f, "{value}"),
+            Form::Function { text, .. } => f.write_str(text),
         }
     }
 }

@@ -1,14 +1,14 @@
 //! Prescribed displacements: which nodes supports hold, along which directions, and by how much in each step.
 
 use super::axis::AROUND;
-use super::entities::{AXES, Place, Support};
+use super::entities::{AXES, Support, Target};
 use super::error::{Fault, ModelError};
 use super::loads::known;
 use super::{Definition, Quantity};
 use crate::contact::Space;
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{Facet, Kind as ElementKind, Mesh, Place as At, Topology, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_nodes};
 use crate::problem::{LARGEST, SIZES};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -78,8 +78,8 @@ impl<const D: usize> Support<D> {
         let stated: Vec<_> = stated.collect();
         let mut nodes = Held::new();
         match &self.place {
-            Place::Point(point) => nodes.push((nearest_node(mesh, *point)?, stated)),
-            Place::Boundary(names) => {
+            Target::Point(point) => nodes.push((nearest_node(mesh, *point)?, stated)),
+            Target::Boundary(names) => {
                 for name in names.all() {
                     let facets = known(mesh, mesh.facets(name))?;
                     let mut ways = stated.clone();
@@ -122,7 +122,7 @@ impl<const D: usize> Support<D> {
             _ => Err(Fault::Stated(format!(
                 "the node at {} lies on the axis, where {} and {} have no direction: hold both at 0 there, or hold this \
                  boundary along {}",
-                At::from(x),
+                Location::from(x),
                 AROUND[0],
                 AROUND[1],
                 &AXES[..D].join(", "),
@@ -142,7 +142,7 @@ where
     ) -> Result<HashMap<u32, Vec<[f64; D]>>, ModelError> {
         let mut planes: HashMap<u32, Vec<[f64; D]>> = HashMap::new();
         for (number, support) in self.supports.iter().enumerate() {
-            let Place::Boundary(names) = &support.place else {
+            let Target::Boundary(names) = &support.place else {
                 continue;
             };
             for name in names.all().iter().filter(|_| support.symmetry) {
@@ -322,7 +322,7 @@ where
         prescriptions: &Prescriptions<D>,
     ) -> Vec<[f64; D]> {
         let centre = |(number, support): (usize, &Support<D>)| {
-            let Place::Boundary(names) = &support.place else {
+            let Target::Boundary(names) = &support.place else {
                 let own = prescriptions.all.iter().find(|p| p.support == number);
                 return own.map_or([0.0; D], |p| body.mesh.nodes[p.node as usize]);
             };
@@ -358,7 +358,7 @@ where
         for p in &prescriptions.all {
             let value = factors[p.support] * p.value;
             let here = &mut prescribed[p.node as usize];
-            let place = At::from(mesh.nodes[p.node as usize]);
+            let place = Location::from(mesh.nodes[p.node as usize]);
             let fault = if !value.is_finite() {
                 format!("the displacement is {value} at {place}")
             } else if value.abs() > LARGEST {
@@ -406,7 +406,7 @@ fn set<const D: usize>(
         None if (value - known).abs() <= 1e-12 * value.abs() + 2.0 * SAME * size => Ok(()),
         None => Err(match p.way {
             Way::Axis(axis) => AXES[axis].to_owned(),
-            Way::Along(way) => format!("direction {}", At::from(way)),
+            Way::Along(way) => format!("direction {}", Location::from(way)),
         }),
     }
 }

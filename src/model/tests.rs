@@ -72,7 +72,7 @@ fn same(model: Model, text: &str) {
     assert_eq!(a.friction_coefficient(), b.friction_coefficient());
     assert_eq!(a.areas(), b.areas());
     assert_eq!(a.n_free(), b.n_free());
-    let bodies = [&built, &build].map(|built| Analysis::from(built).free_bodies());
+    let bodies = [&built, &build].map(|built| Analysis::from(built).floating_bodies());
     assert_eq!(bodies[0], bodies[1]);
     let (here, there) = (&built.elastic, &build.elastic);
     assert_eq!((&here.held, &here.supports), (&there.held, &there.supports));
@@ -124,7 +124,7 @@ fn a_model_is_what_its_case_file_is() {
         .contact(
             Pair::obstacle(
                 "up-left",
-                Obstacle::HalfPlane {
+                Obstacle::HalfSpace {
                     point: [0.25, 0.0],
                     normal: [2.0, 0.0],
                 },
@@ -174,12 +174,12 @@ fn a_body_without_supports_is_found_and_needs_a_contact() {
         .support(Support::on("low-bottom").fixed())
         .traction(Traction::on("up-top").pressure(1e4));
     let held = built(model.clone().contact(Pair::new("up-bottom", "low-top")));
-    let bodies = Analysis::from(&held).free_bodies();
+    let bodies = Analysis::from(&held).floating_bodies();
     assert!(
         bodies.len() == 1 && bodies[0].contains("\"up\"") && bodies[0].contains("as a whole"),
         "{bodies:?}"
     );
-    assert_eq!(held.problem.free_bodies().n_motions(), 3);
+    assert_eq!(held.problem.floating_bodies().n_modes(), 3);
     let message = refused(model);
     assert!(
         message.starts_with("supports: the body with region \"up\"")
@@ -198,7 +198,7 @@ fn errors_name_what_is_at_fault() {
             .contact(Pair::new("up-bottom", "low-top"))
     };
     built(sound());
-    let floor = |normal: [f64; 2]| Obstacle::HalfPlane {
+    let floor = |normal: [f64; 2]| Obstacle::HalfSpace {
         point: [0.0; 2],
         normal,
     };

@@ -6,7 +6,7 @@ use crate::case::Case;
 use crate::contact::Space;
 use crate::engine::{self, Engine};
 use crate::matrix_market::{write_columns, write_matrix};
-use crate::mesh::Kind;
+use crate::mesh::ElementKind;
 use crate::model::Analysis;
 use crate::problem::ContactProblem;
 use crate::quasistatic::{Load, State};
@@ -81,11 +81,11 @@ pub fn export<const D: usize>(
     directory: &Path,
     case: &Case,
     analysis: Analysis<D>,
-    options: engine::Options,
+    options: engine::EngineOptions,
     log: impl FnMut(&str) + Send + 'static,
 ) -> Result<Vec<PathBuf>, ExportError>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let problem = analysis.problem;
     let n_steps = analysis.n_steps();

@@ -3,7 +3,7 @@
 use super::put;
 use crate::contact::{Space, pooled};
 use crate::elasticity::{Stress, stresses};
-use crate::mesh::{Kind, Topology};
+use crate::mesh::{ElementKind, Topology};
 use crate::model::{Elastic, StepData};
 use crate::problem::ContactProblem;
 use crate::quasistatic::StepSolution;
@@ -22,7 +22,7 @@ pub struct StepFields<const D: usize = 2> {
 
 impl<const D: usize> StepFields<D>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     /// From a solution.
     pub fn new(elastic: &Elastic<D>, data: &StepData<D>, solution: &StepSolution<D>) -> Self {
@@ -85,7 +85,7 @@ pub struct ContactFields<const D: usize = 2> {
 
 impl<const D: usize> ContactFields<D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     /// At the end of a step.
     pub fn new(
@@ -223,7 +223,7 @@ pub(crate) fn shown_at_nodes<const D: usize>(
     pair: Option<usize>,
 ) -> HashMap<u32, usize>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let mut shown: HashMap<u32, (f64, usize)> = HashMap::new();
     for (i, place) in elastic.contact.places.iter().enumerate() {

@@ -3,7 +3,7 @@
 use super::{OfBodies, Report, StepReport, put, vtu};
 use crate::contact::Space;
 use crate::matrix_market::write_columns;
-use crate::mesh::Kind;
+use crate::mesh::ElementKind;
 use crate::problem::ContactProblem;
 use crate::quasistatic::StepSolution;
 use std::fs::File;
@@ -225,7 +225,7 @@ pub(super) fn write_fields<const D: usize>(
     suffix: &str,
 ) -> Result<Vec<PathBuf>, OutputError>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let grid = vtu::text(of.elastic, &of.fields, &of.contact);
     let table = of.contact.csv(of.elastic);

@@ -3,7 +3,7 @@
 use super::{ContactReport, NodeStatus, OfBodies};
 use crate::contact::Space;
 use crate::mesh::vector::{length, minus};
-use crate::mesh::{Kind, facet_nodes};
+use crate::mesh::{ElementKind, facet_nodes};
 
 /// So many nodes in contact at least, for a peak on one or two of them to be called unresolved.
 const RESOLVED: usize = 5;
@@ -19,7 +19,7 @@ fn rim<const D: usize>(nodes: usize) -> usize {
 /// In the order of the contacts. (One text: a paragraph for each hint.)
 pub(super) fn hints<const D: usize>(of: &OfBodies<D>, contacts: &[ContactReport]) -> Vec<String>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let (elastic, fields) = (of.elastic, &of.contact);
     let mut hints = Vec::new();

@@ -5,12 +5,12 @@ mod camera;
 pub mod chart;
 mod contact_surface;
 mod curves;
+mod developed;
 mod html;
 mod legend;
 mod obstacles;
 mod picture;
 mod raster;
-mod sheet;
 mod solid;
 mod surface;
 mod svg;
@@ -20,7 +20,7 @@ mod zbuffer;
 use super::files::write;
 use super::{OutputError, Report, StepResults};
 use crate::contact::Space;
-use crate::mesh::Kind;
+use crate::mesh::ElementKind;
 use bodies::Bodies;
 use chart::Chart;
 use rayon::prelude::*;
@@ -42,10 +42,10 @@ pub struct Picture {
     pub view: Option<View>,
 }
 
-/// Implemented by [`Kind`] for both dimensions: how bodies and contacts are drawn there.
+/// Implemented by [`ElementKind`] for both dimensions: how bodies and contacts are drawn there.
 pub trait Draw<const D: usize>: Space<D>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     /// The deformed bodies under a title, and what can be turned of them.
     fn deformed(title: &str, bodies: &Bodies<D>) -> (String, Option<View>);
@@ -99,7 +99,7 @@ where
 }
 
 /// The deformed bodies, and a chart for each contact.
-impl Draw<2> for Kind {
+impl Draw<2> for ElementKind {
     fn deformed(title: &str, bodies: &Bodies) -> (String, Option<View>) {
         (picture::svg(title, bodies), None)
     }
@@ -110,7 +110,7 @@ impl Draw<2> for Kind {
 }
 
 /// The deformed bodies from two sides, and each contact surface.
-impl Draw<3> for Kind {
+impl Draw<3> for ElementKind {
     fn deformed(title: &str, bodies: &Bodies<3>) -> (String, Option<View>) {
         let solids = solid::Solids::new(bodies);
         let (svg, view) = rayon::join(|| solids.svg(title), || View::new(&solids));

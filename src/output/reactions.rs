@@ -4,7 +4,7 @@ use super::{NodeStatus, OfBodies};
 use crate::contact::Space;
 use crate::elasticity::internal_forces;
 use crate::mesh::vector::{dot, length, minus};
-use crate::mesh::{Kind, Topology};
+use crate::mesh::{ElementKind, Topology};
 use crate::model::Elastic;
 use crate::quasistatic::StepSolution;
 use serde::Serialize;
@@ -19,7 +19,7 @@ const PEAK: f64 = 0.7;
 pub struct ContactReport {
     /// The boundary that carries the multipliers.
     pub boundary: String,
-    /// The other boundary, or what kind of obstacle.
+    /// The master boundary, or what kind of obstacle.
     pub against: String,
     /// The law and its figure.
     pub friction: String,
@@ -71,7 +71,7 @@ fn contact_forces<'a, const D: usize>(
     solution: &'a StepSolution<D>,
 ) -> impl Iterator<Item = [[f64; D]; 2]> + 'a
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let (normal, tangential) = solution.lambda.split_at(elastic.contact.places.len());
     let places = elastic.contact.places.iter().zip(normal);
@@ -103,7 +103,7 @@ fn add(sum: &mut [f64], more: &[f64]) {
 /// The centroids of what the pairs may touch with.
 fn pair_centres<const D: usize>(elastic: &Elastic<D>) -> Vec<[f64; D]>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let mut sums = vec![([0.0; D], 0.0); elastic.pairs.len()];
     for (place, &pair) in elastic.contact.places.iter().zip(&elastic.pair_of) {
@@ -123,7 +123,7 @@ pub(super) fn contact_reports<const D: usize>(
     before: &[f64],
 ) -> Vec<ContactReport>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let (elastic, fields) = (of.elastic, &of.contact);
     let (normal, tangential) = solution.lambda.split_at(elastic.contact.places.len());
@@ -196,7 +196,7 @@ pub(super) fn support_reports<const D: usize>(
     solution: &StepSolution<D>,
 ) -> Vec<SupportReport>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let (elastic, data) = (of.elastic, of.data);
     let mut outer = data.forces.clone();

@@ -8,7 +8,7 @@ use crate::control::Costs;
 use crate::dual::DualOperator as _;
 use crate::engine::Engine;
 use crate::mesh::vector::{length, minus};
-use crate::mesh::{Kind, Topology};
+use crate::mesh::{ElementKind, Topology};
 use crate::model::{Analysis, Units};
 use crate::problem::Kkt;
 use crate::quasistatic::Round;
@@ -88,7 +88,7 @@ pub struct StepReport {
     pub factor: f64,
     /// How it ended.
     pub status: Status,
-    /// Solves in it: more than one where coupled steps did not get on under Coulomb's law.
+    /// Solves in it: more than one where monolithic steps did not get on under Coulomb's law.
     pub rounds: usize,
     /// max |μλν − g| / max μλν of the last solve; 0 where no slip bounds were frozen.
     pub friction_change: f64,
@@ -205,7 +205,7 @@ impl Report {
     /// Of what is to be solved, before its first step.
     pub fn new<'a, const D: usize>(title: &str, analysis: impl Into<Analysis<'a, D>>) -> Self
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         let Analysis { problem, elastic } = analysis.into();
         Self {
@@ -252,7 +252,7 @@ impl Report {
     /// Adds a step.
     pub fn add_step<const D: usize>(&mut self, results: &StepResults<D>)
     where
-        Kind: Space<D>,
+        ElementKind: Space<D>,
     {
         let (analysis, solution) = (results.analysis, results.solution);
         let last = solution.last();

@@ -9,7 +9,7 @@ use super::{ContactFields, EnginePath, OutputError, Report, StepFields};
 use crate::contact::Space;
 use crate::dual::DualOperator as _;
 use crate::engine::Engine;
-use crate::mesh::{Kind, Topology};
+use crate::mesh::{ElementKind, Topology};
 use crate::model::{Analysis, Elastic, StepData};
 use crate::quasistatic::StepSolution;
 use crate::solve::Solved;
@@ -27,7 +27,7 @@ impl<const D: usize, T: Space<D>> Draw<D> for T {}
 /// A load step that has ended, with the fields that follow from its solution.
 pub struct StepResults<'a, const D: usize = 2>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     /// What was solved.
     pub analysis: Analysis<'a, D>,
@@ -40,7 +40,7 @@ where
 /// The fields of the bodies at the end of a load step.
 pub struct OfBodies<'a, const D: usize = 2>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     /// The bodies.
     pub elastic: &'a Elastic<D>,
@@ -54,7 +54,7 @@ where
 
 impl<'a, const D: usize> StepResults<'a, D>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     /// From a step of what was solved.
     pub fn new(analysis: Analysis<'a, D>, solved: &'a Solved<D>) -> Self {
@@ -94,7 +94,7 @@ where
 /// use signorini::solve::Event;
 /// use std::ops::ControlFlow;
 ///
-/// let floor = Obstacle::HalfPlane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+/// let floor = Obstacle::HalfSpace { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
 /// let built = Model::on(block([0.0; 3], [3.0, 1.0, 1.0], [6, 2, 2], SolidShape::Hexahedron, "steel", ""))
 ///     .material(Material { young: 2.1e11, poisson: 0.3, density: 0.0 })
 ///     .support(Support::on("left").fixed())
@@ -132,7 +132,7 @@ where
 /// ```
 pub struct Results<'a, const D: usize = 2>
 where
-    Kind: Draw<D>,
+    ElementKind: Draw<D>,
 {
     analysis: Analysis<'a, D>,
     directory: PathBuf,
@@ -147,7 +147,7 @@ where
 
 impl<'a, const D: usize> Results<'a, D>
 where
-    Kind: Draw<D>,
+    ElementKind: Draw<D>,
 {
     /// Of a run that is about to begin: what a run before has left in `directory` is removed, the files that are called as
     /// results are; it is made if need be.
@@ -205,7 +205,7 @@ where
         let written = match &mut self.pictures {
             None => write(),
             Some(all) => {
-                let draw = || <Kind as Draw<D>>::step_pictures(report, &results);
+                let draw = || <ElementKind as Draw<D>>::step_pictures(report, &results);
                 let (written, drawn) = rayon::join(write, draw);
                 all.extend(drawn);
                 written

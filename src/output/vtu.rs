@@ -3,7 +3,7 @@
 use super::{ContactFields, NodeStatus, StepFields, put, shown_at_nodes};
 use crate::contact::Space;
 use crate::elasticity::Stress;
-use crate::mesh::Kind;
+use crate::mesh::ElementKind;
 use crate::model::Elastic;
 use base64::Engine as _;
 
@@ -116,7 +116,7 @@ pub(super) fn text<const D: usize>(
     contact: &ContactFields<D>,
 ) -> String
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let mesh = &elastic.mesh;
     let shown = shown_at_nodes(elastic, contact, None);

@@ -54,7 +54,7 @@ impl Kkt {
 
 /// What violations are measured by.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Yardsticks {
+pub(crate) struct Scales {
     /// The largest component of the deformation.
     pub length: f64,
     /// Its Euclidean norm.
@@ -80,11 +80,11 @@ impl<const D: usize> ContactProblem<D> {
 }
 
 impl<const D: usize, K> ContactProblem<D, K> {
-    /// What K has to be multiplied by to tell whether forces are in equilibrium: u without the motions of free bodies,
+    /// What K has to be multiplied by to tell whether forces are in equilibrium: u without the motions of floating bodies,
     /// along which K R = 0, as products with rounded numbers say the worse the farther a body has moved; and what its
     /// entries may be off by, in units of rounding. What is left of a long way has the rounding of that.
     pub(crate) fn deformed(&self, u: &[f64]) -> [Vec<f64>; 2] {
-        let free = self.free_bodies();
+        let free = self.floating_bodies();
         let back: Vec<f64> = free.resultants(u).iter().map(|a| -a).collect();
         let mut deformed = u.to_vec();
         free.add_motion(&back, &mut deformed);
@@ -95,15 +95,15 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// The optimality conditions at (u, λ) where the product of K with [`ContactProblem::deformed`] is known, with its sizes.
     pub(crate) fn conditions(&self, u: &[f64], lambda: &[f64], product: &[Vec<f64>; 2]) -> Kkt {
         let m = self.m();
-        let yardsticks = self.yardsticks(u, lambda);
+        let scales = self.scales(u, lambda);
         let (lambda_n, lambda_t) = lambda.split_at(m);
         let mut closing = self.along(self.normal(), u);
         for (closing, d) in closing.iter_mut().zip(self.gap()) {
-            *closing = beyond(*closing - d, yardsticks.rounding);
+            *closing = beyond(*closing - d, scales.rounding);
         }
         let mut slip = self.along(self.tangential(), u);
         for (slip, origin) in slip.iter_mut().zip(self.slip_origin()) {
-            *slip = beyond(*slip - origin, yardsticks.rounding);
+            *slip = beyond(*slip - origin, scales.rounding);
         }
         let bound = self.bounds(lambda);
         let positive = |values: &mut dyn Iterator<Item = f64>| {
@@ -120,18 +120,18 @@ impl<const D: usize, K> ContactProblem<D, K> {
             slip_violation(&lambda_t[at(i)], &slip[at(i)], bound[i], compliance)
         });
         Kkt {
-            equilibrium: ratio(self.imbalance(lambda, product), yardsticks.force),
-            penetration: ratio(positive(&mut closing.iter().copied()), yardsticks.length),
+            equilibrium: ratio(self.imbalance(lambda, product), scales.force),
+            penetration: ratio(positive(&mut closing.iter().copied()), scales.length),
             tension: ratio(positive(&mut lambda_n.iter().map(|v| -v)), norm_max(lambda)),
             complementarity: ratio(
                 dot(lambda_n, &closing).abs(),
-                norm(lambda) * yardsticks.deformation,
+                norm(lambda) * scales.deformation,
             ),
             friction_bound: ratio(
                 positive(&mut (0..m).map(|i| rigid::length(&lambda_t[at(i)]) - bound[i])),
                 norm_max(&bound),
             ),
-            slip: ratio(positive(slips), yardsticks.length),
+            slip: ratio(positive(slips), scales.length),
         }
     }
 
@@ -168,12 +168,12 @@ impl<const D: usize, K> ContactProblem<D, K> {
     }
 
     /// What violations at (u, λ) are measured by.
-    pub(crate) fn yardsticks(&self, u: &[f64], lambda: &[f64]) -> Yardsticks {
+    pub(crate) fn scales(&self, u: &[f64], lambda: &[f64]) -> Scales {
         let deformation = self.deformation(u);
         let own: Vec<f64> = (self.compliance().iter().zip(lambda))
             .map(|(c, l)| c * l)
             .collect();
-        Yardsticks {
+        Scales {
             length: norm_max(&deformation).max(norm_max(&own)),
             deformation: norm(&deformation).max(norm(&own)),
             force: self.acting_forces(lambda),

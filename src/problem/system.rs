@@ -1,6 +1,6 @@
 //! What K, N, T, the points and the areas say: made once, and shared by all load cases.
 
-use super::{ContactData, FreeBodies, tangents};
+use super::{ContactData, FloatingBodies, tangents};
 use crate::sparse::{BlockCsr, Csr};
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ pub struct System<const D: usize = 2> {
     coordinates: Option<Vec<[f64; D]>>,
     /// The areas that turn nodal forces into pressures, length m.
     pub(super) areas: Vec<f64>,
-    free: FreeBodies<D>,
+    free: FloatingBodies<D>,
     /// The connected part of K that each node belongs to.
     pub(super) parts: Vec<u32>,
     /// Whether K ties an unknown to another one.
@@ -37,8 +37,8 @@ impl<const D: usize> System<D> {
         let m = data.gap.len();
         let (count, parts) = k.components();
         let free = match &data.coordinates {
-            Some(points) => FreeBodies::among(k, points, count, &parts),
-            None => FreeBodies::default(),
+            Some(points) => FloatingBodies::among(k, points, count, &parts),
+            None => FloatingBodies::default(),
         };
         let tangential = data.tangential.triplets().map(|(i, j, v)| (i + m, j, v));
         let rows = data.normal.triplets().chain(tangential);
@@ -113,14 +113,14 @@ impl<const D: usize> System<D> {
     }
 
     /// The bodies that can move as a whole, as far as K and the coordinates tell.
-    pub fn free_bodies(&self) -> &FreeBodies<D> {
+    pub fn floating_bodies(&self) -> &FloatingBodies<D> {
         &self.free
     }
 
     /// The same with springs on all motions of bodies as a whole: none is free.
     pub(super) fn supported(&self) -> Self {
         Self {
-            free: FreeBodies::default(),
+            free: FloatingBodies::default(),
             ..self.clone()
         }
     }

@@ -58,12 +58,12 @@ fn held(triplets: &[(usize, usize, f64)], unknowns: &[usize]) -> Triplets {
 }
 
 /// R is orthonormal and in the kernel of K, which with some unknowns fixed is regular.
-fn check_motions<const D: usize>(k: &BlockCsr<D>, free: &FreeBodies<D>) {
+fn check_motions<const D: usize>(k: &BlockCsr<D>, free: &FloatingBodies<D>) {
     let n = k.n_rows();
-    let modes: Vec<Vec<f64>> = (0..free.n_motions())
+    let modes: Vec<Vec<f64>> = (0..free.n_modes())
         .map(|a| {
             let mut mode = vec![0.0; n];
-            let alpha: Vec<f64> = (0..free.n_motions()).map(|b| f64::from(a == b)).collect();
+            let alpha: Vec<f64> = (0..free.n_modes()).map(|b| f64::from(a == b)).collect();
             free.add_motion(&alpha, &mut mode);
             mode
         })
@@ -77,7 +77,7 @@ fn check_motions<const D: usize>(k: &BlockCsr<D>, free: &FreeBodies<D>) {
         }
     }
     let (grounded, ties) = free.grounded(&Arc::new(k.clone()), |unknown| unknown < D);
-    assert_eq!(ties.len(), free.n_motions());
+    assert_eq!(ties.len(), free.n_modes());
     assert!(ties.iter().all(|&(unknown, _)| unknown as usize >= D));
     let dense = faer::Mat::from_fn(n, n, |i, j| {
         grounded
@@ -103,8 +103,8 @@ fn a_cube_in_space_has_six_motions_and_supports_take_them() {
     ];
     for (supports, motions, freedom) in cases {
         let k = block::<3>(24, &held(&triplets, supports));
-        let free = FreeBodies::find(&k, &points);
-        assert_eq!(free.n_motions(), motions, "{freedom}");
+        let free = FloatingBodies::find(&k, &points);
+        assert_eq!(free.n_modes(), motions, "{freedom}");
         check_motions(&k, &free);
         for body in free.bodies() {
             assert_eq!(body.freedom(), freedom);
@@ -122,7 +122,7 @@ fn motions_in_words() {
     let (points, triplets) = cube();
     // The coefficients of a motion: its resultants.
     let said = |supports: &[usize], velocity: &dyn Fn(&[f64; 3]) -> [f64; 3]| {
-        let free = FreeBodies::find(&block::<3>(24, &held(&triplets, supports)), &points);
+        let free = FloatingBodies::find(&block::<3>(24, &held(&triplets, supports)), &points);
         let mut u: Vec<f64> = points.iter().flat_map(velocity).collect();
         supports.iter().for_each(|&i| u[i] = 0.0);
         free.bodies()[0].describe(&free.resultants(&u))
@@ -153,11 +153,11 @@ fn motions_in_words() {
     ];
     for (supports, freedom) in cases {
         let k = block::<2>(8, &held(&triplets, supports));
-        let free = FreeBodies::find(&k, &points);
+        let free = FloatingBodies::find(&k, &points);
         check_motions(&k, &free);
         assert_eq!(free.bodies()[0].freedom(), freedom);
     }
-    let free = FreeBodies::find(&block::<2>(8, &triplets), &points);
+    let free = FloatingBodies::find(&block::<2>(8, &triplets), &points);
     let said = |velocity: &dyn Fn(&[f64; 2]) -> [f64; 2]| {
         let u: Vec<f64> = points.iter().flat_map(velocity).collect();
         free.bodies()[0].describe(&free.resultants(&u))
@@ -215,7 +215,7 @@ fn conditions_in_space_hold_for_a_solution_and_for_nothing_else() {
         [0.1, 0.2, 0.0, 0.0, 0.0, 0.0]
     );
     assert_eq!(problem.touched(), [true, true]);
-    assert!(problem.free_bodies().is_empty());
+    assert!(problem.floating_bodies().is_empty());
     let kkt = problem.kkt(&U, &LAMBDA);
     assert!(kkt.max() < 1e-14, "{kkt:?}");
     // u or λ, the entry, and what it is moved by; equilibrium is lost each time.

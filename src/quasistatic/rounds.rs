@@ -1,8 +1,8 @@
-//! Coulomb friction by rounds with frozen slip bounds: the last resort of the coupled Newton step.
+//! Coulomb friction by rounds with frozen slip bounds: the last resort of the monolithic Newton step.
 //!
 //! The bounds are a fixed point of g ↦ μλν(g), where λν(g) solves the problem with the given bounds g (Tresca), which
 //! is a minimisation and has a safeguard: successive approximation as in Nečas, Jarušek and Haslinger (1980),
-//! warm-started. Where coupled steps give up, rounds mostly end with a certificate that nothing holds a body.
+//! warm-started. Where monolithic steps give up, rounds mostly end with a certificate that nothing holds a body.
 //!
 //! **Bodies that only contact holds** have to be balanced by the forces of each round. The bounds of a round are
 //! those of forces on or inside Coulomb's cones that balance the bodies, so that the round can; the forces
@@ -73,14 +73,14 @@ impl<const D: usize> Rounds<D> {
             let changes = difference(&next, &self.bounds);
             let change = step.relative(lambda, &changes);
             let settled = change <= wanted;
-            let (mut unbalanced, mut driven) =
-                (solution.imbalance.clone(), solution.driven.clone());
+            let (mut unbalanced, mut mechanism) =
+                (solution.imbalance.clone(), solution.mechanism.clone());
             if unbalanced.is_empty() {
-                (unbalanced, driven) = self.cones.unbalanced.clone();
+                (unbalanced, mechanism) = self.cones.unbalanced.clone();
             }
             if unbalanced.is_empty() && settled && friction_change > wanted {
                 // Bounds that balance the bodies have settled, but the pressures do not give them.
-                (unbalanced, driven) = self.cones.unbalanced_within(&law, lambda);
+                (unbalanced, mechanism) = self.cones.unbalanced_within(&law, lambda);
             }
             let status = if solution.status != Status::Converged {
                 Some(solution.status)
@@ -101,7 +101,7 @@ impl<const D: usize> Rounds<D> {
                 return Ok(Solution {
                     status: status.unwrap_or(Status::IterationLimit),
                     imbalance: unbalanced,
-                    driven,
+                    mechanism,
                     ..solution
                 });
             }
@@ -123,7 +123,7 @@ struct Cones<const D: usize> {
 
 impl<const D: usize> Cones<D> {
     fn new(problem: &ContactProblem<D, Elsewhere>) -> Self {
-        let free = problem.free_bodies();
+        let free = problem.floating_bodies();
         let mut cones = Self {
             problem: problem.clone(),
             balance: None,

@@ -2,7 +2,7 @@
 //!
 //! Under Coulomb's law forces that balance a body may exist (a block turned about its vertical axis could stand on its
 //! corners) without any motion that they belong to. With weak springs between the bodies and where they were there is
-//! always a state: held bodies hardly feel the springs, others drift until those bear what contact and friction do not.
+//! always a state: held bodies hardly feel the springs, others move until those bear what contact and friction do not.
 //!
 //! Springs of stiffness k on each of the motions R, whose columns are orthonormal, make K + k R Rᵀ of K:
 //!
@@ -33,7 +33,7 @@ pub(super) enum Springs<const D: usize> {
     Bear(Box<Solution<D>>),
 }
 
-/// The dual operator of a problem with free bodies, with springs on their motions.
+/// The dual operator of a problem with floating bodies, with springs on their motions.
 pub(super) struct OnSprings<'a, O: ?Sized, const D: usize> {
     dual: &'a mut O,
     problem: &'a ContactProblem<D, Elsewhere>,
@@ -55,7 +55,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> OnSprings<'a, O, D> {
         let held: Vec<f64> = place.iter().map(|a| self.stiffness * a).collect();
         let case = self.problem.load_case().clone();
         let mut force = case.force.to_vec();
-        self.problem.free_bodies().add_motion(&held, &mut force);
+        self.problem.floating_bodies().add_motion(&held, &mut force);
         self.problem.supported().under(LoadCase {
             force: Arc::new(force),
             ..case
@@ -64,9 +64,9 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> OnSprings<'a, O, D> {
 
     /// The part along motions, R Rᵀx: its coefficients, which are taken out of x.
     fn take_out(&self, x: &mut [f64]) -> Vec<f64> {
-        let along = self.problem.free_bodies().resultants(x);
+        let along = self.problem.floating_bodies().resultants(x);
         let back: Vec<f64> = along.iter().map(|a| -a).collect();
-        self.problem.free_bodies().add_motion(&back, x);
+        self.problem.floating_bodies().add_motion(&back, x);
         along
     }
 
@@ -84,7 +84,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> OnSprings<'a, O, D> {
         let case = LoadCase::new(forces, gap.to_vec(), origin.to_vec(), gap.to_vec());
         let mut u = self.dual.displacement(&case, &none, residual, stop)?;
         self.take_out(&mut u);
-        self.problem.free_bodies().add_motion(&alpha, &mut u);
+        self.problem.floating_bodies().add_motion(&alpha, &mut u);
         Ok(u)
     }
 
@@ -149,9 +149,11 @@ impl<O: DualOperator + ?Sized, const D: usize> DualOperator for OnSprings<'_, O,
 
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
         let [mut product, sizes] = self.dual.stiffness_times(u, s)?;
-        let mut alpha = self.problem.free_bodies().resultants(u);
+        let mut alpha = self.problem.floating_bodies().resultants(u);
         alpha.iter_mut().for_each(|a| *a *= self.stiffness);
-        self.problem.free_bodies().add_motion(&alpha, &mut product);
+        self.problem
+            .floating_bodies()
+            .add_motion(&alpha, &mut product);
         Ok([product, sizes])
     }
 }

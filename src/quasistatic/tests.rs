@@ -77,7 +77,7 @@ fn solve(
     problem: &ContactProblem,
     load: &Load,
     dual: &mut impl DualOperator,
-    settings: &Settings,
+    settings: &StepSettings,
 ) -> Result<StepSolution, StepError> {
     let start = State::at_rest(problem);
     let go_on = |_: Event| ControlFlow::Continue(());
@@ -99,8 +99,8 @@ fn direct(problem: &ContactProblem) -> DirectDual {
 #[test]
 fn an_error_keeps_the_rounds_made() {
     let problem = springs(1);
-    let settings = Settings {
-        coupled: false,
+    let settings = StepSettings {
+        monolithic: false,
         ..Default::default()
     };
     let load = Load::of(&problem);
@@ -124,9 +124,9 @@ fn an_error_keeps_the_rounds_made() {
 #[test]
 fn what_does_not_fit_is_an_error() {
     let (problem, other) = (springs(1), springs(2));
-    let good = Settings::default();
+    let good = StepSettings::default();
     let load = Load::of(&problem);
-    let said = |load: &Load, dual: &mut DirectDual, settings: &Settings| {
+    let said = |load: &Load, dual: &mut DirectDual, settings: &StepSettings| {
         let outcome = solve(&problem, load, dual, settings);
         outcome.map(|_| ()).expect_err("it is wrong").to_string()
     };
@@ -144,7 +144,7 @@ fn what_does_not_fit_is_an_error() {
         said(&infinite, &mut dual, &good),
         "load.gap must have finite entries"
     );
-    let wrong = Settings {
+    let wrong = StepSettings {
         friction_tolerance: Some(2.0),
         ..good.clone()
     };
@@ -173,7 +173,7 @@ fn a_block_on_springs() {
     use faer::Mat;
 
     let mesh = rectangle([0.0; 2], [2.0, 1.0], [4, 2], CellShape::Quad, "body", "");
-    let ground = Obstacle::HalfPlane {
+    let ground = Obstacle::HalfSpace {
         point: [0.0; 2],
         normal: [0.0, 1.0],
     };
@@ -188,9 +188,9 @@ fn a_block_on_springs() {
         .build()
         .unwrap_or_else(|error| panic!("{error}"));
     let problem = built.problem.elsewhere();
-    let (free, b) = (problem.free_bodies(), problem.contact_matrix());
+    let (free, b) = (problem.floating_bodies(), problem.contact_matrix());
     let (n, stiffness) = (problem.n_rows(), 0.01);
-    assert_eq!(free.n_motions(), 3);
+    assert_eq!(free.n_modes(), 3);
     let motions: Vec<Vec<f64>> = (0..3)
         .map(|j| {
             let mut motion = vec![0.0; n];
@@ -240,7 +240,7 @@ fn a_block_on_springs() {
     // Without any load, it stays in its place.
     let place = [0.3, -0.2, 0.1];
     let rests = on_springs.problem(&place);
-    assert!(rests.free_bodies().is_empty());
+    assert!(rests.floating_bodies().is_empty());
     let case = rests.load_case().clone();
     let u = on_springs.displacement(&case, &vec![0.0; p.len()], 0.0, &Stop::default());
     let mut there = vec![0.0; n];

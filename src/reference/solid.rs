@@ -73,7 +73,7 @@ impl Solid {
             friction: Friction::Tresca(&tresca),
             ..Default::default()
         };
-        let floor = Obstacle::HalfPlane {
+        let floor = Obstacle::HalfSpace {
             point: [0.0; 3],
             normal: [0.0, 0.0, 1.0],
         };

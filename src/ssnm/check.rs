@@ -3,7 +3,7 @@
 use super::goal::Goal;
 use super::newton::{Newton, Way};
 use super::point::Point;
-use super::{EXACT, MET, Settings, Status};
+use super::{EXACT, MET, NewtonSettings, Status};
 use crate::control::Stop;
 use crate::dual::{DualError, DualOperator, conditions};
 use crate::problem::Kkt;
@@ -30,9 +30,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Step 1: whether err ≤ ε err⁰, and more than that: pressures as accurate as ε asks for, and conditions that hold
     /// against K.
     pub fn step_1(&mut self, way: &mut Way<D>, goal: &mut Goal) -> Result<Ended, DualError> {
-        let own_motion = self.own_motion(&way.point.lambda);
+        let local_error = self.local_error(&way.point.lambda);
         let rounding = self.rounding(&way.point);
-        goal.err = (self.tolerance * way.err0.max(own_motion)).max(rounding);
+        goal.err = (self.tolerance * way.err0.max(local_error)).max(rounding);
         if way.err <= goal.err {
             let now = (way.history.len(), self.products.n_a);
             way.first_met.get_or_insert(now);
@@ -44,9 +44,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             return Ok(Ended::With(status));
         }
         // r is fresh now; if it says something else than before, products were not accurate enough.
-        way.err = self.settle_error(&mut way.point);
+        way.err = self.update_error(&mut way.point);
         if way.err > goal.err {
-            self.products.sharpen(self.tolerance);
+            self.products.tighten(self.tolerance);
         }
         // Where a stiff body is moved, ‖f‖ says little about the loads of a soft one, and u may be far off.
         let closer = (goal.err / way.err).min(self.numbers.sharper);
@@ -60,7 +60,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             return Ok(Ended::NotYet);
         }
         self.make_exact(&mut way.point)?;
-        way.err = self.settle_error(&mut way.point);
+        way.err = self.update_error(&mut way.point);
         if way.err > self.rounding(&way.point) {
             // An error that steps take away and u has again and again is that of u.
             goal.checks += 1;
@@ -87,7 +87,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     }
 
     /// The reason not to make another step.
-    pub fn limit(&self, way: &Way<D>, settings: &Settings) -> Option<Status> {
+    pub fn limit(&self, way: &Way<D>, settings: &NewtonSettings) -> Option<Status> {
         let steps =
             (way.history.len() >= settings.max_iterations).then_some(Status::IterationLimit);
         self.products.stop.now().map(Status::from).or(steps)
@@ -106,8 +106,10 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let tolerance = self.tolerance;
         let mut u = self.displacement(point, self.check_accuracy, self.products.stop)?;
         self.take_from(&u, point);
-        let err = self.settle_error(point);
-        self.problem.free_bodies().add_motion(&point.motion, &mut u);
+        let err = self.update_error(point);
+        self.problem
+            .floating_bodies()
+            .add_motion(&point.motion, &mut u);
         let kkt = self.optimality(point, &u)?;
         goal.err = goal.err.max(self.rounding(point));
         let (lambda, r) = self.unscaled(point);
@@ -123,17 +125,17 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             if err <= goal.err || self.check_accuracy <= EXACT {
                 goal.checks += 1;
             }
-            let yardsticks = self.problem.yardsticks(&u, &lambda);
+            let scales = self.problem.scales(&u, &lambda);
             let part = MET * tolerance;
-            goal.slack = part * yardsticks.length + yardsticks.rounding;
-            goal.work = part * yardsticks.deformation + yardsticks.rounding;
+            goal.slack = part * scales.length + scales.rounding;
+            goal.work = part * scales.deformation + scales.rounding;
             return Ok(None);
         };
         self.checked = Some((u, kkt));
         Ok(Some(status))
     }
 
-    /// u at a point but for the motions of free bodies, to a residual relative to the acting forces.
+    /// u at a point but for the motions of floating bodies, to a residual relative to the acting forces.
     pub fn displacement(
         &mut self,
         point: &Point,
@@ -150,7 +152,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             (self.products).displacement(&point.lambda, residual, &stop)?
         };
         // Whichever K⁺ it was: bodies stay where they were as far as contact lets them.
-        let free = self.problem.free_bodies();
+        let free = self.problem.floating_bodies();
         let back: Vec<f64> = free
             .resultants(&u)
             .iter()
@@ -179,8 +181,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         // However it came about: what meets all conditions is a solution. After unloading, forces are known no better than
         // those before, which slip is counted from: rounding may hide what is left of them.
         if status == Status::Stagnated && kkt.max() <= MET * self.tolerance {
-            let now = way.err0.max(self.own_motion(&way.point.lambda));
-            let err = err_relative * now / now.max(self.own_motion(&self.before));
+            let now = way.err0.max(self.local_error(&way.point.lambda));
+            let err = err_relative * now / now.max(self.local_error(&self.before));
             let mut goal = Goal::new(self.tolerance, self.numbers);
             goal.by_start = true;
             let (lambda, r) = self.unscaled(&way.point);
@@ -222,9 +224,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         };
         if status == Status::Stagnated {
             self.take_from(&u, point);
-            self.settle_error(point);
+            self.update_error(point);
         }
-        (self.problem.free_bodies()).add_motion(&point.motion, &mut u);
+        (self.problem.floating_bodies()).add_motion(&point.motion, &mut u);
         let kkt = self.optimality(point, &u)?;
         Ok((status, u, kkt))
     }

@@ -6,7 +6,7 @@ use super::newton::{Newton, Way};
 use super::point::Point;
 use super::sets::Sets;
 use super::subproblem::Subproblem;
-use super::{Settings, Status, Step};
+use super::{NewtonSettings, Status, Step};
 use crate::dual::{DualError, DualOperator};
 use crate::rounding::{INDEPENDENT, ROUNDING};
 use crate::sparse::{add_times, difference, norm, norm_max};
@@ -60,10 +60,10 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     pub fn run_multisecant(
         &mut self,
         way: &mut Way<D>,
-        settings: &Settings,
+        settings: &NewtonSettings,
         observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
     ) -> Result<Status, DualError> {
-        way.err = self.settle_error(&mut way.point);
+        way.err = self.update_error(&mut way.point);
         let numbers = self.numbers;
         let mut goal = Goal::new(self.tolerance, numbers);
         let mut progress = Progress::new(&way.point, way.err);
@@ -92,13 +92,13 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             let lowers_q = !self.law.is_coulomb()
                 && way.err > self.rounding(&before)
                 && before.q_change(&way.point) < -before.q_rounding(&way.point);
-            let err = self.settle_error(&mut way.point);
+            let err = self.update_error(&mut way.point);
             denied = match err > numbers.progress * way.err {
                 true => denied + 1,
                 false => 0,
             };
             if denied == numbers.denied || self.hidden == numbers.denied {
-                self.products.sharpen(self.tolerance);
+                self.products.tighten(self.tolerance);
                 (denied, self.hidden) = (0, 0);
             }
             way.err = err;
@@ -241,9 +241,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         progress: &mut Progress,
     ) -> Result<bool, DualError> {
         way.point.clone_from(&progress.best);
-        let sharper = self.products.sharpen(self.tolerance);
+        let sharper = self.products.tighten(self.tolerance);
         self.make_exact(&mut way.point)?;
-        way.err = self.settle_error(&mut way.point);
+        way.err = self.update_error(&mut way.point);
         // Less than nothing is not to be had.
         let leads_on = sharper || way.err < 0.5 * progress.refreshed;
         *progress = Progress {

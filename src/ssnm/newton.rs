@@ -77,7 +77,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     }
 
     /// The same, and takes this α at the point.
-    pub fn settle_error(&self, point: &mut Point) -> f64 {
+    pub fn update_error(&self, point: &mut Point) -> f64 {
         let GradientStep { end, start } = self.step_from(point, self.rho());
         *point = start;
         distance(&point.lambda, &end) / self.rho()
@@ -110,16 +110,16 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     /// err relative to what it is measured by.
     pub fn relative(&self, point: &mut Point, err0: f64) -> f64 {
-        let err = self.settle_error(point);
+        let err = self.update_error(point);
         if err <= self.rounding(point) {
             return 0.0;
         }
-        err / err0.max(self.own_motion(&point.lambda))
+        err / err0.max(self.local_error(&point.lambda))
     }
 
     /// ‖(Σⱼ Bᵢⱼ²/Kⱼⱼ λᵢ)ᵢ‖: what each force would do to its own node if nothing else moved. An err below this times ε is good
     /// enough however small err⁰ is.
-    pub fn own_motion(&self, lambda: &[f64]) -> f64 {
+    pub fn local_error(&self, lambda: &[f64]) -> f64 {
         let own: Vec<f64> = (self.problem.compliance().iter().zip(lambda))
             .enumerate()
             .map(|(i, (c, l))| c * l * self.products.dual.factor(i).powi(2))

@@ -6,7 +6,7 @@
 /// Defines [`Numbers`] with its defaults, and the names by which an ablation changes them.
 macro_rules! numbers {
     ($($(#[doc = $text:literal])+ $name:ident: $kind:ty = $value:expr;)+) => {
-        /// The numbers of the method, for whoever studies it: [`super::Settings::numbers`]. Everybody else leaves them alone.
+        /// The numbers of the method, for whoever studies it: [`super::NewtonSettings::numbers`]. Everybody else leaves them alone.
         #[derive(Clone, Copy, Debug, PartialEq)]
         #[non_exhaustive]
         pub struct Numbers {

@@ -6,8 +6,8 @@
 //! steps have left, one or two iterations a step. Without these errors pile up, and err comes to a halt at 1e-3 or so.
 
 use super::scaling::Scaled;
-use super::{EXACT, Method, Numbers, Settings};
-use crate::control::{Accuracy, Followed, Stop};
+use super::{EXACT, Method, NewtonSettings, Numbers};
+use crate::control::{Accuracy, Correction, Stop};
 use crate::dual::{DualError, DualOperator};
 use crate::problem::LoadCase;
 use crate::sparse::{add_times, difference, norm};
@@ -26,7 +26,7 @@ pub(super) struct Products<'a, O: ?Sized> {
     first: f64,
     part: f64,
     /// How u came closer the last time.
-    followed: Followed,
+    followed: Correction,
     /// ‖Be‖ / √(eᵀKe) for the last change e of u.
     gain: f64,
 }
@@ -36,7 +36,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
     pub fn new(
         dual: Scaled<'a, O>,
         load: &'a LoadCase,
-        settings: &Settings,
+        settings: &NewtonSettings,
         stop: Stop<'a>,
         sigma: f64,
     ) -> Self {
@@ -55,7 +55,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
             numbers,
             first: part,
             part,
-            followed: Followed::default(),
+            followed: Correction::default(),
             gain: sigma.sqrt(),
         }
     }
@@ -75,7 +75,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
     }
 
     /// Asks for more accuracy from here on; false where there is none to be had, or more than what the answer is to have.
-    pub fn sharpen(&mut self, tolerance: f64) -> bool {
+    pub fn tighten(&mut self, tolerance: f64) -> bool {
         if self.part() == 0.0 || self.part <= tolerance {
             return false;
         }
@@ -83,7 +83,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         true
     }
 
-    /// u at λ but for the motions of free bodies: [`DualOperator::displacement`].
+    /// u at λ but for the motions of floating bodies: [`DualOperator::displacement`].
     pub fn displacement(
         &mut self,
         lambda: &[f64],

@@ -136,7 +136,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             return Ok(None);
         }
         way.point.clone_from(&safeguard.best);
-        way.err = self.settle_error(&mut way.point);
+        way.err = self.update_error(&mut way.point);
         // Not even a projected gradient step lowers q or the error.
         if safeguard.is_coulomb || (safeguarded && safeguard.fruitless > 0) {
             return Ok(Some(Status::Stagnated));

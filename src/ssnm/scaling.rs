@@ -1,7 +1,7 @@
 //! Scaling of the multipliers where the stiffness under the contact varies widely.
 
 use crate::constraint::row_of;
-use crate::control::{Accuracy, Costs, Followed, Stop};
+use crate::control::{Accuracy, Correction, Costs, Stop};
 use crate::dual::{DualError, DualOperator};
 use crate::problem::{ContactProblem, LoadCase};
 use crate::sparse::norm_max;
@@ -142,7 +142,7 @@ impl<O: DualOperator + ?Sized> DualOperator for Scaled<'_, O> {
         along: f64,
         accuracy: Accuracy,
         stop: &Stop,
-    ) -> Result<Option<Followed>, DualError> {
+    ) -> Result<Option<Correction>, DualError> {
         let mut lambda = lambda.to_vec();
         self.times(&mut lambda);
         let made = self

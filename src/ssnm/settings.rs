@@ -22,7 +22,7 @@ pub enum Method {
 
 /// Settings of the method; the defaults are those of the case file.
 #[derive(Clone, Debug)]
-pub struct Settings {
+pub struct NewtonSettings {
     /// ε, in (0, 1): what the answer may be off by. The error err = ‖r̃_ρ(P_Λ(λ))‖ is reached relative to err⁰, that at
     /// λ = 0 (or, where bodies can move as a whole, at the least forces that balance them); beside it what the rest of
     /// the gradient could still move is made so small that nodal pressures are right to 3000 ε of the largest.
@@ -45,7 +45,7 @@ pub struct Settings {
     pub numbers: Numbers,
 }
 
-impl Default for Settings {
+impl Default for NewtonSettings {
     fn default() -> Self {
         Self {
             tolerance: 1e-6,
@@ -100,7 +100,7 @@ impl SettingsError {
     }
 }
 
-impl Settings {
+impl NewtonSettings {
     /// Whether the numbers make sense for any problem; the same for a case file, for Rust, and at the start of each
     /// solve.
     ///
@@ -121,7 +121,7 @@ impl Settings {
 pub struct WarmStart<'a> {
     /// λ⁰, length D m (2m in the plane), e.g. the multipliers of an earlier solve; zero if None.
     pub lambda: Option<&'a [f64]>,
-    /// Rᵀu before, for the motions of [`System::free_bodies`](crate::problem::System::free_bodies): what neither load nor
+    /// Rᵀu before, for the motions of [`System::floating_bodies`](crate::problem::System::floating_bodies): what neither load nor
     /// contact moves stays there; zero if None.
     pub motion: Option<&'a [f64]>,
     /// What earlier solves with the same K, N and T have found out; this one adds to it.
@@ -139,8 +139,8 @@ impl WarmStart<'_> {
             SettingsError::unless_numbers(lambda, len, "start.lambda")?;
         }
         if let Some(motion) = self.motion {
-            let n_motions = problem.free_bodies().n_motions();
-            SettingsError::unless_numbers(motion, n_motions, "start.motion")?;
+            let n_modes = problem.floating_bodies().n_modes();
+            SettingsError::unless_numbers(motion, n_modes, "start.motion")?;
         }
         let fits = (self.recycled.as_ref()).is_none_or(|known| known.surrogate.fits_length(len));
         let must = "be that of a problem of the same size";
@@ -164,29 +164,29 @@ mod tests {
 
     #[test]
     fn settings_say_what_is_wrong_with_them() {
-        let good = Settings::default();
+        let good = NewtonSettings::default();
         assert_eq!(good.check(), Ok(()));
         for value in [0.0, 1.0, -0.5, f64::NAN, f64::INFINITY] {
-            let wrong = |settings: Settings, field: &str| {
+            let wrong = |settings: NewtonSettings, field: &str| {
                 let text = settings.check().expect_err("it is wrong").to_string();
                 assert!(text.starts_with(field) && text.contains(" must "), "{text}");
             };
             wrong(
-                Settings {
+                NewtonSettings {
                     tolerance: value,
                     ..good.clone()
                 },
                 "tolerance",
             );
             wrong(
-                Settings {
+                NewtonSettings {
                     r_tol: value,
                     ..good.clone()
                 },
                 "r_tol",
             );
             wrong(
-                Settings {
+                NewtonSettings {
                     c_fact: value,
                     ..good.clone()
                 },
@@ -194,7 +194,7 @@ mod tests {
             );
             if value != 1.0 {
                 wrong(
-                    Settings {
+                    NewtonSettings {
                         beta: value,
                         ..good.clone()
                     },

@@ -1,4 +1,4 @@
-//! What comes before the first outer step: the balance of free bodies, b, err⁰ and λ⁰, and for the algorithms as printed
+//! What comes before the first outer step: the balance of floating bodies, b, err⁰ and λ⁰, and for the algorithms as printed
 //! σ_max.
 
 use super::law::Law;
@@ -6,7 +6,7 @@ use super::newton::{Newton, Way};
 use super::point::Point;
 use super::products::Products;
 use super::scaling::Scaled;
-use super::{Method, RecycledSubspace, Settings, WarmStart};
+use super::{Method, NewtonSettings, RecycledSubspace, WarmStart};
 use crate::constraint::NodeSets;
 use crate::control::Stop;
 use crate::dual::balance::Balance;
@@ -20,14 +20,14 @@ use std::time::Instant;
 /// Where a solve starts from, in scaled multipliers.
 pub(super) struct Start {
     law: Law,
-    /// Of the free bodies; None where there are none.
+    /// Of the floating bodies; None where there are none.
     balance: Option<Rc<Balance>>,
     /// The λ that err⁰ is taken at: 0, or the least forces that balance the bodies.
     lambda: Vec<f64>,
     /// What of the load no λ ∈ Λ can balance; empty if there is nothing.
     pub imbalance: Vec<f64>,
     /// The motion that this drives.
-    pub driven: Vec<f64>,
+    pub mechanism: Vec<f64>,
 }
 
 impl Start {
@@ -41,9 +41,9 @@ impl Start {
             balance: None,
             lambda: vec![0.0; D * problem.m()],
             imbalance: Vec::new(),
-            driven: Vec::new(),
+            mechanism: Vec::new(),
         };
-        let free = problem.free_bodies();
+        let free = problem.floating_bodies();
         if free.is_empty() {
             return start;
         }
@@ -54,7 +54,7 @@ impl Start {
         start.lambda = least.lambda;
         if !least.balanced {
             start.imbalance = least.imbalance;
-            start.driven = least.motion;
+            start.mechanism = least.motion;
         }
         start.balance = Some(Rc::new(balance));
         start
@@ -66,7 +66,7 @@ impl Start {
         if !self.imbalance.is_empty() {
             let less: Vec<f64> = self.imbalance.iter().map(|v| -v).collect();
             let mut force = case.force.to_vec();
-            problem.free_bodies().add_motion(&less, &mut force);
+            problem.floating_bodies().add_motion(&less, &mut force);
             case = LoadCase {
                 acting: norm(&force),
                 force: Arc::new(force),
@@ -95,7 +95,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         problem: &'a ContactProblem<D, Elsewhere>,
         dual: Scaled<'a, O>,
         start: Start,
-        settings: &'a Settings,
+        settings: &'a NewtonSettings,
         warm: &WarmStart<'a>,
         recycled: &mut RecycledSubspace,
         begin: Instant,
@@ -153,7 +153,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         let first = Point {
             r: vec![0.0; start.lambda.len()],
             lambda: start.lambda,
-            motion: vec![0.0; problem.free_bodies().n_motions()],
+            motion: vec![0.0; problem.floating_bodies().n_modes()],
         };
         let mut way = Way {
             point: first.clone(),

@@ -45,7 +45,7 @@ impl From<Stopped> for Status {
 pub struct SolveError {
     /// What went wrong.
     pub cause: Cause,
-    /// The best λ reached: a start for another solve ([`super::Settings::initial`]). Empty where the operator or a setting
+    /// The best λ reached: a start for another solve ([`super::WarmStart::lambda`]). Empty where the operator or a setting
     /// does not fit.
     pub lambda: Vec<f64>,
     /// The outer steps made.
@@ -58,7 +58,7 @@ pub struct SolveError {
 pub enum Cause {
     /// It was asked for what makes no sense.
     #[error(transparent)]
-    Settings(#[from] SettingsError),
+    NewtonSettings(#[from] SettingsError),
     /// The dual operator does not belong to the problem.
     #[error(
         "the dual operator was made for another problem, with {} rows of K and {} multipliers in place of {} and {}",
@@ -153,11 +153,11 @@ pub struct Solution<const D: usize = 2> {
     pub lambda: Vec<f64>,
     /// The sets at the end.
     pub sets: Sets<D>,
-    /// Rᵀ(f − Bᵀλ) for the motions of [`crate::problem::System::free_bodies`], where that cannot be made zero:
+    /// Rᵀ(f − Bᵀλ) for the motions of [`crate::problem::System::floating_bodies`], where that cannot be made zero:
     /// which way bodies are pushed that nothing holds. Empty otherwise.
     pub imbalance: Vec<f64>,
     /// The motion that it drives and that no forces of Λ resist, as coefficients of the same motions; empty likewise.
-    pub driven: Vec<f64>,
+    pub mechanism: Vec<f64>,
     /// Figures.
     pub info: Info,
 }

@@ -7,7 +7,7 @@ use super::newton::{Newton, Way};
 use super::point::{GradientStep, Point};
 use super::safeguard::{Plan, Safeguard};
 use super::sets::Sets;
-use super::{EXACT, Method, Settings, Status, Step};
+use super::{EXACT, Method, NewtonSettings, Status, Step};
 use crate::dual::{DualError, DualOperator};
 use std::ops::ControlFlow;
 
@@ -17,10 +17,10 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     pub fn run_as_printed(
         &mut self,
         way: &mut Way<D>,
-        settings: &Settings,
+        settings: &NewtonSettings,
         observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
     ) -> Result<Status, DualError> {
-        way.err = self.settle_error(&mut way.point);
+        way.err = self.update_error(&mut way.point);
         // So that Step 3.1 starts from r_tol.
         let mut tol = settings.r_tol / settings.c_fact;
         let mut goal = Goal::new(self.tolerance, self.numbers);
@@ -60,7 +60,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 }
             };
             // Step 3.4.
-            way.err = self.settle_error(&mut way.point);
+            way.err = self.update_error(&mut way.point);
             let made = Step {
                 iter: way.history.len() + 1,
                 inner,

@@ -6,7 +6,7 @@ use super::point::Point;
 use super::products::Products;
 use super::scaling::Scaled;
 use super::*;
-use crate::control::{Accuracy, Costs, Followed, Stop};
+use crate::control::{Accuracy, Correction, Costs, Stop};
 use crate::dual::{DirectDual, DualError};
 use crate::problem::{ContactData, LoadCase};
 use crate::sparse::{BlockCsr, Csr};
@@ -44,7 +44,7 @@ struct Off {
     of: DirectDual,
     by: f64,
     displaced: f64,
-    iterates: Option<Followed>,
+    iterates: Option<Correction>,
     /// What the last request was for.
     asked: Option<Accuracy>,
 }
@@ -85,7 +85,7 @@ impl DualOperator for Off {
         _along: f64,
         accuracy: Accuracy,
         _stop: &Stop,
-    ) -> Result<Option<Followed>, DualError> {
+    ) -> Result<Option<Correction>, DualError> {
         self.asked = Some(accuracy);
         r.fill(1.0);
         Ok(self.iterates)
@@ -112,7 +112,11 @@ impl DualOperator for Off {
     }
 }
 
-fn solved(problem: &ContactProblem, dual: &mut impl DualOperator, settings: &Settings) -> Solution {
+fn solved(
+    problem: &ContactProblem,
+    dual: &mut impl DualOperator,
+    settings: &NewtonSettings,
+) -> Solution {
     solve(problem, dual, settings, |_| ControlFlow::Continue(()))
         .unwrap_or_else(|error| panic!("{error}"))
 }
@@ -121,7 +125,7 @@ fn solved(problem: &ContactProblem, dual: &mut impl DualOperator, settings: &Set
 #[test]
 fn wrong_products_are_found_out() {
     let problem = row_of_nodes(&[1.0, 2.0, 0.5, 1.0, 3.0, 1.0], 0.7);
-    let right = solved(&problem, &mut factor(&problem), &Settings::default());
+    let right = solved(&problem, &mut factor(&problem), &NewtonSettings::default());
     assert_eq!(right.status, Status::Converged);
     for method in [Method::Multisecant, Method::Inexact, Method::Exact] {
         let mut off = Off {
@@ -131,9 +135,9 @@ fn wrong_products_are_found_out() {
             iterates: None,
             asked: None,
         };
-        let settings = Settings {
+        let settings = NewtonSettings {
             method,
-            ..Settings::default()
+            ..NewtonSettings::default()
         };
         let found = solved(&problem, &mut off, &settings);
         assert_eq!(found.status, Status::Converged, "{method:?}");
@@ -156,7 +160,7 @@ fn what_k_denies_is_no_solution() {
             iterates: None,
             asked: None,
         };
-        let found = solved(&problem, &mut off, &Settings::default());
+        let found = solved(&problem, &mut off, &NewtonSettings::default());
         assert_eq!(found.status, expected, "{displaced:e}");
         assert!(
             (found.info.kkt.equilibrium / displaced - 1.0).abs() < 0.5,
@@ -169,9 +173,9 @@ fn what_k_denies_is_no_solution() {
 #[test]
 fn a_goal_below_rounding_ends_without_one() {
     let problem = row_of_nodes(&[1.0, 1e-9, 1.0, 1e9], 0.3);
-    let settings = Settings {
+    let settings = NewtonSettings {
         tolerance: 1e-300,
-        ..Settings::default()
+        ..NewtonSettings::default()
     };
     let found = solved(&problem, &mut factor(&problem), &settings);
     // Or it is met to the last bit.
@@ -185,12 +189,12 @@ fn a_goal_below_rounding_ends_without_one() {
 #[test]
 fn products_are_as_accurate_as_the_error_needs_them() {
     let problem = row_of_nodes(&[1.0, 2.0], 0.5);
-    let settings = Settings::default();
+    let settings = NewtonSettings::default();
     let mut off = Off {
         of: factor(&problem),
         by: 0.0,
         displaced: 0.0,
-        iterates: Some(Followed {
+        iterates: Some(Correction {
             change: 0.5,
             remaining: 0.01,
             slow: false,
@@ -213,7 +217,7 @@ fn products_are_as_accurate_as_the_error_needs_them() {
     made(products.afresh(&lambda, 0.0, 3.0, &[1.0; 4]));
     assert_eq!(products.dual.inner().asked, energy(0.1 * 3.0 / 2.0, 0.0));
     // Sharper products, and an r as much more accurate, as far as the tolerance.
-    assert!(products.sharpen(1e-6) && (products.part() - 0.03).abs() < 1e-15);
+    assert!(products.tighten(1e-6) && (products.part() - 0.03).abs() < 1e-15);
     products
         .apply(&[1.0; 4])
         .unwrap_or_else(|error| panic!("{error}"));
@@ -226,12 +230,12 @@ fn products_are_as_accurate_as_the_error_needs_them() {
         panic!("it was asked for an error in energy");
     };
     assert!((absolute - 0.03 * 3.0 / 2.0).abs() < 1e-15);
-    assert!((0..20).any(|_| !products.sharpen(1e-6)) && products.part() > 2e-7);
+    assert!((0..20).any(|_| !products.tighten(1e-6)) && products.part() > 2e-7);
     // A factor is exact from the first product on.
     let mut exact = factor(&problem);
     let dual = Scaled::new(&problem, &mut exact, 0.5);
     let mut products = Products::new(dual, problem.load_case(), &settings, Stop::default(), 4.0);
-    assert_eq!((products.part(), products.sharpen(1e-6)), (0.0, false));
+    assert_eq!((products.part(), products.tighten(1e-6)), (0.0, false));
     assert_eq!(made(products.afresh(&lambda, 0.0, 3.0, &lambda)), None);
     assert!(products.are_exact());
 }

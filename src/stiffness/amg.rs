@@ -38,16 +38,16 @@ use crate::sparse::BlockCsr;
 use crate::sparse::stored::{BlockMatrix, Dense, Real, power_of_two_below, store};
 use std::fmt;
 
-/// Settings of the hierarchy; those of [`Settings::of_dimension`] were measured, see the tests. The default is that of
+/// Settings of the hierarchy; those of [`AmgSettings::of_dimension`] were measured, see the tests. The default is that of
 /// the plane.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct AmgSettings {
     /// θ: nodes i and j are strongly coupled if their block counts for more than θ times the largest
     /// block of either (the geometric mean of the two).
     pub theta: f64,
     /// θ on the levels below the finest.
     pub coarse_theta: f64,
-    /// θ on all levels where there are no coordinates, and [`Settings::reach`] cannot help: with 0.4 bodies of graded
+    /// θ on all levels where there are no coordinates, and [`AmgSettings::reach`] cannot help: with 0.4 bodies of graded
     /// hexahedra take 24 iterations, with 0.2 more than 60.
     pub theta_without_points: f64,
     /// Strong neighbours are closer than this times the geometric mean of the distances of the closest of either. From 2.5
@@ -74,7 +74,7 @@ pub struct Settings {
     pub stalled_dense_limit: usize,
 }
 
-impl Default for Settings {
+impl Default for AmgSettings {
     fn default() -> Self {
         Self {
             theta: 0.38,
@@ -92,7 +92,7 @@ impl Default for Settings {
     }
 }
 
-impl Settings {
+impl AmgSettings {
     /// What suits bodies of a dimension. In space a row has three times the blocks and a coarse block four times the
     /// entries: all but the weakest neighbours belong to an aggregate there, which holds the complexity down.
     pub fn of_dimension(dimension: usize) -> Self {
@@ -244,7 +244,7 @@ impl<S: Real> Hierarchy<S> {
     pub fn new<const D: usize>(
         k: &BlockCsr<D>,
         coordinates: Option<&[[f64; D]]>,
-        settings: &Settings,
+        settings: &AmgSettings,
     ) -> Result<Self, AmgError> {
         let n = k.n_block_rows();
         if n == 0 || k.n_block_cols() != n {

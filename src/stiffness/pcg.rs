@@ -4,9 +4,9 @@
 //! makes corrections inside a refinement in f64: the residual b − Kx is made on the host in f64 against
 //! the true K, so that the answer is as accurate as that of the other path, whatever f32 has lost.
 
-use super::amg::{AmgError, Hierarchy, Multigrid, Settings};
+use super::amg::{AmgError, AmgSettings, Hierarchy, Multigrid};
 use crate::backend::{Backend, BackendError, Progress, Run};
-use crate::control::{Accuracy, Followed, SolveCounts, Stop, Stopped};
+use crate::control::{Accuracy, Correction, SolveCounts, Stop, Stopped};
 use crate::sparse::stored::{SquareBlocks, power_of_two_below};
 use crate::sparse::{BlockCsr, norm};
 use std::sync::Arc;
@@ -212,7 +212,7 @@ impl<B: Backend> Pcg<B> {
         let placed = placed(&mut backend, k)?;
         let mut fallback = None;
         if preconditioner == Preconditioner::Multigrid {
-            let made = Hierarchy::new(k, coordinates, &Settings::of_dimension(D))
+            let made = Hierarchy::new(k, coordinates, &AmgSettings::of_dimension(D))
                 .map_err(PcgError::from)
                 .and_then(|hierarchy| on_backend(&mut backend, hierarchy));
             match made {
@@ -333,14 +333,14 @@ impl<B: Backend> Pcg<B> {
     }
 
     /// What a run has changed of x and has left, for a right-hand side that was divided by `unit`.
-    pub(crate) fn followed(&self, progress: &Progress, unit: f64) -> Followed {
+    pub(crate) fn followed(&self, progress: &Progress, unit: f64) -> Correction {
         let unit = self.energy_unit(unit);
         let to_come = if progress.recent_terms > 1 {
             1.0
         } else {
             self.to_come()
         };
-        Followed {
+        Correction {
             change: (unit * progress.energy).sqrt(),
             remaining: (unit * progress.recent * to_come).sqrt(),
             slow: self.is_slow(),

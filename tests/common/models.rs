@@ -3,18 +3,18 @@
 use crate::common::or_panic::OrPanic as _;
 use signorini::contact::Space;
 use signorini::elasticity::{Stress, internal_forces, stresses};
-use signorini::engine::{Engine, Place, Stiffness};
-use signorini::mesh::Kind;
+use signorini::engine::{Device, Engine, Stiffness};
+use signorini::mesh::ElementKind;
 use signorini::model::{Built, Model, StepData};
 use signorini::quasistatic::{self, State, StepSolution};
-use signorini::solve::Options;
+use signorini::solve::SolveOptions;
 use signorini::ssnm::Status;
 use std::ops::ControlFlow;
 
 /// A model, solved: its last load step, and those before it.
 pub struct Answer<const D: usize>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     pub built: Built<D>,
     pub data: StepData<D>,
@@ -25,23 +25,23 @@ where
 /// Solves all steps of a model on the CPU, by factors or by iterations.
 pub fn answer<const D: usize>(model: Model<D>, tolerance: f64, stiffness: Stiffness) -> Answer<D>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     answer_by(model, &on_the_cpu(tolerance, stiffness))
 }
 
-pub fn on_the_cpu(tolerance: f64, stiffness: Stiffness) -> Options {
-    let mut options = Options::default();
-    options.engine.place = Place::Cpu;
+pub fn on_the_cpu(tolerance: f64, stiffness: Stiffness) -> SolveOptions {
+    let mut options = SolveOptions::default();
+    options.engine.place = Device::Cpu;
     options.engine.stiffness = stiffness;
     options.settings.ssnm.tolerance = tolerance;
     options
 }
 
 /// Solves all steps of a model.
-pub fn answer_by<const D: usize>(model: Model<D>, options: &Options) -> Answer<D>
+pub fn answer_by<const D: usize>(model: Model<D>, options: &SolveOptions) -> Answer<D>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let built = model.build().or_panic();
     let mut steps = built.solve(options).or_panic();
@@ -61,9 +61,9 @@ where
 
 /// Solves load steps of which each has a model of its own that differs from the first one's in loads and in the figures
 /// that supports prescribe, no more.
-pub fn answer_in_turn<const D: usize>(models: Vec<Model<D>>, options: &Options) -> Answer<D>
+pub fn answer_in_turn<const D: usize>(models: Vec<Model<D>>, options: &SolveOptions) -> Answer<D>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let build = |model: Model<D>| model.build().or_panic();
     let mut all: Vec<Built<D>> = models.into_iter().map(build).collect();
@@ -100,7 +100,7 @@ where
 
 impl<const D: usize> Answer<D>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     pub fn m(&self) -> usize {
         self.built.problem.m()

@@ -7,7 +7,7 @@ mod bodies;
 mod least_squares;
 pub mod sums;
 
-use bodies::{Free, free_bodies, rigid_motions};
+use bodies::{Free, floating_bodies, rigid_motions};
 use signorini::problem::ContactProblem;
 use signorini::quasistatic::{Load, State};
 use sums::{Sum, along, product};
@@ -120,7 +120,7 @@ impl Oracle {
             n,
             m,
             tangents: D - 1,
-            free: free_bodies(&k, n, &motions),
+            free: floating_bodies(&k, n, &motions),
             motions,
             compliance,
             k,

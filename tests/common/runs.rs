@@ -5,7 +5,7 @@ use signorini::backend::cpu::Cpu;
 use signorini::dual::DirectDual;
 use signorini::dual::{DualOperator, NestedDual};
 use signorini::problem::ContactProblem;
-use signorini::quasistatic::{self, Settings, State, StepSolution};
+use signorini::quasistatic::{self, State, StepSettings, StepSolution};
 use signorini::ssnm::{RecycledSubspace, Status};
 use signorini::stiffness::pcg::Preconditioner;
 use std::ops::ControlFlow;
@@ -51,7 +51,7 @@ pub struct Run<const D: usize = 2> {
 
 impl<const D: usize> Run<D> {
     /// The run of a problem. Directions are handed on from step to step.
-    pub fn new(trial: &Trial<D>, way: Way, settings: Settings) -> Self {
+    pub fn new(trial: &Trial<D>, way: Way, settings: StepSettings) -> Self {
         let mut steps: Vec<StepSolution<D>> = Vec::new();
         let ended = catch_unwind(AssertUnwindSafe(|| {
             let problem = &trial.problem;

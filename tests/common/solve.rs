@@ -5,16 +5,16 @@ use signorini::backend::cpu::Cpu;
 use signorini::control::Costs;
 use signorini::dual::DualOperator as _;
 use signorini::dual::{DirectDual, NestedDual};
-use signorini::engine::{Engine, Options, Place, Stiffness};
+use signorini::engine::{Device, Engine, EngineOptions, Stiffness};
 use signorini::problem::ContactProblem;
-use signorini::ssnm::{self, Settings, Solution};
+use signorini::ssnm::{self, NewtonSettings, Solution};
 use signorini::stiffness::pcg::Preconditioner;
 use std::ops::ControlFlow;
 
 /// The engine on the CPU.
 pub fn engine<const D: usize>(problem: &ContactProblem<D>, stiffness: Stiffness) -> Engine {
-    let options = Options {
-        place: Place::Cpu,
+    let options = EngineOptions {
+        place: Device::Cpu,
         stiffness,
         ..Default::default()
     };
@@ -25,7 +25,7 @@ pub fn engine<const D: usize>(problem: &ContactProblem<D>, stiffness: Stiffness)
 pub fn solve_on<const D: usize>(
     problem: &ContactProblem<D>,
     stiffness: Stiffness,
-    settings: &Settings,
+    settings: &NewtonSettings,
 ) -> Solution<D> {
     let mut engine = engine(problem, stiffness);
     let go_on = |_: &ssnm::Step| ControlFlow::Continue(());
@@ -33,13 +33,16 @@ pub fn solve_on<const D: usize>(
 }
 
 /// Solves on the direct path.
-pub fn solve(problem: &ContactProblem, settings: &Settings) -> Solution {
+pub fn solve(problem: &ContactProblem, settings: &NewtonSettings) -> Solution {
     let mut dual = DirectDual::new(problem).or_panic();
     ssnm::solve(problem, &mut dual, settings, |_| ControlFlow::Continue(())).or_panic()
 }
 
 /// Solves with PCG on the CPU; also returns what that has cost, and the iterations of one K x = f to 1e-8.
-pub fn solve_nested(problem: &ContactProblem, settings: &Settings) -> (Solution, Costs, usize) {
+pub fn solve_nested(
+    problem: &ContactProblem,
+    settings: &NewtonSettings,
+) -> (Solution, Costs, usize) {
     let mut dual =
         NestedDual::new(problem, Cpu::<f32>::default(), Preconditioner::Multigrid).or_panic();
     let solution =

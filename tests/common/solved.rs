@@ -85,7 +85,7 @@ pub fn run_steps(
     case: &Case,
     build: &Built,
     dual: &mut dyn DualOperator,
-    settings: &quasistatic::Settings,
+    settings: &quasistatic::StepSettings,
 ) -> (StepData, Vec<StepSolution>) {
     let mut state = State::at_rest(&build.problem);
     let mut steps = Vec::new();
@@ -122,9 +122,9 @@ pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 3] {
     let mut products = [0; 3];
     for number in 0..case.n_steps() {
         let data = build.step(number).or_panic();
-        let mut run = |problem: &ContactProblem, coupled: bool| {
-            let settings = quasistatic::Settings {
-                coupled,
+        let mut run = |problem: &ContactProblem, monolithic: bool| {
+            let settings = quasistatic::StepSettings {
+                monolithic,
                 ..settings.clone()
             };
             let solution = quasistatic::solve_step(

@@ -4,26 +4,26 @@ use crate::common::distance;
 use crate::common::or_panic::OrPanic as _;
 use signorini::backend::{GpuOptions, Precision};
 use signorini::dual::DualOperator as _;
-use signorini::engine::{Engine, Options, Place, Stiffness};
+use signorini::engine::{Device, Engine, EngineOptions, Stiffness};
 use signorini::mesh::structured::SolidShape;
 use signorini::problem::ContactProblem;
 use signorini::reference::{BEAM, CASE_C, Solid};
-use signorini::ssnm::{self, Settings, Solution, Status};
+use signorini::ssnm::{self, NewtonSettings, Solution, Status};
 use std::ops::ControlFlow;
 
 fn problem(solid: &Solid, q: usize, shape: SolidShape) -> ContactProblem<3> {
     (solid.problem(q, shape)).or_panic()
 }
 
-fn on(stiffness: Stiffness) -> Options {
-    Options {
-        place: Place::Cpu,
+fn on(stiffness: Stiffness) -> EngineOptions {
+    EngineOptions {
+        place: Device::Cpu,
         stiffness,
         ..Default::default()
     }
 }
 
-fn engine(problem: &ContactProblem<3>, options: Options) -> Engine {
+fn engine(problem: &ContactProblem<3>, options: EngineOptions) -> Engine {
     Engine::new(problem, options, |_| {}).or_panic()
 }
 
@@ -35,7 +35,7 @@ fn counts(
     errors: &[f64],
 ) -> (Vec<(usize, usize)>, Solution<3>) {
     let tolerance = errors.iter().copied().fold(1.0, f64::min);
-    let settings = Settings {
+    let settings = NewtonSettings {
         tolerance,
         beta,
         max_iterations: 300,
@@ -147,8 +147,8 @@ fn case_c_on_a_gpu_is_that_of_the_cpu() {
         (Precision::F64, Some(256 << 10)),
         (Precision::F32, Some(256 << 10)),
     ] {
-        let options = Options {
-            place: Place::Gpu,
+        let options = EngineOptions {
+            place: Device::Gpu,
             stiffness: Stiffness::Pcg,
             gpu: GpuOptions {
                 precision: Some(precision),

@@ -1,9 +1,9 @@
-//! Coulomb friction on random problems: the coupled Newton steps against rounds with frozen slip bounds.
+//! Coulomb friction on random problems: the monolithic Newton steps against rounds with frozen slip bounds.
 //!
 //! Every problem follows from its number alone: an elastic case as a user writes it (blocks on floors, between
 //! walls, in a V, on inclined planes, stacked bodies with meshes that do not match; clamped, held in part, or held
 //! by contact alone; one to four load steps with unloading and reversal), or matrices (networks of springs, AᵀA).
-//! Each is solved by both ways to make products with A, with `coupled` on and off, and every step that says
+//! Each is solved by both ways to make products with A, with `monolithic` on and off, and every step that says
 //! `converged` is checked by [`Oracle`] (`common/oracle.rs`), which shares no code with the check of the solver: it
 //! reads K, N, T, the load and the gap, and nothing else.
 //!
@@ -33,16 +33,16 @@ use crate::common::runs::{Run, Way, print_step};
 use problems::trial;
 use signorini::dual::DirectDual;
 use signorini::quasistatic;
-use signorini::quasistatic::{Settings, State};
+use signorini::quasistatic::{State, StepSettings};
 use signorini::ssnm::Status;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use tally::{Tally, WAYS};
 
-pub fn run(trial: &Trial, way: Way, coupled: bool) -> Run {
-    let settings = Settings {
-        coupled,
-        ..Settings::default()
+pub fn run(trial: &Trial, way: Way, monolithic: bool) -> Run {
+    let settings = StepSettings {
+        monolithic,
+        ..StepSettings::default()
     };
     Run::new(trial, way, settings)
 }
@@ -65,8 +65,8 @@ fn tell(seed: u64, ways: &[Way]) {
     println!("n = {}, m = {}", problem.n(), problem.m());
     let oracle = Oracle::new(problem);
     for &way in ways {
-        for (k, coupled) in [true, false].into_iter().enumerate() {
-            let run = run(&trial, way, coupled);
+        for (k, monolithic) in [true, false].into_iter().enumerate() {
+            let run = run(&trial, way, monolithic);
             println!("---- {} {}: {}", way.name(), WAYS[k], run.end);
             for (number, step) in run.steps.iter().enumerate() {
                 print_step(number, step);
@@ -184,7 +184,7 @@ fn the_check_tells_a_neighbouring_problem() {
                 &load,
                 &start,
                 &mut dual,
-                &Settings::default(),
+                &StepSettings::default(),
                 &mut Default::default(),
                 |_| ControlFlow::Continue(()),
             )

@@ -17,7 +17,7 @@ use signorini::contact::Obstacle;
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{SolidShape, block};
 use signorini::model::{BodyForce, Model, Pair, Support, Traction};
-use signorini::quasistatic::Settings;
+use signorini::quasistatic::StepSettings;
 use signorini::reference::MATERIAL;
 use signorini::ssnm::Status;
 
@@ -64,7 +64,7 @@ fn nearly_incompressible_blocks() {
 #[test]
 fn every_beta_converges() {
     for beta in [0.01, 0.1, 20.0, 1000.0] {
-        let mut settings = Settings::default();
+        let mut settings = StepSettings::default();
         settings.ssnm.beta = beta;
         let run = Run::new(case_c(4, 0.6), Stiffness::Cholesky, &settings);
         println!("beta = {beta}: {} products", run.products());
@@ -120,7 +120,7 @@ fn load_steps_follow_the_slip() {
             "{coulomb:?} {given:?}"
         );
         let [by_factor, by_pcg] = [Stiffness::Cholesky, Stiffness::Pcg].map(|stiffness| {
-            let run = Run::new(driven_ball(6, mu), stiffness, &Settings::default());
+            let run = Run::new(driven_ball(6, mu), stiffness, &StepSettings::default());
             run.check("driven ball");
             run
         });
@@ -140,7 +140,7 @@ fn two_bodies_rub_on_each_other() {
         let run = Run::new(
             block_on_block(4, 0.3, 0.5, 0.2),
             stiffness,
-            &Settings::default(),
+            &StepSettings::default(),
         );
         run.check("blocks");
         run
@@ -148,12 +148,12 @@ fn two_bodies_rub_on_each_other() {
     assert!(distance(&by_factor.last().u, &by_pcg.last().u) < 1e-4);
 }
 
-/// Rounds of problems with given bounds, which share no step with the coupled ones, come to the same.
+/// Rounds of problems with given bounds, which share no step with the monolithic ones, come to the same.
 #[test]
 fn rounds_come_to_the_same() {
-    let rounds = Settings {
-        coupled: false,
-        ..Settings::default()
+    let rounds = StepSettings {
+        monolithic: false,
+        ..StepSettings::default()
     };
     for (name, model) in [
         ("case C", case_c(4, 0.6)),
@@ -162,12 +162,15 @@ fn rounds_come_to_the_same() {
     ] {
         let slow = Run::new(model.clone(), Stiffness::Cholesky, &rounds);
         slow.check(name);
-        let coupled = Run::new(model, Stiffness::Cholesky, &Settings::default());
-        coupled.check(name);
-        assert!(distance(&coupled.last().u, &slow.last().u) < 1e-4, "{name}");
+        let monolithic = Run::new(model, Stiffness::Cholesky, &StepSettings::default());
+        monolithic.check(name);
+        assert!(
+            distance(&monolithic.last().u, &slow.last().u) < 1e-4,
+            "{name}"
+        );
         println!(
             "{name}: {} products, {} by rounds",
-            coupled.products(),
+            monolithic.products(),
             slow.products()
         );
     }
@@ -177,7 +180,7 @@ fn rounds_come_to_the_same() {
 #[test]
 fn what_slides_is_not_held() {
     let not_held = |model: Model<3>| {
-        let run = Run::new(model, Stiffness::Cholesky, &Settings::default());
+        let run = Run::new(model, Stiffness::Cholesky, &StepSettings::default());
         let step = run.last();
         assert_eq!(step.status, Status::NotHeld);
         // One for the gradient there, and no step.
@@ -202,7 +205,11 @@ fn what_slides_is_not_held() {
 fn what_turns_beyond_its_friction_is_not_held() {
     for stiffness in [Stiffness::Cholesky, Stiffness::Pcg] {
         let turned = |twist: f64| {
-            let run = Run::new(cube(4, 0.3, 0.0, twist), stiffness, &Settings::default());
+            let run = Run::new(
+                cube(4, 0.3, 0.0, twist),
+                stiffness,
+                &StepSettings::default(),
+            );
             let step = run.last();
             (step.status, step.not_held.clone(), step.n_a())
         };
@@ -217,7 +224,7 @@ fn what_turns_beyond_its_friction_is_not_held() {
             assert!(!body.proven);
             let axis = "rotates about the axis through (5.0000e-1, 5.0000e-1, ";
             assert!(body.motion.starts_with(axis), "{}", body.motion);
-            // By PCG the coupled steps have more accurate products first.
+            // By PCG the monolithic steps have more accurate products first.
             let most = if stiffness == Stiffness::Pcg { 12 } else { 8 };
             assert!(products <= most * held, "{products} against {held}");
         }
@@ -233,7 +240,7 @@ fn what_turns_beyond_its_friction_is_not_held() {
 fn nodes_rub_without_pressure_on_a_slope() {
     for slope in [[-0.139, 0.188], [0.27, 0.21], [0.1, -0.3]] {
         let corner = slope.map(|s: f64| if s < 0.0 { 1.0 } else { 0.0 });
-        let plane = Obstacle::HalfPlane {
+        let plane = Obstacle::HalfSpace {
             point: [corner[0], 2.0 * corner[1], 0.0],
             normal: [slope[0], slope[1], 1.0],
         };
@@ -253,7 +260,7 @@ fn nodes_rub_without_pressure_on_a_slope() {
                     .z(|x: Vector| -4e5 * (1.0 + 0.5 * (6.0 * x[0]).sin())),
             )
             .contact(Pair::obstacle("bottom", plane).tresca(4e4));
-        let run = Run::new(model, Stiffness::Cholesky, &Settings::default());
+        let run = Run::new(model, Stiffness::Cholesky, &StepSettings::default());
         let step = run.last();
         assert_eq!(step.status, Status::Converged, "{slope:?}");
         assert!(step.iter() <= 12, "{}", step.iter());
@@ -269,7 +276,7 @@ fn nodes_rub_without_pressure_on_a_slope() {
 #[test]
 fn a_block_on_a_ball_stays_upright() {
     let model = |cells: usize| {
-        let ball = Obstacle::Circle {
+        let ball = Obstacle::Sphere {
             center: [0.5, 0.5, -2.0],
             radius: 2.0,
         };
@@ -287,7 +294,7 @@ fn a_block_on_a_ball_stays_upright() {
     };
     for cells in [4, 6] {
         let [by_factor, by_pcg] = [Stiffness::Cholesky, Stiffness::Pcg].map(|stiffness| {
-            let run = Run::new(model(cells), stiffness, &Settings::default());
+            let run = Run::new(model(cells), stiffness, &StepSettings::default());
             run.check("block on a ball");
             run
         });
@@ -302,7 +309,7 @@ fn random_problems(seeds: std::ops::Range<u64>) {
     let mut products = 0;
     for seed in seeds {
         let (name, model) = random(seed);
-        let run = Run::new(model, Stiffness::Cholesky, &Settings::default());
+        let run = Run::new(model, Stiffness::Cholesky, &StepSettings::default());
         for (number, step) in run.steps.iter().enumerate() {
             total += 1;
             products += step.n_a();

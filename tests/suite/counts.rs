@@ -7,7 +7,7 @@ use signorini::dual::DirectDual;
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::reference::{self, CASE_A, CASE_B, Geometry, Loads, TABLE1};
 use signorini::sparse::BlockCsr;
-use signorini::ssnm::{self, Method, Settings, Status};
+use signorini::ssnm::{self, Method, NewtonSettings, Status};
 use signorini::ssnm::{Step, WarmStart};
 use signorini::table1::{self, BETAS, SIZES};
 use std::ops::ControlFlow;
@@ -76,7 +76,7 @@ fn case_a_needs_no_more_products_than_permon() {
     for (k, loose, tight) in peers {
         let problem = problem(Geometry::OneBody, k, &CASE_A);
         for (tolerance, peer) in [(1e-4, loose), (1e-6, tight)] {
-            let settings = Settings {
+            let settings = NewtonSettings {
                 tolerance,
                 ..Default::default()
             };
@@ -97,7 +97,7 @@ fn case_a_needs_no_more_products_than_permon() {
 #[test]
 fn case_b_has_the_known_sets() {
     let problem = problem(Geometry::OneBody, 7, &CASE_B);
-    let settings = Settings {
+    let settings = NewtonSettings {
         tolerance: 1e-9,
         ..Default::default()
     };
@@ -117,7 +117,7 @@ fn case_b_has_the_known_sets() {
 fn exact_and_inexact_agree_on_case_b() {
     let problem = problem(Geometry::OneBody, 3, &CASE_B);
     let [a, b] = [Method::Inexact, Method::Exact].map(|method| {
-        let settings = Settings {
+        let settings = NewtonSettings {
             tolerance: 1e-9,
             method,
             ..Default::default()
@@ -147,7 +147,7 @@ fn every_beta_converges() {
             let problem = problem(geometry, k, &loads);
             let mut dual = DirectDual::new(&problem).or_panic();
             for beta in [0.01, 0.1, 1.0, 1.99, 10.0, 100.0, 1000.0] {
-                let settings = Settings {
+                let settings = NewtonSettings {
                     beta,
                     ..Default::default()
                 };
@@ -177,7 +177,7 @@ fn the_safeguard_acts_on_the_cycling_case() {
         ..TABLE1
     };
     let acted = [1, 3, 5].iter().any(|&k| {
-        let settings = Settings {
+        let settings = NewtonSettings {
             beta: 100.0,
             method: Method::Inexact,
             ..Default::default()
@@ -193,7 +193,7 @@ fn the_safeguard_acts_on_the_cycling_case() {
 fn nothing_depends_on_units() {
     for loads in [CASE_A, CASE_B] {
         let base = problem(Geometry::OneBody, 3, &loads);
-        let plain = solve(&base, &Settings::default());
+        let plain = solve(&base, &NewtonSettings::default());
         for force in [1e-9, 1.0, 1e9] {
             for length in [1e-6, 1.0, 1e6] {
                 // In plane strain K is in Pa (per length of thickness), forces in N/m.
@@ -216,7 +216,7 @@ fn nothing_depends_on_units() {
                     coordinates: base.coordinates().map(<[_]>::to_vec),
                 })
                 .or_panic();
-                let solution = solve(&scaled, &Settings::default());
+                let solution = solve(&scaled, &NewtonSettings::default());
                 assert_eq!(solution.status, Status::Converged);
                 assert_eq!(solution.sets, plain.sets, "{force:e} {length:e}");
                 assert_eq!(
@@ -234,7 +234,7 @@ fn limits_end_with_an_honest_status() {
     use std::sync::atomic::AtomicBool;
     use std::time::Duration;
     let problem = problem(Geometry::OneBody, 3, &CASE_A);
-    let run = |settings: Settings| {
+    let run = |settings: NewtonSettings| {
         let solution = solve(&problem, &settings);
         // Whatever was reached is a feasible point with its displacement.
         let m = problem.m();
@@ -248,29 +248,29 @@ fn limits_end_with_an_honest_status() {
         assert!(solution.info.kkt.equilibrium < 1e-8);
         solution
     };
-    let short = run(Settings {
+    let short = run(NewtonSettings {
         max_iterations: 3,
         ..Default::default()
     });
     assert_eq!((short.status, short.info.iter), (Status::IterationLimit, 3));
-    let none = run(Settings {
+    let none = run(NewtonSettings {
         max_iterations: 0,
         ..Default::default()
     });
     assert_eq!(none.status, Status::IterationLimit);
-    let late = run(Settings {
+    let late = run(NewtonSettings {
         time_limit: Some(Duration::ZERO),
         ..Default::default()
     });
     assert_eq!(late.status, Status::TimeLimit);
     let stop = Arc::new(AtomicBool::new(true));
-    let interrupted = run(Settings {
+    let interrupted = run(NewtonSettings {
         interrupt: Some(stop),
         ..Default::default()
     });
     assert_eq!(interrupted.status, Status::Interrupted);
     // No f64 computation can meet this.
-    let hopeless = run(Settings {
+    let hopeless = run(NewtonSettings {
         tolerance: 1e-17,
         ..Default::default()
     });
@@ -280,15 +280,21 @@ fn limits_end_with_an_honest_status() {
 #[test]
 fn a_warm_start_from_the_solution_is_done_at_once() {
     let problem = problem(Geometry::OneBody, 3, &CASE_B);
-    let first = solve(&problem, &Settings::default());
+    let first = solve(&problem, &NewtonSettings::default());
     let mut dual = DirectDual::new(&problem).or_panic();
     let start = WarmStart {
         lambda: Some(&first.lambda),
         ..Default::default()
     };
     let go_on = |_: &Step| ControlFlow::Continue(());
-    let second =
-        ssnm::solve_from(start, &problem, &mut dual, &Settings::default(), go_on).or_panic();
+    let second = ssnm::solve_from(
+        start,
+        &problem,
+        &mut dual,
+        &NewtonSettings::default(),
+        go_on,
+    )
+    .or_panic();
     assert_eq!(second.status, Status::Converged);
     // One product, for r at the start.
     assert_eq!((second.info.iter, second.info.n_a), (0, 1));

@@ -72,7 +72,7 @@ fn hertz(name: &str, shape: SolidShape, across: usize, bound: f64) {
     let cells = [flat.len() - 1, flat.len() - 1, deep.len() - 1];
     let place = |[i, j, k]: [usize; 3]| [flat[i], flat[j], -deep[k]];
     let mesh = quarter(cells, shape, 1.2 * a * 2f64.sqrt(), place);
-    let sphere = Obstacle::Circle {
+    let sphere = Obstacle::Sphere {
         center: [0.0, 0.0, r],
         radius: r,
     };
@@ -151,7 +151,7 @@ fn disc_mesh(across: usize, size: f64, [out, down]: [usize; 2]) -> Mesh<3> {
 }
 
 fn floor() -> Obstacle<3> {
-    Obstacle::HalfPlane {
+    Obstacle::HalfSpace {
         point: [0.0; 3],
         normal: [0.0, 0.0, -1.0],
     }

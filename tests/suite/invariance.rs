@@ -8,7 +8,7 @@ use signorini::contact::{Obstacle, Space};
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
-use signorini::mesh::{Kind, Mesh};
+use signorini::mesh::{ElementKind, Mesh};
 use signorini::model::{Model, Pair, Support, Traction};
 use signorini::reference::{CASE_C, MATERIAL};
 
@@ -21,7 +21,7 @@ fn strip<const D: usize>(
     sides: Option<[&str; 2]>,
 ) -> Model<D>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     for node in &mut mesh.nodes {
         let (x, y) = (node[0], node[1]);
@@ -108,11 +108,11 @@ fn extruded_is_plane(shapes: (CellShape, SolidShape), floors: (Obstacle, Obstacl
 fn extruded_plane_strain_is_the_planes_answer() {
     let floors = || {
         (
-            Obstacle::HalfPlane {
+            Obstacle::HalfSpace {
                 point: [0.0; 2],
                 normal: [0.02, 1.0],
             },
-            Obstacle::HalfPlane {
+            Obstacle::HalfSpace {
                 point: [0.0; 3],
                 normal: [0.02, 1.0, 0.0],
             },
@@ -127,7 +127,7 @@ fn extruded_plane_strain_is_the_planes_answer() {
 fn a_roller_across_a_strip_is_the_planes_disc() {
     let (x, r) = (1.2, 400.0);
     let floors = (
-        Obstacle::Circle {
+        Obstacle::Sphere {
             center: [x, -r],
             radius: r,
         },
@@ -163,7 +163,7 @@ fn case_c(q: usize, rotation: [Vector; 3], length: f64, force: f64) -> Model<3> 
         young: MATERIAL.young * stress,
         ..MATERIAL
     };
-    let floor = Obstacle::HalfPlane {
+    let floor = Obstacle::HalfSpace {
         point: [0.0; 3],
         normal: rotation[2],
     };
@@ -355,7 +355,7 @@ fn patch_test_with_friction_that_sticks() {
             for node in &mut mesh.nodes {
                 *node = times(&turn, *node);
             }
-            let floor = Obstacle::HalfPlane {
+            let floor = Obstacle::HalfSpace {
                 point: [0.0; 3],
                 normal: turn[2],
             };
@@ -371,7 +371,7 @@ fn patch_test_with_friction_that_sticks() {
             let [tx, ty, tz] = times(&turn, z);
             model = model.traction(Traction::on("top").x(tx).y(ty).z(tz));
             let answer = answer(model, 1e-12, Stiffness::Cholesky);
-            assert_eq!(answer.built.problem.free_bodies().n_motions(), 6);
+            assert_eq!(answer.built.problem.floating_bodies().n_modes(), 6);
             let sets = answer.solution.sets.sizes(|_| true);
             assert_eq!((sets.stick, sets.separated), (answer.m(), 0), "{sets:?}");
             patch.compare(&answer, &turn, |_| true);
@@ -395,7 +395,7 @@ fn patch_test_with_friction_that_slips() {
         SolidShape::Tetrahedron,
         SolidShape::Wedge,
     ] {
-        let floor = Obstacle::HalfPlane {
+        let floor = Obstacle::HalfSpace {
             point: [0.0; 3],
             normal: [0.0, 0.0, 1.0],
         };

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use signorini::engine::Stiffness;
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::sparse::Csr;
-use signorini::ssnm::{Method, Settings, Status};
+use signorini::ssnm::{Method, NewtonSettings, Status};
 use std::f64::consts::TAU;
 
 const METHODS: &[Method] = &[Method::Multisecant, Method::Inexact, Method::Exact];
@@ -36,7 +36,7 @@ fn check<const D: usize>(
     nodes: &[Node],
     general: bool,
     random: &mut Random,
-    settings: &Settings,
+    settings: &NewtonSettings,
 ) {
     let made = manufactured::<D>(n, nodes, general, random);
     // Without any force there is nothing that rounding, which is all there is then, could be accurate beside.
@@ -65,7 +65,7 @@ proptest! {
         method in prop::sample::select(METHODS),
         seed in 1u64..1 << 40,
     ) {
-        let settings = Settings {
+        let settings = NewtonSettings {
             tolerance: 1e-9,
             beta: 10f64.powf(exponent),
             method,
@@ -90,7 +90,7 @@ fn exact_and_inexact_agree() {
             .collect();
         let m = manufactured::<2>(400, &nodes, general, &mut random);
         let [a, b] = [Method::Inexact, Method::Exact].map(|method| {
-            let settings = Settings {
+            let settings = NewtonSettings {
                 tolerance: 1e-10,
                 method,
                 ..Default::default()
@@ -121,7 +121,7 @@ fn one_node_all_separated_all_sticking_odd_sizes() {
         ]
     };
     let mut random = Random(99);
-    let settings = Settings {
+    let settings = NewtonSettings {
         tolerance: 1e-9,
         ..Default::default()
     };
@@ -178,7 +178,7 @@ fn degenerate_nodes() {
         })
         .or_panic();
         for beta in [0.01, 1.0, 1000.0] {
-            let settings = Settings {
+            let settings = NewtonSettings {
                 tolerance: 1e-8,
                 beta,
                 ..Default::default()
@@ -217,7 +217,7 @@ fn no_friction() {
             coordinates: None,
         })
         .or_panic();
-        solve(&problem, &Settings::default())
+        solve(&problem, &NewtonSettings::default())
     };
     let a = with(p.tangential().clone());
     let b = with(Csr::from_triplets(12, 50, []));
@@ -237,7 +237,7 @@ fn products_by_iterations_lead_the_same_way() {
         let n = 2 * m + 1 + random.below(200);
         let nodes: Vec<Node> = (0..m).map(|_| Node::any(&mut random)).collect();
         let problem = manufactured::<2>(n, &nodes, i % 2 == 0, &mut random).problem;
-        let settings = Settings {
+        let settings = NewtonSettings {
             tolerance: [1e-4, 1e-6, 1e-9][i % 3],
             beta: [0.05, 1.0, 1.9, 30.0][i % 4],
             ..Default::default()
@@ -293,7 +293,7 @@ fn tangents_may_be_turned() {
             coordinates: None,
         })
         .or_panic();
-        let settings = Settings {
+        let settings = NewtonSettings {
             tolerance: 1e-10,
             ..Default::default()
         };

@@ -8,7 +8,7 @@ use signorini::dual::NestedDual;
 use signorini::problem::{ContactData, ContactProblem};
 use signorini::reference::{self, CASE_A, CASE_B, Geometry, Loads, TABLE1};
 use signorini::sparse::{BlockCsr, Csr};
-use signorini::ssnm::{self, Method, Settings, Status};
+use signorini::ssnm::{self, Method, NewtonSettings, Status};
 use signorini::stiffness::pcg::Preconditioner;
 use std::ops::ControlFlow;
 
@@ -21,7 +21,7 @@ fn problem(geometry: Geometry, k: usize, loads: &Loads) -> ContactProblem {
 /// the direct path takes.
 fn case_b_costs_a_few_linear_solves(k: usize) {
     let problem = problem(Geometry::OneBody, k, &CASE_B);
-    let settings = Settings {
+    let settings = NewtonSettings {
         tolerance: 1e-4,
         ..Default::default()
     };
@@ -68,7 +68,7 @@ fn reference_problems_as_on_the_direct_path() {
             for (k, tolerance) in [(1, 1e-4), (1, 1e-9), (3, 1e-6)] {
                 for beta in [0.05, 1.0, 20.0] {
                     let problem = problem(geometry, k, &loads);
-                    let settings = Settings {
+                    let settings = NewtonSettings {
                         tolerance,
                         beta,
                         ..Default::default()
@@ -91,7 +91,7 @@ fn reference_problems_as_on_the_direct_path() {
 #[test]
 fn units_do_not_matter() {
     let base = problem(Geometry::OneBody, 3, &CASE_B);
-    let (plain, ..) = solve_nested(&base, &Settings::default());
+    let (plain, ..) = solve_nested(&base, &NewtonSettings::default());
     for force in [1e-9, 1.0, 1e9] {
         for length in [1e-6, 1.0, 1e6] {
             let k = base.stiffness();
@@ -110,7 +110,7 @@ fn units_do_not_matter() {
                 coordinates: base.coordinates().map(<[_]>::to_vec),
             })
             .or_panic();
-            let (found, ..) = solve_nested(&scaled, &Settings::default());
+            let (found, ..) = solve_nested(&scaled, &NewtonSettings::default());
             assert_eq!(found.status, Status::Converged);
             // Rounding to f32 is another one.
             let (iter, n_a) = (found.info.iter, found.info.n_a);
@@ -133,7 +133,7 @@ fn hardly_any_contact_and_nothing_but_contact() {
         for i in 0..6 {
             let nodes: Vec<Node> = (0..m).map(|_| Node::any(&mut random)).collect();
             let made = manufactured::<2>(n, &nodes, i % 2 == 0, &mut random);
-            let settings = Settings {
+            let settings = NewtonSettings {
                 tolerance: 1e-8,
                 beta: [1.0, 0.1, 10.0][i % 3],
                 ..Default::default()
@@ -150,7 +150,7 @@ fn hardly_any_contact_and_nothing_but_contact() {
 #[test]
 fn the_exact_method_on_inexact_products() {
     let problem = problem(Geometry::OneBody, 1, &CASE_B);
-    let settings = Settings {
+    let settings = NewtonSettings {
         tolerance: 1e-9,
         method: Method::Exact,
         ..Default::default()
@@ -196,7 +196,7 @@ fn a_kernel_beyond_rigid_motions_is_an_error() {
     let text = match made {
         Err(error) => error.to_string(),
         Ok(mut dual) => {
-            let settings = Settings::default();
+            let settings = NewtonSettings::default();
             match ssnm::solve(&singular, &mut dual, &settings, |_| {
                 ControlFlow::Continue(())
             }) {
@@ -232,7 +232,7 @@ fn forces_that_cancel() {
         coordinates: None,
     })
     .or_panic();
-    let (found, ..) = solve_nested(&problem, &Settings::default());
+    let (found, ..) = solve_nested(&problem, &NewtonSettings::default());
     assert_eq!(found.status, Status::Converged, "{:?}", found.info);
     for (found, expected) in found
         .lambda

@@ -2,7 +2,7 @@
 
 use crate::common::or_panic::OrPanic as _;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
-use signorini::mesh::{AnyMesh, FaultKind, Kind, Mesh, Topology, msh, read};
+use signorini::mesh::{AnyMesh, ElementKind, FaultKind, Mesh, Topology, msh, read};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -36,7 +36,7 @@ fn plane(read: Result<AnyMesh, String>) -> Mesh {
 
 fn area<const D: usize>(mesh: &Mesh<D>, name: &str) -> f64
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let facets = mesh.outer_facets(name).or_panic();
     facets.iter().map(|facet| mesh.facet_normal(facet).0).sum()

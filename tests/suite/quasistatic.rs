@@ -231,7 +231,7 @@ fn bodies_that_only_contact_holds() {
         )
     };
     let squeezed = solve_case_twice(&text("", "y = -0.02"), 1e-8);
-    assert_eq!(squeezed.build.problem.free_bodies().n_motions(), 3);
+    assert_eq!(squeezed.build.problem.floating_bodies().n_modes(), 3);
     assert!(squeezed.solution().last().info.kkt.max() < 1e-7);
     // The plates carry the same force.
     let elastic = squeezed.elastic();
@@ -257,9 +257,9 @@ fn bodies_that_only_contact_holds() {
         &text("[[traction]]\nboundary = \"up-top\"\npressure = 3", ""),
         1e-8,
     );
-    assert_eq!(pressed.build.problem.free_bodies().bodies().len(), 2);
+    assert_eq!(pressed.build.problem.floating_bodies().bodies().len(), 2);
     // The guide holds x along a line: the plate may still rise and turn.
-    assert_eq!(pressed.build.problem.free_bodies().n_motions(), 5);
+    assert_eq!(pressed.build.problem.floating_bodies().n_modes(), 5);
     // Pulled up it has nothing to hold it: no panic, no false success.
     let case = case(&text(
         "[[traction]]\nboundary = \"up-top\"\npressure = -3",
@@ -315,7 +315,7 @@ fn the_weight_of_a_soft_body_beside_a_stiff_one() {
     }
 }
 
-/// The fixed point of rounds and the coupled Newton steps come to the same.
+/// The fixed point of rounds and the monolithic Newton steps come to the same.
 #[test]
 fn coupled_steps_and_rounds_come_to_the_same() {
     let text = "[mesh]\nrectangle = { size = [0.04, 0.04], cells = [48, 48] }\n\
@@ -326,10 +326,10 @@ fn coupled_steps_and_rounds_come_to_the_same() {
         obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
     let case = case(text);
     let build = built(&case);
-    let run = |coupled: bool| {
+    let run = |monolithic: bool| {
         let mut dual = DirectDual::new(&build.problem).or_panic();
         let mut settings = case.settings();
-        settings.coupled = coupled;
+        settings.monolithic = monolithic;
         settings.ssnm.tolerance = 1e-9;
         settings.friction_tolerance = Some(1e-8);
         let load = Load::of(&build.problem);
@@ -350,7 +350,7 @@ fn coupled_steps_and_rounds_come_to_the_same() {
         )
         .or_panic();
         assert_eq!(solution.status, Status::Converged);
-        assert_eq!(rounds, if coupled { 0 } else { solution.rounds.len() });
+        assert_eq!(rounds, if monolithic { 0 } else { solution.rounds.len() });
         // |λτ| ≤ μ λν holds with the λν at the end.
         let (normal, tangential) = solution.lambda.split_at(build.problem.m());
         let top = normal.iter().copied().fold(0.0, f64::max);
@@ -359,16 +359,16 @@ fn coupled_steps_and_rounds_come_to_the_same() {
         }
         solution
     };
-    let (rounds, coupled) = (run(false), run(true));
-    assert!(distance(&rounds.u, &coupled.u) < 1e-7);
+    let (rounds, monolithic) = (run(false), run(true));
+    assert!(distance(&rounds.u, &monolithic.u) < 1e-7);
     println!(
-        "{} rounds, {} products; coupled {} products",
+        "{} rounds, {} products; monolithic {} products",
         rounds.rounds.len(),
         rounds.n_a(),
-        coupled.n_a()
+        monolithic.n_a()
     );
-    assert_eq!(coupled.rounds.len(), 1);
-    assert!(2 * coupled.n_a() < rounds.n_a());
+    assert_eq!(monolithic.rounds.len(), 1);
+    assert!(2 * monolithic.n_a() < rounds.n_a());
 }
 
 /// Coulomb friction costs what given slip bounds cost, in every template.

@@ -172,7 +172,7 @@ fn weight_is_what_reactions_add_up_to() {
         let ground = "[[support]]\nboundary = \"left\"\nx = 0\n[[contact]]\nboundary = \"bottom\"\n\
                       obstacle = { half_space = { point = [0, 0, 0], normal = [0, 0, 1] } }\n";
         let solved = solve(&case(ground));
-        assert_eq!(solved.build.problem.free_bodies().n_motions(), 3);
+        assert_eq!(solved.build.problem.floating_bodies().n_modes(), 3);
         let report = solved.report();
         close(&report.supports[0].force, &[0.0; 3], 1e-6);
         close(&report.contacts[0].force, &[0.0, 0.0, weight], 1e-6);

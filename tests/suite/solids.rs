@@ -2,7 +2,7 @@
 
 use crate::common::or_panic::OrPanic as _;
 use signorini::mesh::gmsh::read;
-use signorini::mesh::{AnyMesh, BoundaryError, FaultKind, Kind, Mesh, facet_nodes};
+use signorini::mesh::{AnyMesh, BoundaryError, ElementKind, FaultKind, Mesh, facet_nodes};
 use std::path::{Path, PathBuf};
 
 fn mesh_of(path: &Path, scale: f64) -> Mesh<3> {
@@ -56,8 +56,13 @@ fn area_and_centre(mesh: &Mesh<3>, name: &str) -> (f64, [f64; 3]) {
 fn a_solid_of_three_kinds_is_the_same_in_every_format() {
     for name in ["s22a", "s22b", "s41a", "s41b"] {
         let mesh = mesh_of(&shipped(name), 1.0);
-        let count = |kind: Kind| mesh.elements.iter().filter(|e| e.kind() == kind).count();
-        let counts = [Kind::Hexahedron, Kind::Wedge, Kind::Tetrahedron].map(count);
+        let count = |kind: ElementKind| mesh.elements.iter().filter(|e| e.kind() == kind).count();
+        let counts = [
+            ElementKind::Hexahedron,
+            ElementKind::Wedge,
+            ElementKind::Tetrahedron,
+        ]
+        .map(count);
         assert_eq!(counts, [8, 28, 100], "{name}");
         assert_eq!(mesh.bodies().0, 1);
         let measures = mesh.measures();

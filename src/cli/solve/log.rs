@@ -152,7 +152,7 @@ impl Log {
             eprintln!("solve {k}: bodies that only contact holds on weak springs; {cost}");
         } else {
             eprintln!(
-                "solve {k}: coupled steps do not get on, least err {:.2e}; {cost}",
+                "solve {k}: monolithic steps do not get on, least err {:.2e}; {cost}",
                 info.err_relative
             );
         }

@@ -75,7 +75,7 @@ fn rounds(step: &StepReport, n_steps: usize) -> Option<String> {
     };
     let solves = step.rounds;
     Some(format!(
-        "  {solves} solves{steps}: coupled steps alone did not get on, {end}"
+        "  {solves} solves{steps}: monolithic steps alone did not get on, {end}"
     ))
 }
 

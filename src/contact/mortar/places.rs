@@ -1,4 +1,4 @@
-//! The places of a contact: what the facets of the first boundary add up to at each.
+//! The places of a contact: what the facets of the slave boundary add up to at each.
 
 use super::surface::Surface;
 use super::{FacetShares, Mortar, Share, Shares, Site, add_to};
@@ -6,7 +6,7 @@ use crate::contact::{ContactError, ContactPlace, PairOptions, checked, frame, me
 use crate::dense;
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{Groups, Kind, Mesh, Topology, facet_nodes};
+use crate::mesh::{ElementKind, Groups, Mesh, Topology, facet_nodes};
 use faer::Mat;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
@@ -45,7 +45,7 @@ enum Key {
     },
 }
 
-/// Which smooth part of the first boundary a place belongs to, and which of the other one.
+/// Which smooth part of the slave boundary a place belongs to, and which of the other one.
 type Parts = (u32, u32);
 
 /// A vertex of what is covered of a facet: the facet, the number of the cover, its own.
@@ -54,14 +54,14 @@ type Vertex = (usize, usize, usize);
 /// Vertices on an edge, each with the part of it.
 type OnEdge = Vec<(f64, Vertex)>;
 
-/// What the facets of the first boundary add up to at each place.
+/// What the facets of the slave boundary add up to at each place.
 pub(super) struct Places<const D: usize> {
     sums: BTreeMap<Key, Sums<D>>,
 }
 
 impl<const D: usize> Places<D>
 where
-    Kind: Mortar<D>,
+    ElementKind: Mortar<D>,
 {
     pub fn new(body: &Body<D>, first: &Surface<D>, shares: &[FacetShares<D>]) -> Self {
         let keys = Keys::new(first, shares);
@@ -75,11 +75,11 @@ where
                 for (vertex, share) in cover.vertices.iter().enumerate() {
                     let key = keys.of(first, cover, (facet, number, vertex));
                     let parts = (first.part[facet], cover.part);
-                    let there = sums
+                    let sum = sums
                         .entry(key)
                         .or_insert_with(|| Sums::new(parts, share.place));
-                    there.add(share, nodes);
-                    there.edge = there.edge.min(edge);
+                    sum.add(share, nodes);
+                    sum.edge = sum.edge.min(edge);
                 }
             }
         }
@@ -139,18 +139,18 @@ fn hand_on<const D: usize>(sums: &mut BTreeMap<Key, Sums<D>>) {
         .map(|(parts, places)| (parts, RTree::bulk_load(places)))
         .collect();
     for (_, key) in few {
-        let here = &sums[&key];
-        let far = if here.is_corner() { SLIVER } else { APART } * here.edge;
-        let near = targets.get(&here.parts).and_then(|tree| {
-            let mut others = tree.nearest_neighbor_iter(here.place);
+        let own = &sums[&key];
+        let far = if own.is_corner() { SLIVER } else { APART } * own.edge;
+        let near = targets.get(&own.parts).and_then(|tree| {
+            let mut others = tree.nearest_neighbor_iter(own.place);
             others.find(|place| place.data != key && sums.contains_key(&place.data))
         });
-        let near = near.filter(|place| length(minus(*place.geom(), here.place)) <= far);
+        let near = near.filter(|place| length(minus(*place.geom(), own.place)) <= far);
         if let Some(to) = near.map(|place| place.data)
             && let Some(from) = sums.remove(&key)
-            && let Some(there) = sums.get_mut(&to)
+            && let Some(taker) = sums.get_mut(&to)
         {
-            there.take(&from);
+            taker.take(&from);
         }
     }
 }
@@ -163,7 +163,7 @@ struct Keys {
 impl Keys {
     fn new<const D: usize>(first: &Surface<D>, shares: &[FacetShares<D>]) -> Self
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         // On each edge, between which parts, at which part of it from its lower node on, which vertices lie.
         let mut on_edge: BTreeMap<([u32; 2], Parts), OnEdge> = BTreeMap::new();
@@ -211,7 +211,7 @@ impl Keys {
         (facet, number, vertex): Vertex,
     ) -> Key
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         match cover.vertices[vertex].site {
             Site::Corner(corner) => Key::Node {
@@ -229,7 +229,7 @@ impl Keys {
     }
 }
 
-/// What the facets of the first boundary add up to at a place.
+/// What the facets of the slave boundary add up to at a place.
 struct Sums<const D: usize> {
     parts: Parts,
     /// Where it is, but for what is handed on to it.
@@ -315,7 +315,7 @@ impl<const D: usize> Sums<D> {
         options: &PairOptions<D>,
     ) -> Result<ContactPlace<D>, ContactError>
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         let weights = |entries: &[(u32, f64)]| -> Vec<(u32, f64)> {
             let mut weights: Vec<(u32, f64)> = (entries.iter())
@@ -394,7 +394,7 @@ fn centre<const D: usize>(
     size_of_facets: f64,
     partners: &mut [(u32, f64)],
 ) where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     // Offsets along the tangents; the first entry stands for the normal and stays 0.
     let offset = |node: u32| -> [f64; D] {
@@ -439,7 +439,7 @@ fn centre<const D: usize>(
 /// mesh there, `whole` without what is not covered, and those nearest to it, until they have enough of it together.
 ///
 /// With less than a quarter of the size along each direction of the boundary pressures are as much a matter of where the
-/// facets of the other boundary happen to end.
+/// facets of the master boundary happen to end.
 fn pool<const D: usize>(
     places: &mut [ContactPlace<D>],
     parts: &[Parts],

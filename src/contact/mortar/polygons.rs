@@ -8,7 +8,7 @@
 use super::super::frame;
 use super::flat::{Flat, area, edges, turn};
 use super::hull::Hull;
-use super::{Beam, Cover, Here, Meeting, Near, SAME, SAME_OF_WIDTH, Site};
+use super::{Beam, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet};
 use crate::elasticity::{Quad, triangle_points};
 use crate::mesh::Groups;
 use crate::mesh::vector::{cross, dot, length, minus, unit};
@@ -145,13 +145,13 @@ struct Plane {
 }
 
 impl Plane {
-    fn of(here: &Here<3>) -> Self {
-        let corners = &here.corners[..here.len];
+    fn of(slave: &SlaveFacet<3>) -> Self {
+        let corners = &slave.corners[..slave.len];
         let sum = |c: usize| corners.iter().map(|x| x[c]).sum::<f64>();
-        let [normal, s, t] = frame(here.normal);
+        let [normal, s, t] = frame(slave.normal);
         let right = dot(cross(s, t), normal) > 0.0;
         Self {
-            centre: [0, 1, 2].map(|c| sum(c) / here.len as f64),
+            centre: [0, 1, 2].map(|c| sum(c) / slave.len as f64),
             axes: if right {
                 [s, t, normal]
             } else {
@@ -177,9 +177,9 @@ impl Plane {
 }
 
 /// What a facet can meet along its normal.
-pub(super) fn beam(here: &Here<3>, distance: f64) -> Beam<3> {
-    let corners = here.corners[..here.len].iter().copied();
-    Beam::around(Plane::of(here).axes, corners, [0.0, 0.0, distance])
+pub(super) fn beam(slave: &SlaveFacet<3>, distance: f64) -> Beam<3> {
+    let corners = slave.corners[..slave.len].iter().copied();
+    Beam::around(Plane::of(slave).axes, corners, [0.0, 0.0, distance])
 }
 
 /// The angles of a facet at its corners: with them the averaged normal does not depend on how a surface is divided into
@@ -203,13 +203,17 @@ struct Piece {
 
 /// What connected parts of the others cover of a facet: they are projected, clipped, cut where they lie over each other, and
 /// joined, each step on the polygons of the one before.
-pub(super) fn covers(here: &Here<3>, near: &[Near<3>], distance: f64) -> Vec<Cover<3>> {
-    let plane = Plane::of(here);
-    let own = plane.see(&here.corners[..here.len]);
+pub(super) fn covers(
+    slave: &SlaveFacet<3>,
+    near: &[MasterFacet<3>],
+    distance: f64,
+) -> Vec<Cover<3>> {
+    let plane = Plane::of(slave);
+    let own = plane.see(&slave.corners[..slave.len]);
     let outline = &own.flat[..own.len];
     let size = area(outline);
     let seen: Vec<Seen> = (near.iter())
-        .map(|Near { corners, .. }| plane.see(&corners.0[..corners.1]))
+        .map(|MasterFacet { corners, .. }| plane.see(&corners.0[..corners.1]))
         .collect();
     // How far the plane's point p is from a facet, along its normal.
     let apart = |other: usize, p: Flat| seen[other].at(p).0 - own.at(p).0;
@@ -241,24 +245,27 @@ pub(super) fn covers(here: &Here<3>, near: &[Near<3>], distance: f64) -> Vec<Cov
             let mut cover = Cover {
                 part: near[pieces[0].other].part,
                 vertices: Vec::new(),
-                meetings: Vec::new(),
+                points: Vec::new(),
                 functions: Vec::new(),
             };
             let weighted = |shape: &[f64; 4], of: &[[f64; 3]; 4]| -> [f64; 3] {
-                std::array::from_fn(|c| (0..here.len).map(|a| shape[a] * of[a][c]).sum())
+                std::array::from_fn(|c| (0..slave.len).map(|a| shape[a] * of[a][c]).sum())
             };
             let is_whole = sites.is_none();
             cover.vertices = match &sites {
-                None => (here.corners.iter().zip(angles(&here.corners[..here.len])))
-                    .take(here.len)
-                    .enumerate()
-                    .map(|(k, (&corner, angle))| (Site::Corner(k), corner, angle))
-                    .collect(),
+                None => (slave
+                    .corners
+                    .iter()
+                    .zip(angles(&slave.corners[..slave.len])))
+                .take(slave.len)
+                .enumerate()
+                .map(|(k, (&corner, angle))| (Site::Corner(k), corner, angle))
+                .collect(),
                 Some(sites) => (sites.iter().zip(&hull.vertices))
                     .zip(hull.angles())
                     .map(|((&site, &v), angle)| match site {
-                        Site::Corner(k) => (site, here.corners[k], angle),
-                        _ => (site, weighted(&own.at(v).1, &here.corners), angle),
+                        Site::Corner(k) => (site, slave.corners[k], angle),
+                        _ => (site, weighted(&own.at(v).1, &slave.corners), angle),
                     })
                     .collect(),
             };
@@ -267,18 +274,18 @@ pub(super) fn covers(here: &Here<3>, near: &[Near<3>], distance: f64) -> Vec<Cov
                 let fine = !(own.is_affine() && other.is_affine());
                 each_point(&piece.polygon, fine, |p, weight| {
                     let (own_height, shape) = own.at(p);
-                    let (height, there) = other.at(p);
-                    let along = dot(unit(weighted(&shape, &here.normals)), here.normal);
+                    let (height, master) = other.at(p);
+                    let along = dot(unit(weighted(&shape, &slave.normals)), slave.normal);
                     if !is_whole {
                         cover.functions.extend(hull.functions(p));
                     }
-                    cover.meetings.push(Meeting {
+                    cover.points.push(IntegrationPoint {
                         other: piece.other,
-                        place: weighted(&shape, &here.corners),
-                        here: shape,
-                        there,
+                        place: weighted(&shape, &slave.corners),
+                        slave: shape,
+                        master,
                         distance: (height - own_height) * along,
-                        weight: weight * here.thickness,
+                        weight: weight * slave.thickness,
                     });
                 });
             }
@@ -287,19 +294,19 @@ pub(super) fn covers(here: &Here<3>, near: &[Near<3>], distance: f64) -> Vec<Cov
         .collect()
 }
 
-/// The pieces of each connected part of the other boundary, in their order: facets are connected that have a node in
+/// The pieces of each connected part of the master boundary, in their order: facets are connected that have a node in
 /// common, on one side of every sharp edge.
-fn connected<'p>(pieces: &'p [Piece], near: &[Near<3>]) -> Vec<Vec<&'p Piece>> {
+fn connected<'p>(pieces: &'p [Piece], near: &[MasterFacet<3>]) -> Vec<Vec<&'p Piece>> {
     let mut groups = Groups::new(pieces.len());
     for (a, piece) in (0..).zip(pieces) {
-        let here = &near[piece.other];
+        let now = &near[piece.other];
         for (b, before) in (0..a).zip(pieces) {
-            let there = &near[before.other];
+            let earlier = &near[before.other];
             let touch = || {
-                let mut nodes = here.nodes().iter();
-                nodes.any(|node| there.nodes().contains(node))
+                let mut nodes = now.nodes().iter();
+                nodes.any(|node| earlier.nodes().contains(node))
             };
-            if here.part == there.part && groups.of(a) != groups.of(b) && touch() {
+            if now.part == earlier.part && groups.of(a) != groups.of(b) && touch() {
                 groups.join(b, a);
             }
         }

@@ -1,7 +1,7 @@
 //! What two boundaries of the plane have in common: segments between projected nodes of both meshes, along the field of
-//! averaged normals of the first boundary.
+//! averaged normals of the slave boundary.
 
-use super::{Cover, Here, Meeting, Near, SAME, SAME_OF_WIDTH, Site};
+use super::{Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet};
 use crate::elasticity::edge_points;
 use crate::mesh::vector::{length, minus, unit};
 
@@ -16,7 +16,7 @@ fn between(a: Point, b: Point, s: f64) -> Point {
     [a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])]
 }
 
-/// An edge of the first boundary: its ends and the averaged normals there.
+/// An edge of the slave boundary: its ends and the averaged normals there.
 struct Edge {
     ends: [Point; 2],
     normals: [Point; 2],
@@ -62,18 +62,22 @@ fn meet(x: Point, n: Point, [p, q]: [Point; 2]) -> (f64, f64) {
     (cross(n, to) / -det, cross(to, along) / det)
 }
 
-fn ends(near: &Near<2>) -> [Point; 2] {
+fn ends(near: &MasterFacet<2>) -> [Point; 2] {
     let ([from, to, ..], _) = near.corners;
     [from, to]
 }
 
 /// What connected parts of the others cover of an edge: three Gauss points on each segment.
-pub(super) fn covers(here: &Here<2>, near: &[Near<2>], distance: f64) -> Vec<Cover<2>> {
+pub(super) fn covers(
+    slave: &SlaveFacet<2>,
+    near: &[MasterFacet<2>],
+    distance: f64,
+) -> Vec<Cover<2>> {
     let edge = Edge {
-        ends: [here.corners[0], here.corners[1]],
-        normals: [here.normals[0], here.normals[1]],
+        ends: [slave.corners[0], slave.corners[1]],
+        normals: [slave.normals[0], slave.normals[1]],
     };
-    let length = length(minus(edge.ends[1], edge.ends[0])) * here.thickness;
+    let length = length(minus(edge.ends[1], edge.ends[0])) * slave.thickness;
     let mut covers = Vec::new();
     let segments = segments(&edge, near, distance);
     let connected = |&(a, _, end): &Segment, &(b, start, _): &Segment| {
@@ -91,7 +95,7 @@ pub(super) fn covers(here: &Here<2>, near: &[Near<2>], distance: f64) -> Vec<Cov
         let mut cover = Cover {
             part: near[segments[0].0].part,
             vertices: vec![site(from), site(to)],
-            meetings: Vec::with_capacity(3 * segments.len()),
+            points: Vec::with_capacity(3 * segments.len()),
             functions: Vec::new(),
         };
         for &(other, a, b) in segments {
@@ -104,11 +108,11 @@ pub(super) fn covers(here: &Here<2>, near: &[Near<2>], distance: f64) -> Vec<Cov
                     let along = (s - from) / (to - from);
                     cover.functions.extend([1.0 - along, along]);
                 }
-                cover.meetings.push(Meeting {
+                cover.points.push(IntegrationPoint {
                     other,
                     place: x,
-                    here: [1.0 - s, s, 0.0, 0.0],
-                    there: [1.0 - t, t, 0.0, 0.0],
+                    slave: [1.0 - s, s, 0.0, 0.0],
+                    master: [1.0 - t, t, 0.0, 0.0],
                     distance: between,
                     weight: w * (b - a) * length,
                 });
@@ -123,7 +127,7 @@ pub(super) fn covers(here: &Here<2>, near: &[Near<2>], distance: f64) -> Vec<Cov
 type Segment = (usize, f64, f64);
 
 /// The parts of an edge, from and to a parameter of it, each with the nearest of the edges that cover it.
-fn segments(edge: &Edge, near: &[Near<2>], distance: f64) -> Vec<Segment> {
+fn segments(edge: &Edge, near: &[MasterFacet<2>], distance: f64) -> Vec<Segment> {
     // The part of the edge that each of the others covers.
     let covers: Vec<Segment> = (near.iter().enumerate())
         .filter_map(|(other, near)| {

@@ -1,15 +1,15 @@
 //! A boundary of a pair: its facets, the smooth parts that sharp edges cut it into, and its averaged normals.
 
-use super::{Here, Mortar, Near, PairOptions};
+use super::{MasterFacet, Mortar, PairOptions, SlaveFacet};
 use crate::contact::ContactError;
 use crate::contact::search::Search;
 use crate::mesh::vector::{dot, length, unit};
-use crate::mesh::{Facet, Groups, Kind, Mesh, Topology, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Groups, Mesh, Topology, facet_nodes};
 use std::collections::HashMap;
 
 pub(super) struct Surface<'a, const D: usize>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     pub facets: &'a [Facet<D>],
     /// Their lengths (areas).
@@ -24,7 +24,7 @@ where
 
 impl<'a, const D: usize> Surface<'a, D>
 where
-    Kind: Mortar<D>,
+    ElementKind: Mortar<D>,
 {
     /// # Errors
     /// If it turns back on itself within a smooth part.
@@ -39,7 +39,7 @@ where
         let mut normals: HashMap<(u32, u32), [f64; D]> = HashMap::new();
         for ((facet, n), &part) in facets.iter().zip(&outward).zip(&part) {
             let (corners, len) = mesh.corners_of(facet);
-            let weights = <Kind as Mortar<D>>::corner_weights(&corners[..len]);
+            let weights = <ElementKind as Mortar<D>>::corner_weights(&corners[..len]);
             for (&node, weight) in facet_nodes(facet).iter().zip(weights) {
                 let sum = normals.entry((node, part)).or_insert([0.0; D]);
                 *sum = std::array::from_fn(|c| sum[c] + weight * n[c]);
@@ -66,12 +66,12 @@ where
         &self,
         mesh: &Mesh<D>,
         search: &Search<D>,
-        here: &Here<D>,
+        slave: &SlaveFacet<D>,
         distance: f64,
-    ) -> Vec<Near<D>> {
-        (search.near(<Kind as Mortar<D>>::beam(here, distance)))
-            .filter(|&(number, _)| dot(self.outward[number], here.normal) < super::FACING)
-            .map(|(number, facet)| Near {
+    ) -> Vec<MasterFacet<D>> {
+        (search.near(<ElementKind as Mortar<D>>::beam(slave, distance)))
+            .filter(|&(number, _)| dot(self.outward[number], slave.normal) < super::FACING)
+            .map(|(number, facet)| MasterFacet {
                 number,
                 nodes: std::array::from_fn(|k| facet.as_ref()[k.min(facet.as_ref().len() - 1)]),
                 corners: mesh.corners_of(&facet),
@@ -84,7 +84,7 @@ where
 
 impl<const D: usize> Surface<'_, D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     /// The averaged normal of a smooth part at one of its nodes.
     pub fn normal(&self, node: u32, part: u32) -> [f64; D] {
@@ -100,7 +100,7 @@ fn smooth_parts<const D: usize>(
     edge_angle: f64,
 ) -> Vec<u32>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     // Rounding must not decide about meshes that have just this angle between their facets.
     let least = edge_angle.to_radians().cos() - 1e-9;

@@ -411,7 +411,7 @@ fn faults_of_two_boundaries() {
     assert!(text.contains("they are at least 5.000e-1 apart"), "{text}");
     let text = message("low-bottom", "up-top", None);
     assert!(
-        text.contains("no part of it faces the other boundary"),
+        text.contains("no part of it faces the master boundary"),
         "{text}"
     );
     let text = message("low-top", "low-left", None);

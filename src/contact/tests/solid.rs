@@ -13,7 +13,7 @@ fn cube(shape: SolidShape) -> Mesh<3> {
     block([0.0, 0.0, 0.5], [3.0, 2.0, 1.0], [3, 2, 2], shape, "a", "")
 }
 
-const FLOOR: Obstacle<3> = Obstacle::HalfPlane {
+const FLOOR: Obstacle<3> = Obstacle::HalfSpace {
     point: [7.0, -1.0, 0.0],
     normal: [0.0, 0.0, 2.0],
 };
@@ -54,7 +54,7 @@ fn distances_from_a_cylinder() {
         [
             FLOOR.name(),
             bar.name(),
-            Obstacle::Circle {
+            Obstacle::Sphere {
                 center: x,
                 radius: 1.0
             }
@@ -62,7 +62,7 @@ fn distances_from_a_cylinder() {
         ],
         ["half-space", "cylinder", "sphere"]
     );
-    let flat = Obstacle::Circle {
+    let flat = Obstacle::Sphere {
         center: [0.0; 2],
         radius: 1.0,
     };
@@ -73,7 +73,7 @@ fn distances_from_a_cylinder() {
 /// obstacle.
 #[test]
 fn bounds_add_up_over_a_face() {
-    let ball = Obstacle::Circle {
+    let ball = Obstacle::Sphere {
         center: [1.0, 1.0, -4.0],
         radius: 3.0,
     };
@@ -111,8 +111,8 @@ fn bounds_add_up_over_a_face() {
                 // Along the normal by the gap lies the obstacle.
                 let foot = std::array::from_fn(|c| x[c] + node.gap * node.frame[0][c]);
                 let onto = match obstacle {
-                    Obstacle::HalfPlane { .. } => foot[2],
-                    Obstacle::Circle { center, radius } => length(minus(foot, center)) - radius,
+                    Obstacle::HalfSpace { .. } => foot[2],
+                    Obstacle::Sphere { center, radius } => length(minus(foot, center)) - radius,
                     Obstacle::Cylinder { radius, .. } => {
                         (foot[1] - 1.0).hypot(foot[2] + 2.0) - radius
                     }
@@ -137,7 +137,7 @@ fn faults_are_told_in_the_words_of_space() {
             Err(error) => error.to_string(),
         }
     };
-    let ball = |center, radius| Obstacle::Circle { center, radius };
+    let ball = |center, radius| Obstacle::Sphere { center, radius };
     let bar = |point, axis, radius| Obstacle::Cylinder {
         point,
         axis,

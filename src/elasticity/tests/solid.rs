@@ -106,7 +106,7 @@ fn solids_extrapolate_what_is_linear_along_each_axis() {
     struct Corners;
     impl Visit<3> for Corners {
         type Output = ();
-        fn visit<E: Element<3, N>, const N: usize>(self) {
+        fn visit<E: ShapeFunctions<3, N>, const N: usize>(self) {
             let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
             let x: [[f64; 3]; N] = std::array::from_fn(|a| match N {
                 4 => [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]][a],
@@ -129,7 +129,11 @@ fn solids_extrapolate_what_is_linear_along_each_axis() {
             }
         }
     }
-    for kind in [Kind::Tetrahedron, Kind::Wedge, Kind::Hexahedron] {
+    for kind in [
+        ElementKind::Tetrahedron,
+        ElementKind::Wedge,
+        ElementKind::Hexahedron,
+    ] {
         Elements::<3>::with(kind, Corners);
     }
 }
@@ -223,8 +227,8 @@ fn rigid_motions_in_space_take_no_force_and_nothing_else_does() {
             .map(|&node| mesh.nodes[node as usize])
             .collect();
         let one = match first.kind() {
-            Kind::Tetrahedron => mesh::Element::tetrahedron([0, 1, 2, 3], 0),
-            Kind::Wedge => mesh::Element::wedge([0, 1, 2, 3, 4, 5], 0),
+            ElementKind::Tetrahedron => mesh::Element::tetrahedron([0, 1, 2, 3], 0),
+            ElementKind::Wedge => mesh::Element::wedge([0, 1, 2, 3, 4, 5], 0),
             _ => mesh::Element::hexahedron([0, 1, 2, 3, 4, 5, 6, 7], 0),
         };
         let one = with_skin(nodes, vec![one]);

@@ -7,7 +7,7 @@ use super::{Failure, Result};
 use crate::mesh::element::unsided;
 use crate::mesh::file::raw::{Cell, Raw};
 use crate::mesh::vector::{cross, dot, minus, unit};
-use crate::mesh::{Element, Facet, Kind, Topology, facet_nodes};
+use crate::mesh::{Element, ElementKind, Facet, Topology, facet_nodes};
 use std::collections::{BTreeSet, HashMap};
 
 /// A part in its place; all of a flat file is one.
@@ -410,7 +410,7 @@ impl<'a> Flat<'a> {
 /// The corners of the facets that one element has.
 fn outer<const D: usize>(elements: &[Element<D>]) -> Vec<Vec<u32>>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let mut times: HashMap<Facet<D>, u32> = HashMap::new();
     for facet in elements.iter().flat_map(Element::facets) {

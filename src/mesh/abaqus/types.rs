@@ -95,7 +95,7 @@ pub(super) fn face(cell: Cell, number: usize) -> Option<&'static [usize]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::Kind;
+    use crate::mesh::ElementKind;
 
     #[test]
     fn variants_are_the_same_cells() {
@@ -128,11 +128,11 @@ mod tests {
     #[test]
     fn faces_are_those_of_the_elements() {
         for (cell, kind) in [
-            (Cell::Triangle, Kind::Triangle),
-            (Cell::Quad, Kind::Quad),
-            (Cell::Tetrahedron, Kind::Tetrahedron),
-            (Cell::Hexahedron, Kind::Hexahedron),
-            (Cell::Wedge, Kind::Wedge),
+            (Cell::Triangle, ElementKind::Triangle),
+            (Cell::Quad, ElementKind::Quad),
+            (Cell::Tetrahedron, ElementKind::Tetrahedron),
+            (Cell::Hexahedron, ElementKind::Hexahedron),
+            (Cell::Wedge, ElementKind::Wedge),
         ] {
             let sorted = |face: &[usize]| {
                 let mut face = face.to_vec();

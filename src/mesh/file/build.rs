@@ -2,7 +2,9 @@
 
 use super::raw::{GroupSets, Raw};
 use super::{Failure, Result};
-use crate::mesh::{AnyMesh, Element, Facet, Fault, FaultKind, Kind, Mesh, Topology, facet};
+use crate::mesh::{
+    AnyMesh, Element, ElementKind, Facet, FacetFault, FaultKind, Mesh, Topology, facet,
+};
 use std::collections::{BTreeMap, HashMap};
 
 impl Raw {
@@ -63,13 +65,13 @@ fn solid(mut raw: Raw, scale: f64) -> Result<Mesh<3>> {
 /// Notes the names of boundaries that have no facet, with a node of each.
 fn note<const D: usize>(mesh: &mut Mesh<D>, without_facets: Vec<(String, [f64; D])>)
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     for (name, x) in without_facets {
         if mesh.boundaries.contains_key(&name) || mesh.faults.contains_key(&name) {
             continue;
         }
-        let fault = Fault {
+        let fault = FacetFault {
             kind: FaultKind::NoFacet,
             ends: [x; 2],
         };
@@ -116,7 +118,7 @@ impl Groups {
         mut facets: Vec<(u32, Facet<D>)>,
     ) -> Result<Mesh<D>>
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         (sets.merge_copies(&mut elements, nodes.len())).map_err(Failure::NoMesh)?;
         let mut regions: Vec<String> = Vec::new();

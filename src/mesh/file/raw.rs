@@ -1,6 +1,6 @@
 //! What a file adds up to, before it is a mesh.
 
-use crate::mesh::{Element, Kind, Topology};
+use crate::mesh::{Element, ElementKind, Topology};
 use std::collections::HashMap;
 
 /// What stands in files: elements and facets of first order.
@@ -173,7 +173,7 @@ impl GroupSets {
         n_nodes: usize,
     ) -> Result<(), String>
     where
-        Kind: Topology<D>,
+        ElementKind: Topology<D>,
     {
         // The elements by their lowest node: few share that.
         let lowest =

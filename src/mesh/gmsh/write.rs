@@ -1,6 +1,6 @@
 //! Meshes as files of Gmsh, MSH 2.2 in ASCII: to look at what was read from others.
 
-use crate::mesh::{AnyMesh, Kind, Mesh, Topology, facet_nodes};
+use crate::mesh::{AnyMesh, ElementKind, Mesh, Topology, facet_nodes};
 use std::fmt::Write as _;
 
 /// The text of a file with the mesh and its regions and boundaries under their names.
@@ -26,7 +26,7 @@ fn number(dimension: usize, corners: usize) -> u32 {
 /// An element in several groups stands in the file once for each, as Gmsh itself writes it.
 fn text<const D: usize>(mesh: &Mesh<D>) -> String
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     // A group of one region that others name, too, is but the name of what they share.
     let named = |name: &String, regions: &Vec<u32>| {

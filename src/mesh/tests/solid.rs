@@ -143,7 +143,7 @@ fn solids_and_faces_are_turned_around() {
         // The side x = 1 as the file has it, from inside and from outside; a triangle of it for tetrahedra.
         for side in [[1, 2, 6, 5], [5, 6, 2, 1], [2, 1, 5, 6]] {
             let side = match element.kind() {
-                Kind::Tetrahedron => side.map(|node| if node == 6 { 2 } else { node }),
+                ElementKind::Tetrahedron => side.map(|node| if node == 6 { 2 } else { node }),
                 _ => side,
             };
             let mut nodes: Vec<u32> = side.to_vec();

@@ -4,7 +4,7 @@ use super::*;
 use crate::engine::{self, Stiffness};
 use crate::mesh::structured::{SolidShape, block};
 use crate::quasistatic::StepSolution;
-use crate::solve::Options;
+use crate::solve::SolveOptions;
 use crate::ssnm::Status;
 use std::f64::consts::PI;
 
@@ -15,10 +15,10 @@ fn solved<const D: usize>(built: &Built<D>, stiffness: Stiffness) -> StepSolutio
 where
     ElementKind: crate::contact::Space<D>,
 {
-    let mut options = Options {
-        engine: engine::Options {
+    let mut options = SolveOptions {
+        engine: engine::EngineOptions {
             stiffness,
-            place: engine::Place::Cpu,
+            place: engine::Device::Cpu,
             ..Default::default()
         },
         ..Default::default()
@@ -69,7 +69,7 @@ fn a_turned_model_has_the_turned_solution() {
     let mut other = mesh.clone();
     other.nodes.iter_mut().for_each(|x| *x = moved(*x));
     let built = |mesh: Mesh<3>, point: [f64; 3], normal: [f64; 3], far: &[Support<3>], load| {
-        let ground = Obstacle::HalfPlane { point, normal };
+        let ground = Obstacle::HalfSpace { point, normal };
         let model = Model::on(mesh)
             .material(RUBBER)
             .support(Support::on(["left", "back"]).symmetry())
@@ -358,7 +358,7 @@ fn directions_that_meet_agree_or_are_told() {
 fn radial_supports_leave_the_turn() {
     let mesh = sector([2, 9, 2], [1.0, 2.0], 0.3, 1.5, 1.0);
     let axis = Axis::new([0.0; 3], [0.0, 0.0, 1.0]);
-    let wall = Obstacle::HalfPlane {
+    let wall = Obstacle::HalfSpace {
         point: mesh.nodes[0],
         normal: [-0.3_f64.sin(), 0.3_f64.cos(), 0.0],
     };
@@ -369,8 +369,8 @@ fn radial_supports_leave_the_turn() {
         .contact(Pair::obstacle("front", wall))
         .build();
     let built = built.unwrap_or_else(|error| panic!("{error}"));
-    let told = Analysis::from(&built).free_bodies();
-    assert_eq!(built.problem.free_bodies().n_motions(), 1, "{told:?}");
+    let told = Analysis::from(&built).floating_bodies();
+    assert_eq!(built.problem.floating_bodies().n_modes(), 1, "{told:?}");
     assert!(told[0].ends_with("can rotate as a whole"), "{told:?}");
     let all: Vec<f64> = PATHS
         .iter()

@@ -9,7 +9,7 @@ fn cube(shape: SolidShape) -> Mesh<3> {
     block([0.0; 3], [2.0, 1.0, 1.5], [4, 2, 3], shape, "body", "")
 }
 
-const GROUND: Obstacle<3> = Obstacle::HalfPlane {
+const GROUND: Obstacle<3> = Obstacle::HalfSpace {
     point: [0.0; 3],
     normal: [0.0, 0.0, 2.0],
 };
@@ -143,8 +143,8 @@ fn a_solid_without_supports_is_found_and_needs_a_contact() {
         .build();
     let held = held.unwrap_or_else(|error| panic!("{error}"));
     // The left side leaves two translations and the rotation about x.
-    assert_eq!(held.problem.free_bodies().n_motions(), 3);
-    let bodies = Analysis::from(&held).free_bodies();
+    assert_eq!(held.problem.floating_bodies().n_modes(), 3);
+    let bodies = Analysis::from(&held).floating_bodies();
     assert!(
         bodies.len() == 1 && bodies[0].ends_with("can move in y and z and rotate as a whole"),
         "{bodies:?}"
@@ -195,14 +195,14 @@ fn errors_speak_of_space() {
             "a body force needs x, y or z",
         ),
         (
-            on(Obstacle::HalfPlane {
+            on(Obstacle::HalfSpace {
                 point: [3.0, 0.0, 0.0],
                 normal: [0.0; 3],
             }),
             "contact 2 on \"right\": half_space needs a finite point and a normal",
         ),
         (
-            on(Obstacle::Circle {
+            on(Obstacle::Sphere {
                 center: [3.0, 0.0, 0.0],
                 radius: 0.0,
             }),
@@ -242,7 +242,7 @@ fn symmetry_is_across_the_boundary() {
             .support(Support::at_point([0.0; 3]).fixed())
             .contact(Pair::obstacle(
                 "right",
-                Obstacle::Circle {
+                Obstacle::Sphere {
                     center: [9.0, 0.5, 0.7],
                     radius: 6.5,
                 },

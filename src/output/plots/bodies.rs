@@ -4,7 +4,7 @@ use super::chart::nice;
 use super::legend::{ColourBar, short};
 use super::svg::{Svg, escape};
 use crate::mesh::vector::{length, minus};
-use crate::mesh::{Kind, Topology};
+use crate::mesh::{ElementKind, Topology};
 use crate::model::Elastic;
 use crate::output::{ContactFields, StepFields};
 
@@ -16,7 +16,7 @@ const FALSE_OVERLAP: f64 = 0.003;
 /// The bodies at the end of a step.
 pub struct Bodies<'a, const D: usize = 2>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     /// Counted from 1; in names, it keeps those of different pictures on a page apart.
     pub step: usize,
@@ -35,7 +35,7 @@ where
 
 impl<'a, const D: usize> Bodies<'a, D>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     pub fn new(
         step: usize,
@@ -93,7 +93,7 @@ fn magnification<const D: usize>(
     contact: &ContactFields<D>,
 ) -> f64
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let (low, high) = elastic.mesh.bounding_box();
     let size = length(minus(high, low));

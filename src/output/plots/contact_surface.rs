@@ -4,9 +4,9 @@ mod profile;
 
 use super::bodies::Bodies;
 use super::chart::{Axis, Scale};
+use super::developed::{Developed, developed_parts};
 use super::legend::{self, ColourBar, short};
 use super::raster::{Raster, largest, mean};
-use super::sheet::{Sheet, sheets};
 use super::svg::{LINE, Svg, escape, line, patch, places};
 use crate::mesh::vector::{bounds, length};
 use crate::model::Elastic;
@@ -76,16 +76,18 @@ pub(super) fn svg(title: &str, bodies: &Bodies<3>, pair: usize) -> String {
         y: 44.0,
     };
     let pressure = |node: u32| scene.rows.get(&node).map_or(0.0, |&i| contact.pressure[i]);
-    let all = sheets(&elastic.mesh, &elastic.pairs[pair].facets, &pressure);
-    for (k, sheet) in all.iter().enumerate() {
-        scene.sheet(sheet, k);
+    let all = developed_parts(&elastic.mesh, &elastic.pairs[pair].facets, &pressure);
+    for (k, developed) in all.iter().enumerate() {
+        scene.developed(developed, k);
     }
     scene.legend();
-    let peaks = all.iter().map(|sheet| (scene.peak(sheet).0, sheet));
+    let peaks = all
+        .iter()
+        .map(|developed| (scene.peak(developed).0, developed));
     // The first of those with the largest.
     let highest = peaks.rev().max_by(|a, b| a.0.total_cmp(&b.0));
-    if let Some((_, sheet)) = highest.filter(|(peak, _)| *peak > 0.0) {
-        scene.profiles(sheet);
+    if let Some((_, developed)) = highest.filter(|(peak, _)| *peak > 0.0) {
+        scene.profiles(developed);
     }
     let mut svg = Svg::new(title, [WIDTH, scene.y + 12.0], MARGIN);
     svg.text += &scene.svg.text;
@@ -98,7 +100,7 @@ fn along(contact: &ContactFields<3>, i: usize) -> f64 {
     length(rubbed)
 }
 
-/// A part of a sheet on its way to a panel.
+/// A part of a developed surface on its way to a panel.
 struct Panel {
     low: [f64; 2],
     unit: f64,
@@ -124,9 +126,9 @@ impl Scene<'_> {
         row.is_some_and(|&i| self.contact.status(i) != NodeStatus::Separated)
     }
 
-    /// The largest pressure of a sheet, and its place.
-    fn peak(&self, sheet: &Sheet) -> (f64, [f64; 2]) {
-        let all = sheet.triangles.iter();
+    /// The largest pressure of a developed surface, and its place.
+    fn peak(&self, developed: &Developed) -> (f64, [f64; 2]) {
+        let all = developed.triangles.iter();
         let corners = all.flat_map(|(at, nodes)| at.iter().zip(nodes));
         corners.fold((0.0, [0.0; 2]), |best, (x, node)| {
             let row = self.rows.get(node);
@@ -139,11 +141,11 @@ impl Scene<'_> {
         })
     }
 
-    /// What is shown of a sheet: all of it, or the part in contact and what is around it, where that is small.
-    fn range(&self, sheet: &Sheet) -> (([f64; 2], [f64; 2]), bool) {
-        let all = sheet.triangles.iter().flat_map(|(at, _)| *at);
+    /// What is shown of a developed surface: all of it, or the part in contact and what is around it, where that is small.
+    fn range(&self, developed: &Developed) -> (([f64; 2], [f64; 2]), bool) {
+        let all = developed.triangles.iter().flat_map(|(at, _)| *at);
         let (low, high) = bounds(all);
-        let pressed = (sheet.triangles.iter())
+        let pressed = (developed.triangles.iter())
             .filter(|(_, nodes)| nodes.iter().any(|&node| self.pressed(node)))
             .flat_map(|(at, _)| *at);
         let (from, to) = bounds(pressed);
@@ -159,15 +161,15 @@ impl Scene<'_> {
         ((from, to), true)
     }
 
-    /// The panels of a sheet: pressures, and with friction what sticks and slips, with the tractions.
-    fn sheet(&mut self, sheet: &Sheet, number: usize) {
-        let ((low, high), is_zoomed) = self.range(sheet);
+    /// The panels of a developed surface: pressures, and with friction what sticks and slips, with the tractions.
+    fn developed(&mut self, developed: &Developed, number: usize) {
+        let ((low, high), is_zoomed) = self.range(developed);
         let extent = [0, 1].map(|c| (high[c] - low[c]).max(f64::MIN_POSITIVE));
         let is_wide = !self.has_friction || extent[0] > 2.2 * extent[1];
         let room = if is_wide { WIDE } else { PANEL };
         let unit = (room[0] / extent[0]).min(room[1] / extent[1]);
         let size = extent.map(|v| unit * v);
-        let mut caption = capitalised(&sheet.caption);
+        let mut caption = capitalised(&developed.caption);
         if is_zoomed {
             caption += "; only the part in contact is shown";
         }
@@ -182,7 +184,7 @@ impl Scene<'_> {
             size,
             at: first,
         };
-        self.pressures(sheet, &panel);
+        self.pressures(developed, &panel);
         let bar = [first[0] + size[0] + 18.0, first[1] + 6.0];
         let height = (size[1] - 6.0).clamp(110.0, 240.0);
         let colours = ColourBar {
@@ -202,17 +204,17 @@ impl Scene<'_> {
         } else {
             [bar[0] + BAR + AXIS, first[1]]
         };
-        self.states(sheet, &panel);
+        self.states(developed, &panel);
         if is_wide {
             self.y = panel.at[1] + size[1] + BELOW;
         }
     }
 
     /// The panel of the pressures, with the border of what is in contact.
-    fn pressures(&mut self, sheet: &Sheet, panel: &Panel) {
+    fn pressures(&mut self, developed: &Developed, panel: &Panel) {
         let mut raster = Raster::new(panel.size);
         let nothing = raster.add(NOTHING);
-        for (at, nodes) in &sheet.triangles {
+        for (at, nodes) in &developed.triangles {
             let values = nodes.map(|node| self.rows.get(&node).map(|&i| self.contact.pressure[i]));
             raster.fill(at.map(|x| panel.place(x)), |weights| match values {
                 [Some(a), Some(b), Some(c)] => Raster::level(mean(weights, [a, b, c]) / self.top),
@@ -220,9 +222,9 @@ impl Scene<'_> {
             });
         }
         self.open(panel, "contact pressure", &raster);
-        self.edges(sheet, panel);
+        self.edges(developed, panel);
         let mut border = String::new();
-        for (at, nodes) in &sheet.triangles {
+        for (at, nodes) in &developed.triangles {
             let pressed = nodes.map(|node| self.pressed(node));
             let middles: Vec<[f64; 2]> = [[0, 1], [1, 2], [2, 0]]
                 .into_iter()
@@ -234,11 +236,11 @@ impl Scene<'_> {
             }
         }
         self.svg.path(&border, BORDER);
-        self.close(sheet, panel);
+        self.close(developed, panel);
     }
 
     /// The panel of what nodes do, with the tangential tractions.
-    fn states(&mut self, sheet: &Sheet, panel: &Panel) {
+    fn states(&mut self, developed: &Developed, panel: &Panel) {
         let mut raster = Raster::new(panel.size);
         let nothing = raster.add(NOTHING);
         let colours: Vec<_> = (legend::states(self.contact).into_iter())
@@ -249,7 +251,7 @@ impl Scene<'_> {
             let found = all.find(|(state, _)| *state == self.contact.status(i));
             found.map_or(nothing, |&(_, colour)| colour)
         };
-        for (at, nodes) in &sheet.triangles {
+        for (at, nodes) in &developed.triangles {
             let of = nodes.map(|node| self.rows.get(&node).map(colour));
             raster.fill(at.map(|x| panel.place(x)), |weights| match of {
                 [Some(a), Some(b), Some(c)] => [a, b, c][largest(weights)],
@@ -257,19 +259,19 @@ impl Scene<'_> {
             });
         }
         self.open(panel, "stick and slip, tangential traction", &raster);
-        self.edges(sheet, panel);
-        self.arrows(sheet, panel);
-        self.close(sheet, panel);
+        self.edges(developed, panel);
+        self.arrows(developed, panel);
+        self.close(developed, panel);
     }
 
     /// The tangential tractions on the body, not more of them than are told apart.
-    fn arrows(&mut self, sheet: &Sheet, panel: &Panel) {
+    fn arrows(&mut self, developed: &Developed, panel: &Panel) {
         if !(self.rubbed > 0.0) {
             return;
         }
         // In each cell of a lattice the node that is nearest to its middle.
         let mut cells: HashMap<[i64; 2], (f64, [f64; 2], usize, u32)> = HashMap::new();
-        for (at, nodes) in &sheet.triangles {
+        for (at, nodes) in &developed.triangles {
             for (x, node) in at.iter().zip(nodes) {
                 let Some(&i) = self.rows.get(node) else {
                     continue;
@@ -289,7 +291,7 @@ impl Scene<'_> {
         let mut path = String::new();
         for (_, place, i, node) in chosen {
             let [_, rubbed] = self.contact.traction_vectors(i);
-            let [right, up] = sheet.vector(self.elastic.mesh.nodes[node as usize], rubbed);
+            let [right, up] = developed.vector(self.elastic.mesh.nodes[node as usize], rubbed);
             let scale = ARROW / self.rubbed;
             if right.hypot(up) > 0.02 * self.rubbed {
                 path += &arrow(place, [scale * right, -scale * up]);
@@ -312,9 +314,9 @@ impl Scene<'_> {
     }
 
     /// The edges of the elements where there is room, and where the surface ends.
-    fn edges(&mut self, sheet: &Sheet, panel: &Panel) {
+    fn edges(&mut self, developed: &Developed, panel: &Panel) {
         let is_in_view = |x: &[f64; 2]| (0..2).all(|c| x[c] >= -1.0 && x[c] <= panel.size[c] + 1.0);
-        let shown: Vec<_> = (sheet.edges.iter())
+        let shown: Vec<_> = (developed.edges.iter())
             .map(|&(ends, is_border)| (ends.map(|x| panel.place(x)), is_border))
             .filter(|(ends, _)| ends.iter().any(is_in_view))
             .collect();
@@ -334,12 +336,12 @@ impl Scene<'_> {
     }
 
     /// Ends a panel with its axes.
-    fn close(&mut self, sheet: &Sheet, panel: &Panel) {
+    fn close(&mut self, developed: &Developed, panel: &Panel) {
         let [width, height] = panel.size;
         let [(x, x_label), (y, y_label)] = [0, 1].map(|c| {
             let ends = [panel.low[c], panel.low[c] + panel.size[c] / panel.unit];
             let (start, end) = if c == 0 { (0.0, width) } else { (height, 0.0) };
-            let axis = Axis::new(&sheet.labels[c], &self.elastic.units.length);
+            let axis = Axis::new(&developed.labels[c], &self.elastic.units.length);
             let scale = Scale::new(&axis, ends.into_iter(), start, end, 0.0);
             let label = escape(&scale.label(&axis));
             (scale, label)
@@ -399,12 +401,12 @@ impl Scene<'_> {
     }
 
     /// Pressure, tangential traction and slip bound along both lines through the largest pressure.
-    fn profiles(&mut self, sheet: &Sheet) {
+    fn profiles(&mut self, developed: &Developed) {
         const GAP: f64 = 10.0;
         let width = 0.5 * (WIDTH - 2.0 * MARGIN - GAP);
         let height = if self.has_friction { 320.0 } else { 280.0 };
         for axis in 0..2 {
-            let chart = profile(self, sheet, axis).sized(width, height);
+            let chart = profile(self, developed, axis).sized(width, height);
             let x = MARGIN - 10.0 + axis as f64 * (width + GAP);
             self.svg.open([x, self.y]);
             self.svg.text += &chart;

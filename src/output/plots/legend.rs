@@ -3,7 +3,7 @@
 use super::chart::{colour, nice};
 use super::raster::viridis;
 use super::svg::{Svg, escape};
-use crate::mesh::{Kind, Topology};
+use crate::mesh::{ElementKind, Topology};
 use crate::output::{ContactFields, NodeStatus};
 
 /// What a contact node does, what that is called, the colour of such zones and that of such nodes.
@@ -23,7 +23,7 @@ const STATES: [State; 4] = {
 /// That of a contact node.
 pub(super) fn state<const D: usize>(contact: &ContactFields<D>, i: usize) -> State
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     let status = contact.status(i);
     let of = STATES.into_iter().find(|state| state.0 == status);
@@ -33,7 +33,7 @@ where
 /// What contact nodes may do in this case.
 pub(super) fn states<const D: usize>(contact: &ContactFields<D>) -> Vec<State>
 where
-    Kind: Topology<D>,
+    ElementKind: Topology<D>,
 {
     // Bodies without friction know no stick and slip, and most with friction nothing else.
     let has_friction = contact.any_friction();

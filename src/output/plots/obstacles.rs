@@ -64,7 +64,7 @@ pub(super) fn patches(elastic: &Elastic<3>) -> Vec<Patch> {
 /// The part of an obstacle around some places.
 fn patch(obstacle: &Obstacle<3>, places: &[[f64; 3]], margin: f64) -> Patch {
     let rows = match *obstacle {
-        Obstacle::HalfPlane { point, normal } => {
+        Obstacle::HalfSpace { point, normal } => {
             let axes = frame(unit(normal));
             let ends = [1, 2].map(|c| range(places, |x| dot(minus(x, point), axes[c]), margin));
             let corner = |a: f64, b: f64| along(point, &[(a, axes[1]), (b, axes[2])]);
@@ -72,7 +72,7 @@ fn patch(obstacle: &Obstacle<3>, places: &[[f64; 3]], margin: f64) -> Patch {
             let rows = [a, b].map(|s| vec![corner(s, c), corner(s, d)]);
             rows.to_vec()
         }
-        Obstacle::Circle { center, radius } => {
+        Obstacle::Sphere { center, radius } => {
             let axes = frame(towards(places.iter().map(|&x| minus(x, center))));
             let angle = |x| dot(unit(minus(x, center)), axes[0]).clamp(-1.0, 1.0).acos();
             let widest = range(places, angle, margin / radius)[1].min(PI);
@@ -165,9 +165,9 @@ mod tests {
     fn patches_lie_on_their_obstacles_and_reach_around_the_places() {
         let places = [[0.1, 0.0, 1.0], [0.0, 0.2, 1.1], [-0.1, -0.1, 0.9]];
         let (point, normal) = ([5.0, 3.0, 0.5], [0.0, 0.0, 3.0]);
-        let plane = Obstacle::HalfPlane { point, normal };
+        let plane = Obstacle::HalfSpace { point, normal };
         let (center, radius) = ([0.0, 0.0, -1.0], 1.5);
-        let sphere = Obstacle::Circle { center, radius };
+        let sphere = Obstacle::Sphere { center, radius };
         let (point, axis, radius) = ([0.0, 7.0, 0.0], [0.0, 2.0, 0.0], 0.5);
         let cylinder = Obstacle::Cylinder {
             point,

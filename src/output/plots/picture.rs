@@ -89,7 +89,7 @@ impl Scene<'_> {
         let pairs = self.bodies.elastic.pairs.iter();
         for obstacle in pairs.filter_map(|pair| pair.obstacle) {
             match obstacle {
-                Obstacle::HalfPlane { point, normal } => {
+                Obstacle::HalfSpace { point, normal } => {
                     let [x, y] = self.place(point);
                     let angle = normal[0].atan2(normal[1]).to_degrees();
                     // Turned so that its inside lies below.
@@ -97,7 +97,7 @@ impl Scene<'_> {
                         "<rect x=\"-9999\" y=\"0\" width=\"19998\" height=\"9999\" transform=\"translate({x:.2} {y:.2}) rotate({angle:.4})\"/>"
                     ));
                 }
-                Obstacle::Circle { center, radius } => {
+                Obstacle::Sphere { center, radius } => {
                     let ([x, y], r) = (self.place(center), self.unit * radius);
                     svg.put(format_args!(
                         "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{r:.2}\"/>"

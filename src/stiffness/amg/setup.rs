@@ -4,7 +4,7 @@ use super::aggregation::{Graph, Groups, NONE, Strength, aggregate, strength, tie
 use super::patches;
 use super::prolongation::{Modes, rigid_body_modes, smoothed, take_out_held, tentative};
 use super::{
-    AmgError, Coarse, Hierarchy, Inverse, Level, Settings, Smoother, coarse, product, scale_of,
+    AmgError, AmgSettings, Coarse, Hierarchy, Inverse, Level, Smoother, coarse, product, scale_of,
     smoother,
 };
 use crate::sparse::BlockCsr;
@@ -27,13 +27,13 @@ const COARSE_ALPHA: f64 = 300.0;
 pub(super) fn build<const D: usize, const M: usize, S: Real>(
     k: &BlockCsr<D>,
     coordinates: Option<&[[f64; D]]>,
-    settings: &Settings,
+    settings: &AmgSettings,
 ) -> Result<Hierarchy<S>, AmgError> {
     let scale = scale_of(k)?;
     let modes = rigid_body_modes::<D, M>(k.n_block_rows(), coordinates);
     // Unknowns of which an inverse has as many entries as it may.
     let entries = (D * D * k.n_blocks()) as f64;
-    let settings = &Settings {
+    let settings = &AmgSettings {
         dense_limit: (settings.dense_limit).min((settings.dense_part * entries).sqrt() as usize),
         ..*settings
     };
@@ -57,7 +57,7 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
     points: Option<&[[f64; D]]>,
     scale: f64,
     theta: [f64; 2],
-    settings: &Settings,
+    settings: &AmgSettings,
 ) -> Result<(Vec<Level<S>>, Coarse<S>), AmgError> {
     let n = a.n_rows();
     if n <= settings.dense_limit {

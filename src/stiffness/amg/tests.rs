@@ -153,7 +153,7 @@ fn reference_problem(geometry: Geometry, k: usize) -> ContactProblem {
 }
 
 fn hierarchy<S: Real>(k: &BlockCsr<2>, points: &[[f64; 2]]) -> Hierarchy<S> {
-    Hierarchy::new(k, Some(points), &Settings::default()).expect("K is positive definite")
+    Hierarchy::new(k, Some(points), &AmgSettings::default()).expect("K is positive definite")
 }
 
 /// A vector without pattern.
@@ -198,7 +198,7 @@ fn iterations_in_space() {
     ] {
         let problem = (CASE_C.problem(q, shape)).unwrap_or_else(|error| panic!("{error}"));
         let k = problem.stiffness();
-        let m = Hierarchy::<f32>::new(k, problem.coordinates(), &Settings::of_dimension(3))
+        let m = Hierarchy::<f32>::new(k, problem.coordinates(), &AmgSettings::of_dimension(3))
             .unwrap_or_else(|error| panic!("{error}"));
         let solve = pcg(k, problem.load(), &m);
         println!("{shape:?} {q}: {solve:?}, {:.3}", m.operator_complexity());
@@ -311,7 +311,8 @@ fn iterations_on_meshes_and_materials() {
 fn translations_alone_do_worse_but_do() {
     let problem = reference_problem(Geometry::OneBody, 5);
     let k = problem.stiffness();
-    let m = Hierarchy::<f32>::new(k, None, &Settings::default()).expect("K is positive definite");
+    let m =
+        Hierarchy::<f32>::new(k, None, &AmgSettings::default()).expect("K is positive definite");
     let solve = pcg(k, problem.load(), &m);
     println!("{solve:?}\n{m}");
     assert!(solve.iterations <= 34, "{solve:?}");
@@ -374,9 +375,9 @@ fn difference(x: &[f64], y: &[f64]) -> f64 {
 #[test]
 fn coarse_matrices_are_galerkin_products() {
     let (k, _, points) = clamped(&shaken([3.0, 1.0], [120, 40]), &[MATERIAL]);
-    let settings = Settings {
+    let settings = AmgSettings {
         dense_limit: 100,
-        ..Settings::default()
+        ..AmgSettings::default()
     };
     let m = Hierarchy::<f64>::new(&k, Some(&points), &settings).expect("K is positive definite");
     assert!(m.levels.len() >= 3, "{m}");
@@ -422,7 +423,7 @@ fn a_lattice_in_space_is_solved() {
     for cells in [[8, 8, 8], [16, 16, 16]] {
         let (k, points) = lattice(cells);
         let f = noise(k.n_rows(), 5);
-        let settings = Settings::of_dimension(3);
+        let settings = AmgSettings::of_dimension(3);
         let hierarchy = Hierarchy::<f32>::new(&k, Some(&points), &settings)
             .unwrap_or_else(|error| panic!("{error}"));
         let blocks: Vec<[usize; 2]> = (hierarchy.levels.iter())
@@ -628,10 +629,10 @@ fn odd_problems_are_solved() {
             None,
         ] {
             for settings in [
-                Settings::default(),
-                Settings {
+                AmgSettings::default(),
+                AmgSettings {
                     dense_limit: 0,
-                    ..Settings::default()
+                    ..AmgSettings::default()
                 },
             ] {
                 let m = Hierarchy::<f32>::new(&k, points, &settings).expect(name);
@@ -665,7 +666,7 @@ fn a_stalled_hierarchy_ends_with_smoothing() {
 #[test]
 fn what_cannot_be_solved_is_refused() {
     let refused = |k: &BlockCsr<2>, points: Option<&[[f64; 2]]>| {
-        Hierarchy::<f32>::new(k, points, &Settings::default()).map(|m| m.to_string())
+        Hierarchy::<f32>::new(k, points, &AmgSettings::default()).map(|m| m.to_string())
     };
     // A body without supports, small and large.
     for cells in [[4, 3], [60, 20]] {

@@ -2,7 +2,7 @@
 
 use super::{Pcg, PcgError, UNREACHABLE};
 use crate::backend::Backend;
-use crate::control::{Accuracy, Followed, Stop};
+use crate::control::{Accuracy, Correction, Stop};
 use crate::sparse::norm;
 
 /// A correction in f32 is asked to reduce the residual by this factor at most: beyond it the recurrence
@@ -28,7 +28,7 @@ impl<B: Backend> Pcg<B> {
         x: &mut [f64],
         accuracy: Accuracy,
         stop: &Stop,
-    ) -> Result<Followed, PcgError> {
+    ) -> Result<Correction, PcgError> {
         self.counts.solves += 1;
         let start = self.counts.iterations;
         let mut correction = vec![0.0; b.len()];
@@ -115,8 +115,8 @@ impl<B: Backend> Pcg<B> {
     }
 
     /// What corrections have changed of eᵀKe and have left of it.
-    fn refined(&self, energy: f64, left: f64) -> Followed {
-        Followed {
+    fn refined(&self, energy: f64, left: f64) -> Correction {
+        Correction {
             change: energy.sqrt(),
             remaining: left.sqrt(),
             slow: self.is_slow(),
@@ -131,7 +131,7 @@ impl<B: Backend> Pcg<B> {
         accuracy: Accuracy,
         stop: &Stop,
         correction: &mut [f64],
-    ) -> Result<Followed, PcgError> {
+    ) -> Result<Correction, PcgError> {
         let factor = self.load(residual, length);
         let unit = factor / self.scale;
         let run = self.run_to(accuracy, unit);
@@ -139,7 +139,7 @@ impl<B: Backend> Pcg<B> {
             Ok(progress) => self.followed(&progress, unit),
             // In f32 a breakdown may be one of rounding, and so may a lack of progress: the residual in
             // f64 tells.
-            Err(PcgError::NotPositiveDefinite | PcgError::Stalled { .. }) => Followed::default(),
+            Err(PcgError::NotPositiveDefinite | PcgError::Stalled { .. }) => Correction::default(),
             Err(error) => return Err(error),
         };
         self.backend.download(&self.x, correction)?;

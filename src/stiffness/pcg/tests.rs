@@ -6,7 +6,7 @@ use crate::dual::DirectDual;
 use crate::dual::{DualOperator, NestedDual};
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
 use crate::mesh::structured::{CellShape, rectangle};
-use crate::problem::{ContactData, ContactProblem, FreeBodies};
+use crate::problem::{ContactData, ContactProblem, FloatingBodies};
 use crate::sparse::{Csr, dot};
 use crate::ssnm::{self, Status};
 use std::ops::ControlFlow;
@@ -384,7 +384,7 @@ impl Bodies {
         preconditioner: Preconditioner,
     ) -> usize {
         let points = with_points.then_some(&self.points[..]);
-        let (k, _) = FreeBodies::find(&self.k, &self.points).grounded(&self.k, |_| false);
+        let (k, _) = FloatingBodies::find(&self.k, &self.points).grounded(&self.k, |_| false);
         let mut pcg =
             Pcg::new(backend, &k, points, preconditioner).unwrap_or_else(|error| panic!("{error}"));
         let n = 2 * self.points.len();
@@ -439,8 +439,8 @@ fn bodies_without_supports_are_solved() {
             // Where the supported bodies are small enough for an inverse, free ones may be a little too
             // large for one.
             assert!(single.max(double) <= held.max(10) + 6, "{what}");
-            let free = FreeBodies::find(&bodies.k, &bodies.points);
-            assert_eq!(free.n_motions(), bodies.kernel.len(), "{what}");
+            let free = FloatingBodies::find(&bodies.k, &bodies.points);
+            assert_eq!(free.n_modes(), bodies.kernel.len(), "{what}");
         }
     }
     let body = Bodies::new(&[([60, 20], size, stiff, Free)]);
@@ -484,7 +484,7 @@ fn hexahedra_on_a_floor(
 
 /// The products with A that the contact problem takes on both paths to K⁻¹, where PCG is slow.
 fn products_on_both_paths(problem: &ContactProblem, what: &str) {
-    let settings = ssnm::Settings::default();
+    let settings = ssnm::NewtonSettings::default();
     let go_on = |_: &ssnm::Step| ControlFlow::Continue(());
     let mut direct = DirectDual::new(problem).unwrap_or_else(|error| panic!("{error}"));
     let mut nested = NestedDual::new(problem, Cpu::<f32>::default(), Preconditioner::Multigrid)

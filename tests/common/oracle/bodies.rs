@@ -14,7 +14,7 @@ pub struct Free {
 
 /// The kernel of K among the rigid motions of each part: combinations that no row of K pulls back by more than a
 /// millionth of what it could.
-pub fn free_bodies(k: &Entries, n: usize, motions: &[Vec<(usize, f64)>]) -> Vec<Free> {
+pub fn floating_bodies(k: &Entries, n: usize, motions: &[Vec<(usize, f64)>]) -> Vec<Free> {
     const PULLED: f64 = 1e-6;
     let mut rows = vec![0.0; n];
     for &(i, _, v) in k {

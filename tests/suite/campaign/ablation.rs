@@ -19,12 +19,12 @@ use crate::common::runs::name_of;
 use signorini::case::Case;
 use signorini::contact::Space;
 use signorini::dual::DualOperator as _;
-use signorini::engine::{Engine, Options, Place, Stiffness};
-use signorini::mesh::Kind;
+use signorini::engine::{Device, Engine, EngineOptions, Stiffness};
+use signorini::mesh::ElementKind;
 use signorini::mesh::structured::SolidShape;
 use signorini::model::{Analysis, AnyAnalysis};
 use signorini::problem::ContactProblem;
-use signorini::quasistatic::{self, Load, Settings, State};
+use signorini::quasistatic::{self, Load, State, StepSettings};
 use signorini::reference::{self, CASE_A, CASE_B, CASE_C, Geometry};
 use signorini::ssnm::RecycledSubspace;
 use signorini::ssnm::{Method, Numbers, Status};
@@ -122,14 +122,14 @@ friction = { coulomb = 0.5 }
 /// Solved with so many products and V-cycles, or not, for this reason.
 type Outcome = Result<[usize; 2], &'static str>;
 /// A problem with its loads, to be solved with other settings.
-type Solve = Box<dyn Fn(Stiffness, &Settings) -> Outcome>;
+type Solve = Box<dyn Fn(Stiffness, &StepSettings) -> Outcome>;
 
 struct Entry {
     name: String,
     /// On the factor or by PCG.
     paths: &'static [Stiffness],
     method: Method,
-    settings: Settings,
+    settings: StepSettings,
     solve: Solve,
 }
 
@@ -138,12 +138,12 @@ fn solve<const D: usize>(
     problem: &ContactProblem<D>,
     loads: &[Load],
     stiffness: Stiffness,
-    settings: &Settings,
+    settings: &StepSettings,
 ) -> Outcome {
-    let options = Options {
-        place: Place::Cpu,
+    let options = EngineOptions {
+        place: Device::Cpu,
         stiffness,
-        ..Options::default()
+        ..EngineOptions::default()
     };
     let mut engine = Engine::new(problem, options, |_| {}).map_err(|_| "no engine")?;
     let mut recycled = RecycledSubspace::default();
@@ -177,7 +177,7 @@ fn plain<const D: usize>(problem: ContactProblem<D>, loads: Vec<Load>) -> Solve 
 
 fn loads<const D: usize>(analysis: Analysis<D>) -> Vec<Load>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let step = |number| {
         let step = analysis.step(number).or_panic();
@@ -254,7 +254,7 @@ fn corpus() -> Vec<Entry> {
             name: name.to_owned(),
             paths: BOTH,
             method: Method::Multisecant,
-            settings: Settings::default(),
+            settings: StepSettings::default(),
             solve,
         });
     };
@@ -331,7 +331,7 @@ impl Outcomes {
 }
 
 fn run(corpus: &[Entry], trials: &[Trial], numbers: Numbers) -> [Outcomes; 2] {
-    let with = |settings: &Settings, method: Method| {
+    let with = |settings: &StepSettings, method: Method| {
         let mut settings = settings.clone();
         settings.ssnm.numbers = numbers;
         settings.ssnm.method = method;

@@ -9,7 +9,7 @@ use crate::common::oracle::balance::least_imbalance;
 use crate::common::oracle::{NODAL, Oracle, TOLERANCE, largest};
 use crate::common::runs::{Run, Way, print_step};
 use signorini::quasistatic;
-use signorini::quasistatic::{Load, Settings, State, StepSolution};
+use signorini::quasistatic::{Load, State, StepSettings, StepSolution};
 use signorini::ssnm::Status;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -19,8 +19,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// That of a second solve, where the first is compared with it.
 pub const TIGHT: f64 = 1e-10;
 
-pub fn settings(tolerance: f64) -> Settings {
-    let mut settings = Settings::default();
+pub fn settings(tolerance: f64) -> StepSettings {
+    let mut settings = StepSettings::default();
     settings.ssnm.tolerance = tolerance;
     settings
 }

@@ -228,7 +228,7 @@ fn one_body(random: &mut Random, coulomb: bool, name: &mut String) -> Model<3> {
         std::array::from_fn(|c| middle[c] - off[c])
     };
     let obstacle = match random.below(8) {
-        0 => Obstacle::Circle {
+        0 => Obstacle::Sphere {
             center: down(radius),
             radius,
         },
@@ -246,19 +246,19 @@ fn one_body(random: &mut Random, coulomb: bool, name: &mut String) -> Model<3> {
                 if slope[1] < 0.0 { ly } else { 0.0 },
                 0.0,
             ];
-            Obstacle::HalfPlane {
+            Obstacle::HalfSpace {
                 point: times(&turn, corner),
                 normal: times(&turn, [slope[0], slope[1], 1.0]),
             }
         }
-        _ => Obstacle::HalfPlane {
+        _ => Obstacle::HalfSpace {
             point: middle,
             normal: turn[2],
         },
     };
     let kind = match obstacle {
-        Obstacle::HalfPlane { normal, .. } => format!("plane {normal:.2?}"),
-        Obstacle::Circle { radius, .. } => format!("ball {radius:.2e}"),
+        Obstacle::HalfSpace { normal, .. } => format!("plane {normal:.2?}"),
+        Obstacle::Sphere { radius, .. } => format!("ball {radius:.2e}"),
         Obstacle::Cylinder { radius, .. } => format!("cylinder {radius:.2e}"),
     };
     let _ = write!(
@@ -274,7 +274,7 @@ fn one_body(random: &mut Random, coulomb: bool, name: &mut String) -> Model<3> {
         name.push_str(", at a wall");
         let wall = Pair::obstacle(
             "right",
-            Obstacle::HalfPlane {
+            Obstacle::HalfSpace {
                 point: times(&turn, [lx, 0.0, 0.0]),
                 normal: turn[0].map(|v| -v),
             },
@@ -345,7 +345,7 @@ fn two_bodies(random: &mut Random, coulomb: bool, name: &mut String) -> Model<3>
         .material_in("up", up.material)
         .contact(friction(random, pair, coulomb, is_held, &up, name));
     if chance(random, 0.3) {
-        let floor = Obstacle::HalfPlane {
+        let floor = Obstacle::HalfSpace {
             point: [0.0; 3],
             normal: UPRIGHT[2],
         };

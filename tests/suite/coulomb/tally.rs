@@ -114,7 +114,7 @@ pub struct Tally {
     pub resort_rounds: usize,
 }
 
-pub const WAYS: [&str; 2] = ["coupled", "rounds"];
+pub const WAYS: [&str; 2] = ["monolithic", "rounds"];
 
 /// What their answers may be off by, in parts of what the oracle allows: rounds end when the slip bounds of a problem that is
 /// solved to 10 ε differ by as much from those that go with its pressures.
@@ -136,7 +136,7 @@ impl Tally {
             }
         };
         let oracle = Oracle::new(&trial.problem);
-        let runs = [true, false].map(|coupled| run(&trial, way, coupled));
+        let runs = [true, false].map(|monolithic| run(&trial, way, monolithic));
         let mut right = [true; 2];
         for (k, run) in runs.iter().enumerate() {
             self.steps[k] += run.steps.len();
@@ -175,19 +175,19 @@ impl Tally {
                 None => {}
             }
         }
-        let [coupled, rounds] = &runs;
+        let [monolithic, rounds] = &runs;
         // Step by step, as far as both have come, and as long as both have the same history.
         for number in 0..trial.loads.len() {
-            let [c, r] = [coupled, rounds].map(|run| run.status(number));
+            let [c, r] = [monolithic, rounds].map(|run| run.status(number));
             let (Some(c), Some(r)) = (c, r) else {
                 // Panics and errors have no status.
                 let broken =
                     |run: &Run| run.end.starts_with("panic") || run.end.starts_with("error");
-                if c.is_none() && r == Some(Status::Converged) && broken(coupled) {
+                if c.is_none() && r == Some(Status::Converged) && broken(monolithic) {
                     let line = format!(
                         "{seed}: step {}: {} [{}]",
                         number + 1,
-                        coupled.end,
+                        monolithic.end,
                         trial.name
                     );
                     self.only_rounds.push(line);
@@ -205,12 +205,12 @@ impl Tally {
             };
             let line = || {
                 format!(
-                    "{seed}: step {} of {}: coupled {} ({} products, {} solves), rounds {} ({} products, {} solves) [{}]",
+                    "{seed}: step {} of {}: monolithic {} ({} products, {} solves), rounds {} ({} products, {} solves) [{}]",
                     number + 1,
                     trial.loads.len(),
                     name_of(c),
-                    coupled.steps[number].n_a(),
-                    coupled.steps[number].rounds.len(),
+                    monolithic.steps[number].n_a(),
+                    monolithic.steps[number].rounds.len(),
                     name_of(r),
                     rounds.steps[number].n_a(),
                     rounds.steps[number].rounds.len(),
@@ -220,11 +220,11 @@ impl Tally {
             let not_held = [c, r].contains(&Status::NotHeld);
             match (c == Status::Converged, r == Status::Converged) {
                 (true, true) => {
-                    let [a, b] = [coupled, rounds].map(|run| &run.steps[number]);
+                    let [a, b] = [monolithic, rounds].map(|run| &run.steps[number]);
                     let size = (oracle.size(&a.u, &a.lambda)).max(oracle.size(&b.u, &b.lambda));
                     let apart: Vec<f64> = a.u.iter().zip(&b.u).map(|(a, b)| a - b).collect();
                     // Where all loads are gone, rounding of what was there is left.
-                    let ago = (coupled.steps[..number].iter())
+                    let ago = (monolithic.steps[..number].iter())
                         .fold(0.0, |s: f64, step| s.max(largest(&step.u)));
                     // And a body that moves as a whole has hardly a deformation.
                     let far = 1e-4 * largest(&a.u).max(largest(&b.u));
@@ -250,7 +250,7 @@ impl Tally {
                 (false, false) => {}
             }
         }
-        for (number, step) in coupled.steps.iter().enumerate() {
+        for (number, step) in monolithic.steps.iter().enumerate() {
             if step.rounds.len() > 1 {
                 self.resort_rounds += step.rounds.len() - 1;
                 self.resorted.push(format!(
@@ -262,15 +262,15 @@ impl Tally {
                 ));
             }
         }
-        if coupled.solved() && rounds.solved() {
+        if monolithic.solved() && rounds.solved() {
             self.both += 1;
-            let products = [coupled.products(), rounds.products()];
+            let products = [monolithic.products(), rounds.products()];
             for k in 0..2 {
                 self.products[k] += products[k];
                 self.iterations[k] += runs[k].iterations;
             }
             if products[0] > products[1] {
-                let solves = coupled.steps.iter().map(|s| s.rounds.len()).sum();
+                let solves = monolithic.steps.iter().map(|s| s.rounds.len()).sum();
                 self.slower
                     .push((products[0], products[1], seed, solves, trial.name));
             }
@@ -314,11 +314,11 @@ impl Tally {
             );
         }
         println!(
-            "both solved {}; products: coupled {}, rounds {} (PCG iterations {}, {})",
+            "both solved {}; products: monolithic {}, rounds {} (PCG iterations {}, {})",
             self.both, self.products[0], self.products[1], self.iterations[0], self.iterations[1]
         );
         println!(
-            "coupled took more products in {} problems; the worst:",
+            "monolithic took more products in {} problems; the worst:",
             self.slower.len()
         );
         self.slower
@@ -327,15 +327,15 @@ impl Tally {
             println!("    {seed}: {c} against {r}, {solves} solves [{name}]");
         }
         println!(
-            "coupled steps that took rounds: {} of {}, {} more solves",
+            "monolithic steps that took rounds: {} of {}, {} more solves",
             self.resorted.len(),
             self.steps[0],
             self.resort_rounds
         );
         section("    they are", &self.resorted);
         section("another solution", &self.others);
-        section("solved by rounds, not coupled", &self.only_rounds);
-        section("solved coupled, not by rounds", &self.only_coupled);
+        section("solved by rounds, not monolithic", &self.only_rounds);
+        section("solved monolithic, not by rounds", &self.only_coupled);
         section("no solution by one, given up by the other", &self.disputed);
         for k in 0..2 {
             println!(
@@ -357,7 +357,7 @@ impl Tally {
                 println!("    {line}");
             }
         }
-        section("wrong, coupled", &self.wrong[0]);
+        section("wrong, monolithic", &self.wrong[0]);
         section("wrong, rounds", &self.wrong[1]);
         section("panics", &self.panics);
         section("refused", &self.refused);
@@ -371,7 +371,7 @@ impl Tally {
                 failures.push(format!("{}: {count} {what}", way.name()));
             }
         };
-        none("wrong answers of coupled steps", self.wrong[0].len());
+        none("wrong answers of monolithic steps", self.wrong[0].len());
         none("wrong answers of rounds", self.wrong[1].len());
         none("panics", self.panics.len());
         none("solved by rounds only", self.only_rounds.len());

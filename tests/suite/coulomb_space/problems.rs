@@ -11,7 +11,7 @@ use signorini::reference::{CASE_C, MATERIAL};
 pub type Vector = [f64; 3];
 
 pub fn half_space(height: f64, normal: Vector) -> Obstacle<3> {
-    Obstacle::HalfPlane {
+    Obstacle::HalfSpace {
         point: [0.0, 0.0, height],
         normal,
     }

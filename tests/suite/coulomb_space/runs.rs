@@ -7,7 +7,7 @@ use signorini::engine::{Engine, Stiffness};
 use signorini::model::{Built, Model};
 use signorini::problem::ContactProblem;
 use signorini::quasistatic;
-use signorini::quasistatic::{Event, Load, Settings, State, StepSolution};
+use signorini::quasistatic::{Event, Load, State, StepSettings, StepSolution};
 use signorini::ssnm::Status;
 use std::ops::ControlFlow;
 
@@ -20,7 +20,7 @@ pub fn counted(
     load: &Load,
     start: &State,
     engine: &mut Engine,
-    settings: &Settings,
+    settings: &StepSettings,
 ) -> (StepSolution<3>, Vec<usize>) {
     let verbose = std::env::var("COULOMB_PRINT").is_ok();
     let mut met = Vec::new();
@@ -74,7 +74,7 @@ pub struct Run {
 }
 
 impl Run {
-    pub fn new(model: Model<3>, stiffness: Stiffness, settings: &Settings) -> Self {
+    pub fn new(model: Model<3>, stiffness: Stiffness, settings: &StepSettings) -> Self {
         let built = model.build().or_panic();
         let mut loads = Vec::new();
         for number in 0..built.n_steps() {
@@ -158,7 +158,7 @@ impl Run {
                 .and_then(|problem| problem.with_friction_coefficient(Vec::new()))
                 .or_panic();
             let start = self.start(number);
-            counted(&given, load, &start, &mut engine, &Settings::default())
+            counted(&given, load, &start, &mut engine, &StepSettings::default())
         })
         .collect()
     }
@@ -167,7 +167,7 @@ impl Run {
 /// Solves a model, checks it, and compares its cost with that of the problem with its slip bounds given: products to
 /// [`ERRORS`] and in all, of both.
 pub fn priced(name: &str, model: Model<3>) -> [Vec<usize>; 2] {
-    let run = Run::new(model, Stiffness::Cholesky, &Settings::default());
+    let run = Run::new(model, Stiffness::Cholesky, &StepSettings::default());
     let given = run.given();
     let mut costs = [vec![0; 3], vec![0; 3]];
     for (number, (step, (tresca, tresca_met))) in run.steps.iter().zip(&given).enumerate() {

@@ -10,8 +10,8 @@ use signorini::backend::{Backend, BackendError, GpuOptions, Precision, Product};
 use signorini::control::Stop;
 use signorini::elasticity::{Body, Elements, Material, Plane, Unknowns, assemble};
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
-use signorini::mesh::{Kind, Mesh};
-use signorini::problem::FreeBodies;
+use signorini::mesh::{ElementKind, Mesh};
+use signorini::problem::FloatingBodies;
 use signorini::reference;
 use signorini::sparse::stored::{BlockMatrix, Dense};
 use signorini::sparse::{BlockCsr, dot, norm};
@@ -61,15 +61,15 @@ fn free_bodies_are_solved() {
         let part = dot(mode, &b[..mode.len()]) / dot(mode, mode);
         b.iter_mut().zip(mode).for_each(|(b, m)| *b -= part * m);
     }
-    let free = FreeBodies::find(&k, &points);
-    assert_eq!(free.n_motions(), 6);
+    let free = FloatingBodies::find(&k, &points);
+    assert_eq!(free.n_modes(), 6);
     fn solved<B: Backend>(
         backend: B,
         k: &Arc<BlockCsr<2>>,
         points: &[[f64; 2]],
         b: &[f64],
     ) -> usize {
-        let (grounded, _) = FreeBodies::find(k, points).grounded(k, |_| false);
+        let (grounded, _) = FloatingBodies::find(k, points).grounded(k, |_| false);
         let mut pcg =
             Pcg::new(backend, &grounded, Some(points), Preconditioner::Multigrid).or_panic();
         let mut x = vec![0.0; b.len()];
@@ -253,7 +253,7 @@ pub type System<const D: usize> = (Arc<BlockCsr<D>>, Vec<f64>, Vec<[f64; D]>);
 
 pub fn clamped<const D: usize>(mesh: &Mesh<D>) -> System<D>
 where
-    Kind: Elements<D>,
+    ElementKind: Elements<D>,
 {
     let body = Body {
         mesh,

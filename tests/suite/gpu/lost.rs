@@ -9,10 +9,10 @@ use signorini::backend::{BackendError, GpuOptions, Precision, gpu};
 use signorini::control::{Accuracy, Stop};
 use signorini::dual::DirectDual;
 use signorini::dual::{DualOperator as _, NestedDual};
-use signorini::engine::{Engine, Options as EngineOptions, Place, Stiffness};
+use signorini::engine::{Device, Engine, EngineOptions, Stiffness};
 use signorini::sparse::BlockCsr;
 use signorini::ssnm;
-use signorini::ssnm::{Settings, Solution, Status};
+use signorini::ssnm::{NewtonSettings, Solution, Status};
 use signorini::ssnm::{Step, WarmStart};
 use signorini::stiffness::pcg::Preconditioner;
 use std::ops::ControlFlow;
@@ -21,10 +21,10 @@ use std::sync::Arc;
 #[test]
 fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
     let problem = one_body(1);
-    let settings = Settings::default();
+    let settings = NewtonSettings::default();
     let (expected, _) = solve(&problem, &EngineOptions::default(), &settings);
     let adapter = gpu::adapters().first().map(|adapter| adapter.name.clone());
-    for place in [Place::Auto, Place::Gpu] {
+    for place in [Device::Auto, Device::Gpu] {
         let options = EngineOptions {
             place,
             stiffness: Stiffness::Pcg,
@@ -47,7 +47,7 @@ fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
             }
             ControlFlow::Continue(())
         });
-        if place == Place::Auto {
+        if place == Device::Auto {
             let found = outcome.or_panic();
             assert_eq!((engine.backend(), engine.stiffness()), ("cpu", "pcg"));
             assert_eq!(found.status, Status::Converged);
@@ -93,13 +93,13 @@ fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
 #[test]
 fn a_device_lost_at_any_submission() {
     let problem = one_body(1);
-    let settings = Settings::default();
+    let settings = NewtonSettings::default();
     let (expected, _) = solve(&problem, &EngineOptions::default(), &settings);
     let adapter = gpu::adapters().first().map(|adapter| adapter.name.clone());
     let mut lost = 0;
     for k in 0..20_usize {
         let options = EngineOptions {
-            place: Place::Auto,
+            place: Device::Auto,
             stiffness: Stiffness::Pcg,
             gpu: GpuOptions {
                 adapter: adapter.clone(),

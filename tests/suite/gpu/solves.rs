@@ -8,11 +8,11 @@ use signorini::backend::gpu::Gpu;
 use signorini::backend::{GpuOptions, Precision};
 use signorini::control::{Accuracy, Costs, Stop};
 use signorini::dual::{DualOperator as _, NestedDual};
-use signorini::engine::{Engine, Options as EngineOptions, Place, Stiffness};
+use signorini::engine::{Device, Engine, EngineOptions, Stiffness};
 use signorini::problem::ContactProblem;
 use signorini::sparse::{BlockCsr, Csr};
 use signorini::ssnm;
-use signorini::ssnm::{Info, Settings, Solution, Status};
+use signorini::ssnm::{Info, NewtonSettings, Solution, Status};
 use signorini::stiffness::pcg::Preconditioner;
 use signorini::table1::BETAS;
 use std::ops::ControlFlow;
@@ -30,7 +30,7 @@ pub fn paths() -> Vec<(&'static str, EngineOptions)> {
         (
             "PCG on the CPU",
             EngineOptions {
-                place: Place::Cpu,
+                place: Device::Cpu,
                 stiffness: Stiffness::Pcg,
                 ..Default::default()
             },
@@ -38,7 +38,7 @@ pub fn paths() -> Vec<(&'static str, EngineOptions)> {
         (
             "GPU in f64",
             EngineOptions {
-                place: Place::Gpu,
+                place: Device::Gpu,
                 gpu: gpu(Precision::F64),
                 ..Default::default()
             },
@@ -46,7 +46,7 @@ pub fn paths() -> Vec<(&'static str, EngineOptions)> {
         (
             "GPU in f32",
             EngineOptions {
-                place: Place::Gpu,
+                place: Device::Gpu,
                 gpu: gpu(Precision::F32),
                 ..Default::default()
             },
@@ -57,7 +57,7 @@ pub fn paths() -> Vec<(&'static str, EngineOptions)> {
 pub fn solve(
     problem: &ContactProblem,
     options: &EngineOptions,
-    settings: &Settings,
+    settings: &NewtonSettings,
 ) -> (Solution, Option<Costs>) {
     let mut engine = Engine::new(problem, options.clone(), |_| {}).or_panic();
     let solution = ssnm::solve(
@@ -74,7 +74,7 @@ pub fn solve(
 fn every_path_solves_the_table() {
     for (k, beta) in [1, 3].into_iter().flat_map(|k| BETAS.map(|beta| (k, beta))) {
         let problem = one_body(k);
-        let settings = Settings {
+        let settings = NewtonSettings {
             tolerance: 1e-6,
             beta,
             ..Default::default()
@@ -136,7 +136,7 @@ fn manufactured_problems_on_every_path() {
     ] {
         let nodes: Vec<Node> = (0..m).map(|_| Node::any(&mut random)).collect();
         let made = manufactured::<2>(n, &nodes, general, &mut random);
-        let settings = Settings {
+        let settings = NewtonSettings {
             tolerance: 1e-8,
             ..Default::default()
         };
@@ -195,7 +195,7 @@ fn a_request_to_stop_is_heard_inside_a_solve_with_k() {
     for (path, options) in paths() {
         let mut engine = Engine::new(&problem, options, |_| {}).or_panic();
         let flag = Arc::new(AtomicBool::new(true));
-        let settings = Settings {
+        let settings = NewtonSettings {
             interrupt: Some(Arc::clone(&flag)),
             ..Default::default()
         };
@@ -245,7 +245,7 @@ fn a_singular_matrix_is_an_error_of_the_problem() {
             let text = match Engine::new(&problem, options, |_| {}) {
                 Err(error) => error.to_string(),
                 Ok(mut engine) => {
-                    let settings = Settings::default();
+                    let settings = NewtonSettings::default();
                     ssnm::solve(&problem, &mut engine, &settings, |_| {
                         ControlFlow::Continue(())
                     })

@@ -7,7 +7,7 @@ use crate::common::space::{Vector, close, length};
 use signorini::backend::Precision;
 use signorini::contact::Obstacle;
 use signorini::elasticity::Material;
-use signorini::engine::{Place, Stiffness};
+use signorini::engine::{Device, Stiffness};
 use signorini::mesh::Mesh;
 use signorini::mesh::structured::{SolidShape, block, join};
 use signorini::model::{Model, Pair, Support, Traction};
@@ -167,12 +167,12 @@ fn press_fit_on_all_paths() {
         options.engine.gpu.precision = precision;
         answer_by(press_fit([8, 6], FITS[0], 0.1), &options)
     };
-    let reference = solve(Place::Cpu, Stiffness::Cholesky, None);
+    let reference = solve(Device::Cpu, Stiffness::Cholesky, None);
     let held = resultant(&reference);
     for (place, precision) in [
-        (Place::Cpu, None),
-        (Place::Gpu, Some(Precision::F64)),
-        (Place::Gpu, Some(Precision::F32)),
+        (Device::Cpu, None),
+        (Device::Gpu, Some(Precision::F64)),
+        (Device::Gpu, Some(Precision::F32)),
     ] {
         let other = solve(place, Stiffness::Pcg, precision);
         let off = crate::common::distance(&other.solution.u, &reference.solution.u);
@@ -290,7 +290,7 @@ fn a_block_in_a_corner_on_a_slab() {
         poisson: 0.3,
         density: 0.0,
     };
-    let wall = |normal| Obstacle::HalfPlane {
+    let wall = |normal| Obstacle::HalfSpace {
         point: [0.0; 3],
         normal,
     };

@@ -6,7 +6,7 @@ use crate::common::{built, case, published};
 use signorini::case::{Case, CaseProblem};
 use signorini::contact::Space;
 use signorini::dual::DirectDual;
-use signorini::mesh::Kind;
+use signorini::mesh::ElementKind;
 use signorini::model::Built;
 use signorini::quasistatic::{self, State};
 use signorini::ssnm::Status;
@@ -100,7 +100,7 @@ struct Solved<const D: usize> {
 
 fn solve<const D: usize>(case: &Case, build: &Built<D>, tolerance: f64) -> Solved<D>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let elastic = &build.elastic;
     let mut dual = DirectDual::new(&build.problem).or_panic();

@@ -8,7 +8,7 @@ use super::scene::{Body, Fate, Interface, STRAIN, Scene, Solid, Tally, YOUNG, ju
 use crate::common::Random;
 use crate::common::draw::{chance, generator, number};
 use crate::common::space::cross;
-use signorini::mesh::Kind;
+use signorini::mesh::ElementKind;
 use signorini::model::Pair;
 
 /// The areas are so much smaller or larger where it shall be clear that all stands or falls.
@@ -155,7 +155,7 @@ fn balances(joints: &[Joint], loads: &[(f64, Point)], factor: f64, friction: boo
 /// Two pillars on the table and a bridge on them, which carries another block now and then.
 fn bridge<const D: usize>(random: &mut Random) -> Option<(Scene<D>, Vec<Interface>, Fate)>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let cell = if D == 2 { [0.06, 0.4] } else { [0.2, 0.5] };
     let body = |name: &str, middle: Point, base: f64, size: [f64; D], random: &mut Random| {
@@ -164,7 +164,7 @@ where
             c => middle[c] - 0.5 * size[c],
         });
         let mut body = Body::new(name, low, size, random.between(cell[0], cell[1]));
-        body.shape = random.below(<Kind as Solid<D>>::SHAPES);
+        body.shape = random.below(<ElementKind as Solid<D>>::SHAPES);
         if D == 3 && chance(random, 0.5) && name != "table" {
             body.angle = random.between(-0.5, 0.5);
         }
@@ -248,7 +248,7 @@ where
         },
     ];
     let scene = Scene {
-        frame: <Kind as Solid<D>>::frames()[random.below(2)],
+        frame: <ElementKind as Solid<D>>::frames()[random.below(2)],
         loads: (loads.iter().enumerate())
             .map(|(k, &(force, at))| (k + 1, force, at))
             .collect(),
@@ -270,7 +270,7 @@ fn size_of(joint: &Joint) -> f64 {
 
 fn bridges<const D: usize>(seed: u64, cases: usize, tally: &mut Tally)
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let mut random = generator(seed);
     let mut tried = [0; 2];

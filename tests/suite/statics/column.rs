@@ -5,7 +5,7 @@ use super::common_area::common;
 use super::scene::{Body, Interface, MU, Scene, Solid, Tally, end, judge, options, pair};
 use super::scene::{Fate, turned};
 use signorini::engine::Stiffness;
-use signorini::mesh::Kind;
+use signorini::mesh::ElementKind;
 use signorini::model::{Axis, Traction};
 use signorini::ssnm::Status;
 
@@ -55,7 +55,7 @@ fn twisted_on(
     plate.shape = shape;
     let scene = Scene {
         bodies: vec![column, plate],
-        frame: <Kind as Solid<3>>::frames()[turn],
+        frame: <ElementKind as Solid<3>>::frames()[turn],
         loads: vec![(1, WEIGHT, [0.0; 2])],
         pairs: vec![pair("plate", "column", plate_first, MU)],
         held: vec![("column-bottom".to_owned(), [0.0; 3])],

@@ -9,7 +9,7 @@ use crate::common::Random;
 use crate::common::draw::generator;
 use crate::common::models::Answer;
 use signorini::engine::Stiffness;
-use signorini::mesh::Kind;
+use signorini::mesh::ElementKind;
 use signorini::model::Pair;
 use signorini::ssnm::Status;
 
@@ -27,13 +27,13 @@ const CORNER: Point = [-1.43, -1.57];
 /// A block of four facets a side with its top or its bottom at 0.
 fn slab<const D: usize>(above: bool, random: &mut Random) -> Body<D>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let base = if above { 0.0 } else { -1.0 };
     let low = std::array::from_fn(|c| if c == D - 1 { base } else { CORNER[c] });
     let size = std::array::from_fn(|c| if c == D - 1 { 1.0 } else { 4.0 });
     let mut slab = Body::new("slab", low, size, 1.0);
-    slab.shape = random.below(<Kind as Solid<D>>::SHAPES);
+    slab.shape = random.below(<ElementKind as Solid<D>>::SHAPES);
     slab
 }
 
@@ -46,7 +46,7 @@ fn needle<const D: usize>(
     random: &mut Random,
 ) -> Body<D>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let high = 4.0 * width;
     let base = if above { 0.0 } else { -high };
@@ -58,7 +58,7 @@ where
     let mut needle = Body::new(name, low, size, width);
     let across = 1 + random.below(3);
     needle.cells = std::array::from_fn(|c| if c == D - 1 { 4 } else { across });
-    needle.shape = random.below(<Kind as Solid<D>>::SHAPES);
+    needle.shape = random.below(<ElementKind as Solid<D>>::SHAPES);
     // Without Poisson's effect its pressure is the same everywhere.
     needle.poisson = 0.0;
     needle
@@ -68,7 +68,7 @@ where
 /// asked: a needle of one element with five places knows only what they bear together.
 fn borne<const D: usize>(scene: &Scene<D>, answer: &Answer<D>, needle: &Body<D>) -> [f64; 2]
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let (section, rounding) = (needle.area(), 1e-9 * needle.size[0] + 1e-12);
     let (mut force, mut area) = (0.0, 0.0);
@@ -98,7 +98,7 @@ fn driven<const D: usize>(
     random: &mut Random,
 ) -> Result<(), String>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let mut slab = slab::<D>(false, random);
     slab.young *= STIFFER;
@@ -119,7 +119,7 @@ where
     }
     let scene = Scene {
         bodies: vec![slab, needle.clone()],
-        frame: <Kind as Solid<D>>::frames()[random.below(2)],
+        frame: <ElementKind as Solid<D>>::frames()[random.below(2)],
         loads: Vec::new(),
         guided: Vec::new(),
         pairs: vec![pair],
@@ -162,7 +162,7 @@ fn way(width: f64, random: &mut Random) -> Stiffness {
 
 fn all_driven<const D: usize>(seed: u64)
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let (mut random, mut tally) = (generator(seed), Tally::default());
     for width in WIDTHS {
@@ -196,14 +196,14 @@ const BETWEEN: Point = [0.0, 0.0];
 /// needle may be off its middle; and none of the force between the needles.
 fn on_two<const D: usize>(width: f64, slab_first: bool, random: &mut Random) -> Result<(), String>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let slab = slab::<D>(true, random);
     let [a, b] = ["a", "b"];
     let needles = [(a, TWO[0]), (b, TWO[1])]
         .map(|(name, middle)| needle::<D>(name, middle, width, false, random));
     let load = STRAIN * YOUNG * width.powi(D as i32 - 1);
-    let frame = <Kind as Solid<D>>::frames()[random.below(2)];
+    let frame = <ElementKind as Solid<D>>::frames()[random.below(2)];
     // Along the axis from needle to needle, after the turn.
     let mut across = [0.0; D];
     across[0] = 1.0;
@@ -256,7 +256,7 @@ where
 
 fn all_on_two<const D: usize>(seed: u64, widths: &[f64])
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let (mut random, mut tally) = (generator(seed), Tally::default());
     for &width in widths {

@@ -7,7 +7,7 @@ use crate::common::draw::generator;
 use signorini::elasticity::{Material, Stress};
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::join;
-use signorini::mesh::{Kind, Mesh};
+use signorini::mesh::{ElementKind, Mesh};
 use signorini::model::{Model, Pair, Support, Traction};
 use signorini::ssnm::Status;
 
@@ -30,7 +30,7 @@ fn half<const D: usize>(
     random: &mut Random,
 ) -> Mesh<D>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let mut low = [0.0; D];
     low[D - 1] = if upper { 0.0 } else { -1.0 };
@@ -39,8 +39,8 @@ where
         size[1] = DEEP;
     }
     let cells = std::array::from_fn(|c| if c == D - 1 { 2 } else { 3 + random.below(4) });
-    let shape = random.below(<Kind as Solid<D>>::SHAPES);
-    let mut mesh = <Kind as Solid<D>>::mesh(shape, low, size, cells, name);
+    let shape = random.below(<ElementKind as Solid<D>>::SHAPES);
+    let mut mesh = <ElementKind as Solid<D>>::mesh(shape, low, size, cells, name);
     for node in &mut mesh.nodes {
         let at = if D == 3 { cut + slope * node[1] } else { cut };
         node[0] = match left {
@@ -61,9 +61,9 @@ fn patch<const D: usize>(
     random: &mut Random,
 ) -> Result<f64, String>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
-    let frame = <Kind as Solid<D>>::frames()[random.below(2)];
+    let frame = <ElementKind as Solid<D>>::frames()[random.below(2)];
     let mut mesh = join(
         join(
             half("u0", true, cuts[0], true, random),
@@ -146,7 +146,7 @@ fn askew(stiffness: Stiffness) -> f64 {
 
 fn patches<const D: usize>(seed: u64)
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let (mut random, mut tally) = (generator(seed), Tally::default());
     for cuts in [

@@ -7,7 +7,7 @@ use super::scene::{
 };
 use crate::common::Random;
 use crate::common::draw::generator;
-use signorini::mesh::Kind;
+use signorini::mesh::ElementKind;
 
 /// How far inside or outside of the border the resultant lies, as a part of the plate's length.
 const NEAR: f64 = 1e-3;
@@ -21,7 +21,7 @@ fn plate_on_table<const D: usize>(
     random: &mut Random,
 ) -> (Scene<D>, Interface)
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let area = common(&plate.area(), &table.area());
     let force = STRAIN * YOUNG * plate.volume();
@@ -32,7 +32,7 @@ where
         at: Some(at),
     };
     let guided = random.below(4) == 0;
-    let frames = <Kind as Solid<D>>::frames();
+    let frames = <ElementKind as Solid<D>>::frames();
     let mu = if guided { 0.0 } else { MU };
     let scene = Scene {
         frame: frames[if guided { 0 } else { random.below(2) }],
@@ -60,7 +60,7 @@ fn near_the_border<const D: usize>(
     random: &mut Random,
     tally: &mut Tally,
 ) where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let area = common(&plate.area(), &table.area());
     let centre = middle(&area);
@@ -85,7 +85,7 @@ fn near_the_border<const D: usize>(
             for upper_first in [true, false] {
                 let at = [0, 1].map(|c| border[c] + sign * NEAR * length * way[c] / long);
                 let (mut table, mut plate) = (table.clone(), plate.clone());
-                let shapes = <Kind as Solid<D>>::SHAPES;
+                let shapes = <ElementKind as Solid<D>>::SHAPES;
                 table.shape = random.below(shapes);
                 plate.shape = random.below(shapes);
                 let stiffness = path(random);
@@ -119,7 +119,7 @@ fn over_an_edge(cell: f64, cut: f64, random: &mut Random, tally: &mut Tally) {
 /// A plate that overhangs by about half of it under its own weight: with its middle this far beyond the edge.
 fn by_gravity<const D: usize>(random: &mut Random, tally: &mut Tally)
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let size = std::array::from_fn(|c| if c == D - 1 { 0.2 } else { 1.7 });
     let mut low = [-1.1; D];
@@ -135,7 +135,7 @@ where
                 (from[0], from[D - 1]) = ((beyond - 0.5) * size[0], 0.0);
                 let mut plate = Body::new("plate", from, size, cell);
                 plate.density = STRAIN * YOUNG;
-                plate.shape = random.below(<Kind as Solid<D>>::SHAPES);
+                plate.shape = random.below(<ElementKind as Solid<D>>::SHAPES);
                 let (at, stiffness) = (plate.middle(), path(random));
                 let at = plan(at);
                 let (scene, interface) =

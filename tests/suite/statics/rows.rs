@@ -4,7 +4,7 @@
 use super::scene::{Solid, Tally};
 use super::stacks::Stack;
 use crate::common::draw::generator;
-use signorini::mesh::Kind;
+use signorini::mesh::ElementKind;
 use signorini::model::Built;
 use signorini::sparse::Csr;
 
@@ -15,7 +15,7 @@ const LEFT: f64 = 1e-10;
 /// distances from the middle of their nodes.
 fn unbalance<const D: usize>(built: &Built<D>, rows: &Csr) -> [f64; 2]
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let unknowns = &built.elastic.unknowns;
     let mut forces: Vec<Vec<([f64; D], usize, f64)>> = vec![Vec::new(); rows.n_rows()];
@@ -52,7 +52,7 @@ where
 
 fn rows_of_stacks<const D: usize>(cases: u64)
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let mut tally = Tally::default();
     for seed in 0..cases {

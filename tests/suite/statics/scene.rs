@@ -9,9 +9,9 @@ use signorini::contact::Space;
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
-use signorini::mesh::{Kind, Mesh, Topology};
+use signorini::mesh::{ElementKind, Mesh, Topology};
 use signorini::model::{BodyForce, Model, Pair, Quantity, Support};
-use signorini::solve::Options;
+use signorini::solve::SolveOptions;
 use signorini::ssnm::Status;
 
 /// The modulus of all that is not said to be softer or stiffer.
@@ -48,7 +48,7 @@ pub trait Solid<const D: usize>: Space<D> {
     /// A box of cells; its boundaries are `name-bottom` …
     fn mesh(shape: usize, low: [f64; D], size: [f64; D], cells: [usize; D], name: &str) -> Mesh<D>
     where
-        Kind: Topology<D>;
+        ElementKind: Topology<D>;
 
     /// No turn, and by an odd angle.
     fn frames() -> [Frame<D>; 2];
@@ -60,7 +60,7 @@ pub trait Solid<const D: usize>: Space<D> {
     fn driven(boundary: &str, along: [f64; D]) -> Support<D>;
 }
 
-impl Solid<2> for Kind {
+impl Solid<2> for ElementKind {
     const SHAPES: usize = 2;
 
     fn mesh(shape: usize, low: [f64; 2], size: [f64; 2], cells: [usize; 2], name: &str) -> Mesh {
@@ -82,7 +82,7 @@ impl Solid<2> for Kind {
     }
 }
 
-impl Solid<3> for Kind {
+impl Solid<3> for ElementKind {
     const SHAPES: usize = 3;
 
     fn mesh(shape: usize, low: [f64; 3], size: [f64; 3], cells: [usize; 3], name: &str) -> Mesh<3> {
@@ -128,7 +128,7 @@ pub struct Body<const D: usize> {
 
 impl<const D: usize> Body<D>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     /// Of cells about this large, or as many as it takes for one along each axis.
     pub fn new(name: &str, low: [f64; D], size: [f64; D], cell: f64) -> Self {
@@ -184,8 +184,9 @@ where
     }
 
     fn mesh(&self) -> Mesh<D> {
-        let mut mesh =
-            <Kind as Solid<D>>::mesh(self.shape, self.low, self.size, self.cells, &self.name);
+        let mut mesh = <ElementKind as Solid<D>>::mesh(
+            self.shape, self.low, self.size, self.cells, &self.name,
+        );
         mesh.nodes.iter_mut().for_each(|x| *x = self.put(*x));
         mesh
     }
@@ -226,7 +227,7 @@ where
             density * (1.0 + (0..D - 1).map(along).sum::<f64>())
         };
         let up = frame[D - 1];
-        <Kind as Solid<D>>::force(&self.name, |c| {
+        <ElementKind as Solid<D>>::force(&self.name, |c| {
             let down = down.clone();
             (move |x: [f64; D]| -up[c] * down(x)).into()
         })
@@ -250,7 +251,7 @@ pub struct Scene<const D: usize> {
 
 impl<const D: usize> Scene<D>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     pub fn model(&self) -> Model<D> {
         let meshes = self.bodies.iter().map(Body::mesh);
@@ -277,7 +278,10 @@ where
             model = self.bodies[body].guided(model);
         }
         for (name, by) in &self.held {
-            model = model.support(<Kind as Solid<D>>::driven(name, turned(&self.frame, *by)));
+            model = model.support(<ElementKind as Solid<D>>::driven(
+                name,
+                turned(&self.frame, *by),
+            ));
         }
         self.pairs.iter().cloned().fold(model, Model::contact)
     }
@@ -295,7 +299,7 @@ where
 /// The upper body's bottom and the lower one's top, in either order, with friction if there is any.
 pub fn pair<const D: usize>(upper: &str, lower: &str, upper_first: bool, mu: f64) -> Pair<D>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let names = [format!("{upper}-bottom"), format!("{lower}-top")];
     let [first, second] = match upper_first {
@@ -316,17 +320,17 @@ pub fn path(random: &mut Random) -> Stiffness {
     [Stiffness::Cholesky, Stiffness::Pcg][random.below(2)]
 }
 
-pub fn options(stiffness: Stiffness) -> Options {
+pub fn options(stiffness: Stiffness) -> SolveOptions {
     on_the_cpu(1e-7, stiffness)
 }
 
 /// The end of a model with one load step: what it has come to, or in words why there is nothing.
 pub fn end<const D: usize>(
     model: Model<D>,
-    options: &Options,
+    options: &SolveOptions,
 ) -> Result<(Status, Answer<D>), String>
 where
-    Kind: Space<D>,
+    ElementKind: Space<D>,
 {
     let built = model
         .build()
@@ -370,7 +374,7 @@ pub fn judge<const D: usize>(
     stiffness: Stiffness,
 ) -> Result<(), String>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let (status, answer) = end(scene.model(), &options(stiffness))?;
     match (fate, status) {
@@ -399,7 +403,7 @@ fn check<const D: usize>(
     interfaces: &[Interface],
 ) -> Result<(), String>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     for (number, interface) in interfaces.iter().enumerate() {
         let Interface {

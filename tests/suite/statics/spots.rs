@@ -8,7 +8,7 @@ use super::scene::{
 use crate::common::Random;
 use crate::common::draw::generator;
 use signorini::engine::Stiffness;
-use signorini::mesh::Kind;
+use signorini::mesh::ElementKind;
 
 /// Widths of the foot as parts of a facet.
 const WIDTHS: [f64; 7] = [0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
@@ -19,7 +19,7 @@ const OUTSIDE: f64 = 1.02;
 /// A foot of this width on top of a slab of four facets a side, or below it; somewhere in one facet.
 fn spot<const D: usize>(width: f64, below: bool, random: &mut Random, tally: &mut Tally)
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let side = |long: f64, high: f64| {
         let mut size = [long; D];
@@ -41,8 +41,8 @@ where
             for upper_first in [true, false] {
                 let mut slab = Body::new("slab", slab_low, side(4.0, 1.0), 1.0);
                 let mut foot = Body::new("foot", foot_low, side(width, width), 0.5 * width);
-                slab.shape = random.below(<Kind as Solid<D>>::SHAPES);
-                foot.shape = random.below(<Kind as Solid<D>>::SHAPES);
+                slab.shape = random.below(<ElementKind as Solid<D>>::SHAPES);
+                foot.shape = random.below(<ElementKind as Solid<D>>::SHAPES);
                 let area = common(&foot.area(), &slab.area());
                 let place = direction.map(|d| 0.5 * width * part * d);
                 let force = STRAIN * YOUNG * width.powi(D as i32 - 1);
@@ -59,7 +59,7 @@ where
                     if below { "below" } else { "on" },
                 );
                 let scene = Scene {
-                    frame: <Kind as Solid<D>>::frames()[random.below(2)],
+                    frame: <ElementKind as Solid<D>>::frames()[random.below(2)],
                     loads: vec![(1, force, place)],
                     pairs: vec![pair(&upper.name, &lower.name, upper_first, MU)],
                     held: vec![(format!("{}-bottom", lower.name), [0.0; D])],
@@ -80,7 +80,7 @@ where
 
 fn spots<const D: usize>(below: bool, seed: u64, widths: &[f64])
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     let (mut random, mut tally) = (generator(seed), Tally::default());
     for &width in widths {

@@ -5,7 +5,7 @@ use super::common_area::{common, depth, size};
 use super::scene::{Body, Fate, Interface, STRAIN, Scene, Solid, Tally, YOUNG, judge, pair, path};
 use crate::common::Random;
 use crate::common::draw::{chance, generator, number};
-use signorini::mesh::Kind;
+use signorini::mesh::ElementKind;
 
 /// How far from the border of the common area resultants are at least, as a part of its size.
 const CLEAR: f64 = 0.01;
@@ -24,10 +24,10 @@ pub struct Stack<const D: usize> {
 
 impl<const D: usize> Stack<D>
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     pub fn random(random: &mut Random) -> Self {
-        let shapes = <Kind as Solid<D>>::SHAPES;
+        let shapes = <ElementKind as Solid<D>>::SHAPES;
         // The finest meshes have some thousand unknowns.
         let cell = |random: &mut Random| match D {
             2 => random.between(0.05, 0.4),
@@ -87,7 +87,7 @@ where
         let margin = margins.fold(f64::INFINITY, f64::min);
         let scene = Scene {
             bodies,
-            frame: <Kind as Solid<D>>::frames()[random.below(2)],
+            frame: <ElementKind as Solid<D>>::frames()[random.below(2)],
             loads,
             pairs,
             held: vec![("table-bottom".to_owned(), [0.0; D])],
@@ -123,7 +123,7 @@ where
 /// As many stacks as that, half of them standing.
 fn stacks<const D: usize>(seed: u64, cases: u64, tally: &mut Tally)
 where
-    Kind: Solid<D>,
+    ElementKind: Solid<D>,
 {
     for case in 0..cases {
         let mut random = generator(seed + case);

@@ -4,25 +4,25 @@ use super::{Scene, along};
 use crate::mesh::vector::bounds;
 use crate::output::plots::chart::{Axis, Chart};
 use crate::output::plots::curves::Line;
+use crate::output::plots::developed::Developed;
 use crate::output::plots::legend::{short, state};
 use crate::output::plots::raster::largest;
-use crate::output::plots::sheet::Sheet;
 
 /// Pressure, tangential traction and slip bound through the largest pressure, along the first or the second coordinate.
-pub(super) fn profile(scene: &Scene, sheet: &Sheet, axis: usize) -> Chart {
+pub(super) fn profile(scene: &Scene, developed: &Developed, axis: usize) -> Chart {
     let across = 1 - axis;
-    let peak = scene.peak(sheet).1[across];
-    let ((low, high), _) = scene.range(sheet);
-    let line = line(scene, sheet, axis, peak, [low[axis], high[axis]]);
+    let peak = scene.peak(developed).1[across];
+    let ((low, high), _) = scene.range(developed);
+    let line = line(scene, developed, axis, peak, [low[axis], high[axis]]);
     let (length, stress) = (&scene.elastic.units.length, scene.elastic.units.stress());
     // The first word is what it is called.
     let called = |label: &str| label.split(' ').next().map(str::to_owned);
-    let [along, other] = [axis, across].map(|c| called(&sheet.labels[c]).unwrap_or_default());
+    let [along, other] = [axis, across].map(|c| called(&developed.labels[c]).unwrap_or_default());
     // Without the rounding of coordinates.
     let is_zero = peak.abs() < 1e-9 * (high[across] - low[across]);
     let place = short(if is_zero { 0.0 } else { peak });
     let title = format!("Along {along}, at {other} = {place} {length}");
-    let x = Axis::new(&sheet.labels[axis], length);
+    let x = Axis::new(&developed.labels[axis], length);
     line.chart(title, x, &stress, scene.has_friction, false)
 }
 
@@ -31,13 +31,13 @@ pub(super) fn profile(scene: &Scene, sheet: &Sheet, axis: usize) -> Chart {
 type Cut = (f64, [f64; 3], usize);
 
 /// What is met along a coordinate in a range, where the other one has this value.
-fn line(scene: &Scene, sheet: &Sheet, axis: usize, value: f64, range: [f64; 2]) -> Line {
+fn line(scene: &Scene, developed: &Developed, axis: usize, value: f64, range: [f64; 2]) -> Line {
     // A line along the upper border has no triangle above it.
-    let (low, high) = bounds(sheet.triangles.iter().flat_map(|(at, _)| *at));
+    let (low, high) = bounds(developed.triangles.iter().flat_map(|(at, _)| *at));
     let across = 1 - axis;
     let value = value.min(high[across] - 1e-9 * (high[across] - low[across]));
     let rounding = 1e-6 * (range[1] - range[0]);
-    let mut parts: Vec<[Cut; 2]> = (sheet.triangles.iter())
+    let mut parts: Vec<[Cut; 2]> = (developed.triangles.iter())
         .filter_map(|(at, nodes)| cuts(scene, at, nodes, axis, value))
         .collect();
     parts.retain(|[from, to]| {

@@ -91,7 +91,7 @@ fn iterations_on_stretched_cells() {
             1.5,
         ),
     ] {
-        let settings = Settings::of_dimension(3);
+        let settings = AmgSettings::of_dimension(3);
         let m = Hierarchy::<f32>::new(&k, Some(&points), &settings)
             .unwrap_or_else(|error| panic!("{error}"));
         let patched = |level: &Level<f32>| matches!(level.smoother.inverse, Inverse::Patches(_));
@@ -218,7 +218,7 @@ fn measured<const D: usize>(name: &str, k: &BlockCsr<D>, f: &[f64], points: Opti
     forget_peak_memory();
     let before = peak_memory_mib().unwrap_or(0.0);
     let start = Instant::now();
-    let m = Hierarchy::<f32>::new(k, points, &Settings::of_dimension(D))
+    let m = Hierarchy::<f32>::new(k, points, &AmgSettings::of_dimension(D))
         .unwrap_or_else(|error| panic!("{error}"));
     let set_up = start.elapsed().as_secs_f64();
     let peak = peak_memory_mib().unwrap_or(0.0) - before;

@@ -28,10 +28,10 @@ const ACROSS: f64 = 0.02;
 const MOST: usize = 4;
 
 /// A surface, or a part of one, laid flat.
-pub(super) struct Sheet {
-    /// Places of corners in the sheet, and their nodes; what is nearer to the viewer later.
+pub(super) struct Developed {
+    /// Places of corners in the developed surface, and their nodes; what is nearer to the viewer later.
     pub triangles: Vec<([[f64; 2]; 3], [u32; 3])>,
-    /// The edges of facets, and whether the sheet ends there.
+    /// The edges of facets, and whether the developed surface ends there.
     pub edges: Vec<([[f64; 2]; 2], bool)>,
     /// What is seen, and from where.
     pub caption: String,
@@ -40,7 +40,7 @@ pub(super) struct Sheet {
     way: Way,
 }
 
-/// How a surface becomes a sheet.
+/// How a surface becomes a developed surface.
 #[derive(Clone, Copy)]
 enum Way {
     /// Two directions.
@@ -54,7 +54,7 @@ enum Way {
 }
 
 impl Way {
-    /// The place of x in the sheet; angles lie around `near`.
+    /// The place of x in the developed surface; angles lie around `near`.
     fn place(&self, x: [f64; 3], near: f64) -> [f64; 2] {
         match *self {
             Self::Flat(axes) => axes.map(|axis| dot(axis, x)),
@@ -88,14 +88,14 @@ fn angle(axes: &[[f64; 3]; 3], centre: [f64; 2], x: [f64; 3]) -> f64 {
     (dot(axes[2], x) - centre[1]).atan2(dot(axes[1], x) - centre[0])
 }
 
-impl Sheet {
-    /// The part of a vector at x along the sheet.
+impl Developed {
+    /// The part of a vector at x along the developed surface.
     pub fn vector(&self, x: [f64; 3], vector: [f64; 3]) -> [f64; 2] {
         self.way.directions(x).map(|axis| dot(axis, vector))
     }
 }
 
-/// The facets of a contact on their way to sheets.
+/// The facets of a contact on their way to developed surfaces.
 struct Facets<'a> {
     mesh: &'a Mesh<3>,
     facets: &'a [Facet<3>],
@@ -111,12 +111,12 @@ fn normals(mesh: &Mesh<3>, facets: &[Facet<3>]) -> Vec<(f64, [f64; 3])> {
     facets.iter().map(normal).collect()
 }
 
-/// The sheets of a boundary, that with the largest forces first.
-pub(super) fn sheets(
+/// The developed surfaces of a boundary, that with the largest forces first.
+pub(super) fn developed_parts(
     mesh: &Mesh<3>,
     facets: &[Facet<3>],
     pressure: &dyn Fn(u32) -> f64,
-) -> Vec<Sheet> {
+) -> Vec<Developed> {
     let all = Facets {
         mesh,
         facets,
@@ -124,34 +124,34 @@ pub(super) fn sheets(
         pressure,
     };
     let whole: Vec<usize> = (0..facets.len()).collect();
-    if let Some(sheet) = all.one(&whole) {
-        return vec![sheet];
+    if let Some(developed) = all.one(&whole) {
+        return vec![developed];
     }
     let mut pieces = all.pieces();
     if pieces.len() == 1 {
         return all.sides(&whole);
     }
     pieces.sort_by(|a, b| all.force(b).total_cmp(&all.force(a)));
-    let mut sheets: Vec<Sheet> = (pieces.iter())
+    let mut developed_parts: Vec<Developed> = (pieces.iter())
         .flat_map(|piece| match all.one(piece) {
-            Some(sheet) => vec![sheet],
+            Some(developed) => vec![developed],
             None => all.sides(piece),
         })
         .collect();
-    let count = sheets.len();
-    sheets.truncate(MOST);
-    for (k, sheet) in (1..).zip(&mut sheets) {
-        sheet.caption = format!("part {k} of {count}, {}", sheet.caption);
+    let count = developed_parts.len();
+    developed_parts.truncate(MOST);
+    for (k, developed) in (1..).zip(&mut developed_parts) {
+        developed.caption = format!("part {k} of {count}, {}", developed.caption);
     }
-    if let Some(last) = sheets.last_mut().filter(|_| count > MOST) {
+    if let Some(last) = developed_parts.last_mut().filter(|_| count > MOST) {
         last.caption += "; those with smaller forces are left out";
     }
-    sheets
+    developed_parts
 }
 
 impl Facets<'_> {
-    /// One sheet for some facets, where one shows them all.
-    fn one(&self, part: &[usize]) -> Option<Sheet> {
+    /// One developed surface for some facets, where one shows them all.
+    fn one(&self, part: &[usize]) -> Option<Developed> {
         let mean = self.mean(part, |_| 1.0);
         let seen = part.iter().map(|&f| dot(self.normals[f].1, mean));
         // Where there is no mean, nothing is seen along it.
@@ -211,7 +211,7 @@ impl Facets<'_> {
     }
 
     /// Facets as they are seen along a direction, their mean normal.
-    fn flat(&self, part: &[usize], normal: [f64; 3]) -> Sheet {
+    fn flat(&self, part: &[usize], normal: [f64; 3]) -> Developed {
         let normal = match normal.iter().position(|v| v.abs() > NEARLY) {
             Some(c) => std::array::from_fn(|k| if k == c { normal[c].signum() } else { 0.0 }),
             None => tidy(normal),
@@ -227,11 +227,11 @@ impl Facets<'_> {
             Some(name) => name.to_owned(),
             None => format!("{} along {}", ["u", "v"][c], direction(axes[c])),
         });
-        self.sheet(part, Way::Flat(axes), caption, labels, normal)
+        self.developed(part, Way::Flat(axes), caption, labels, normal)
     }
 
     /// Facets around an axis, unrolled so that the largest pressure lies in the middle; None if they are not round.
-    fn rolled(&self, part: &[usize]) -> Option<Sheet> {
+    fn rolled(&self, part: &[usize]) -> Option<Developed> {
         let axis = self.axis(part)?;
         let first = flat_axes(axis)[0];
         let axes = [axis, first, cross(axis, first)];
@@ -277,11 +277,11 @@ impl Facets<'_> {
             centre,
             radius,
         };
-        Some(self.sheet(part, way, caption, labels, axis))
+        Some(self.developed(part, way, caption, labels, axis))
     }
 
     /// Facets from the side with the larger pressures, and from the other one.
-    fn sides(&self, part: &[usize]) -> Vec<Sheet> {
+    fn sides(&self, part: &[usize]) -> Vec<Developed> {
         let pressed = self.mean(part, |f| self.pressure(f));
         let is_pressed = pressed.iter().all(|v| v.is_finite());
         let axis = if is_pressed { pressed } else { [0.0, 0.0, 1.0] };
@@ -312,14 +312,14 @@ impl Facets<'_> {
     }
 
     /// Facets laid flat.
-    fn sheet(
+    fn developed(
         &self,
         part: &[usize],
         way: Way,
         caption: String,
         labels: [String; 2],
         towards: [f64; 3],
-    ) -> Sheet {
+    ) -> Developed {
         let place = |node: u32| self.mesh.nodes[node as usize];
         let mut order = part.to_vec();
         let depth = |f: usize| dot(towards, place(self.facets[f][0]));
@@ -351,7 +351,7 @@ impl Facets<'_> {
             let line = border.ends.map(|node| places[first][corner(node)]);
             (line, border.count == 1)
         });
-        Sheet {
+        Developed {
             triangles: triangles.collect(),
             edges: edges.collect(),
             caption,
@@ -419,8 +419,8 @@ mod tests {
         block([0.0; 3], [1.0; 3], [33, 2, 3], hexahedra, "body", "")
     }
 
-    fn area(sheet: &Sheet) -> f64 {
-        let triangles = sheet.triangles.iter().map(|([a, b, c], _)| {
+    fn area(developed: &Developed) -> f64 {
+        let triangles = developed.triangles.iter().map(|([a, b, c], _)| {
             let (p, q) = (minus(*b, *a), minus(*c, *a));
             0.5 * (p[0] * q[1] - p[1] * q[0]).abs()
         });
@@ -430,7 +430,7 @@ mod tests {
     #[test]
     fn flat_surfaces_keep_their_axes() {
         let mesh = cells();
-        let bottom = sheets(&mesh, &mesh.boundaries["bottom"], &|_| 1.0);
+        let bottom = developed_parts(&mesh, &mesh.boundaries["bottom"], &|_| 1.0);
         assert_eq!(bottom.len(), 1);
         assert_eq!(bottom[0].labels, ["x", "y"]);
         let caption = &bottom[0].caption;
@@ -441,10 +441,10 @@ mod tests {
         // Two faces of the box: one after the other, that with the forces first.
         let both = [&mesh.boundaries["left"][..], &mesh.boundaries["top"]].concat();
         let on_left = |node: u32| f64::from(u8::from(mesh.nodes[node as usize][0] == 0.0));
-        let parts = sheets(&mesh, &both, &on_left);
+        let parts = developed_parts(&mesh, &both, &on_left);
         assert_eq!(parts.len(), 1, "{}", parts[0].caption);
         let opposite = [&mesh.boundaries["left"][..], &mesh.boundaries["right"]].concat();
-        let parts = sheets(&mesh, &opposite, &on_left);
+        let parts = developed_parts(&mesh, &opposite, &on_left);
         let captions = [0, 1].map(|k: usize| parts[k].caption.as_str());
         assert_eq!(
             captions[0],
@@ -469,17 +469,17 @@ mod tests {
             let to = minus(mesh.nodes[node as usize], peak);
             -to[0].hypot(to[1])
         };
-        let rolled = sheets(&mesh, &mesh.boundaries["back"], &pressure);
+        let rolled = developed_parts(&mesh, &mesh.boundaries["back"], &pressure);
         assert_eq!(rolled.len(), 1);
         assert_eq!(rolled[0].labels, ["arc", "z"]);
-        let sheet = &rolled[0];
-        let (caption, area) = (&sheet.caption, area(sheet));
+        let developed = &rolled[0];
+        let (caption, area) = (&developed.caption, area(developed));
         assert!(
             caption.ends_with("radius 3; arc 0 lies towards y"),
             "{caption}"
         );
         assert!((area - 4.5 * PI).abs() < 1e-9 * area, "{area}");
-        let [around, up] = sheet.vector([5.0, 3.0, 0.0], [-2.0, 1.0, 7.0]);
+        let [around, up] = developed.vector([5.0, 3.0, 0.0], [-2.0, 1.0, 7.0]);
         assert!((around - 2.0).abs() < 1e-9 && (up - 7.0).abs() < 1e-12);
     }
 

@@ -1,6 +1,6 @@
 //! The rigid motions of a body that its stiffness matrix does not resist.
 
-use super::FreeBody;
+use super::FloatingBody;
 use crate::dense::{right_singular, symmetric_eigen};
 use crate::problem::system::is_coupled;
 use crate::rigid::{Frame, length};
@@ -19,7 +19,7 @@ pub(super) fn free_body<const D: usize>(
     k: &BlockCsr<D>,
     points: &[[f64; D]],
     nodes: Vec<u32>,
-) -> Option<FreeBody<D>> {
+) -> Option<FloatingBody<D>> {
     match D {
         2 => free_among::<D, 3>(k, points, nodes),
         _ => free_among::<D, 6>(k, points, nodes),
@@ -31,7 +31,7 @@ fn free_among<const D: usize, const M: usize>(
     k: &BlockCsr<D>,
     points: &[[f64; D]],
     nodes: Vec<u32>,
-) -> Option<FreeBody<D>> {
+) -> Option<FloatingBody<D>> {
     let of_body = nodes.iter().map(|&node| &points[node as usize]);
     let frame = Frame::of_box(of_body, |edges| 0.5 * length(&edges));
     let mut mode_of: Vec<[[f64; M]; D]> = nodes
@@ -87,7 +87,7 @@ fn free_among<const D: usize, const M: usize>(
         }
         motion
     };
-    Some(FreeBody {
+    Some(FloatingBody {
         modes: combinations.iter().map(mode).collect(),
         motions: combinations.iter().map(motion).collect(),
         nodes,

@@ -30,7 +30,7 @@ const NONE: f64 = 1e-6;
 
 /// A body with a motion as a whole that no support prevents.
 #[derive(Clone, Debug)]
-pub struct FreeBody<const D: usize = 2> {
+pub struct FloatingBody<const D: usize = 2> {
     nodes: Vec<u32>,
     frame: Frame<D>,
     motions: Vec<Vec<f64>>,
@@ -38,7 +38,7 @@ pub struct FreeBody<const D: usize = 2> {
     modes: Vec<Vec<[f64; D]>>,
 }
 
-impl<const D: usize> FreeBody<D> {
+impl<const D: usize> FloatingBody<D> {
     /// Its nodes: block rows of K.
     pub fn nodes(&self) -> &[u32] {
         &self.nodes
@@ -148,11 +148,11 @@ impl<const D: usize> FreeBody<D> {
 
 /// All bodies that can move as a whole.
 #[derive(Clone, Debug, Default)]
-pub struct FreeBodies<const D: usize = 2> {
-    bodies: Vec<FreeBody<D>>,
+pub struct FloatingBodies<const D: usize = 2> {
+    bodies: Vec<FloatingBody<D>>,
 }
 
-impl<const D: usize> FreeBodies<D> {
+impl<const D: usize> FloatingBodies<D> {
     /// Finds them from K and the points that its nodes (block rows) have.
     ///
     /// # Panics
@@ -177,7 +177,7 @@ impl<const D: usize> FreeBodies<D> {
     }
 
     /// The bodies, in the order of their first nodes.
-    pub fn bodies(&self) -> &[FreeBody<D>] {
+    pub fn bodies(&self) -> &[FloatingBody<D>] {
         &self.bodies
     }
 
@@ -187,12 +187,12 @@ impl<const D: usize> FreeBodies<D> {
     }
 
     /// Columns of R.
-    pub fn n_motions(&self) -> usize {
+    pub fn n_modes(&self) -> usize {
         self.bodies.iter().map(|body| body.modes.len()).sum()
     }
 
     /// Each column of R with its body: first column, body.
-    fn columns(&self) -> impl Iterator<Item = (usize, &FreeBody<D>)> {
+    fn columns(&self) -> impl Iterator<Item = (usize, &FloatingBody<D>)> {
         self.bodies.iter().scan(0, |next, body| {
             let first = *next;
             *next += body.modes.len();
@@ -204,7 +204,7 @@ impl<const D: usize> FreeBodies<D> {
     pub(crate) fn parts<'a>(
         &'a self,
         alpha: &'a [f64],
-    ) -> impl Iterator<Item = (&'a FreeBody<D>, &'a [f64])> {
+    ) -> impl Iterator<Item = (&'a FloatingBody<D>, &'a [f64])> {
         self.columns()
             .map(|(first, body)| (body, &alpha[first..][..body.modes.len()]))
     }
@@ -270,7 +270,7 @@ impl<const D: usize> FreeBodies<D> {
             .collect();
         let mut entries = Vec::new();
         // The entries of a row, beside what they could be, and the motions that have any.
-        let mut sums = vec![[0.0_f64; 2]; self.n_motions()];
+        let mut sums = vec![[0.0_f64; 2]; self.n_modes()];
         let mut motions = Vec::new();
         for row in 0..b.n_rows() {
             let (columns, values) = b.row(row);
@@ -296,7 +296,7 @@ impl<const D: usize> FreeBodies<D> {
                 }
             }
         }
-        Csr::from_triplets(b.n_rows(), self.n_motions(), entries)
+        Csr::from_triplets(b.n_rows(), self.n_modes(), entries)
     }
 
     /// K with as many unknowns tied to the ground as there are motions, and these with their ties: positive

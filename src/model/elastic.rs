@@ -1,0 +1,70 @@
+//! The bodies of a model that is ready to be solved.
+
+use super::contacts::PairData;
+use super::supports::Prescriptions;
+use super::{Definition, Units};
+use crate::contact::ContactRows;
+use crate::elasticity::{Body, Material, Plane, Unknowns};
+use crate::mesh::{ElementKind, Mesh, Topology};
+
+/// The elastic side of a problem: what the results are written on.
+#[derive(Debug)]
+pub struct Elastic<const D: usize = 2>
+where
+    ElementKind: Topology<D>,
+{
+    /// The mesh of all bodies.
+    pub mesh: Mesh<D>,
+    /// One per region.
+    pub materials: Vec<Material>,
+    /// Plane strain or plane stress; in space plane strain, which has the same moduli.
+    pub plane: Plane,
+    /// Thickness in m; 1 in space.
+    pub thickness: f64,
+    /// The numbering of the unknowns, with the prescribed displacements of the first step.
+    pub unknowns: Unknowns<D>,
+    /// What supports prescribe: node, component (along the directions that [`Unknowns::frame`] gives the node, if any),
+    /// number of the support that does so first.
+    pub held: Vec<(u32, usize, usize)>,
+    /// The boundary or point of each support.
+    pub supports: Vec<String>,
+    /// The centroid of the boundaries of each support, or its point.
+    pub support_centres: Vec<[f64; D]>,
+    /// The rows of N and T with their contact nodes.
+    pub contact: ContactRows<D>,
+    /// The contacts of the model, in its order.
+    pub pairs: Vec<PairData<D>>,
+    /// Which pair each row belongs to.
+    pub pair_of: Vec<u32>,
+    /// What lengths and forces are called.
+    pub units: Units,
+    /// Whether the model says so itself.
+    pub units_stated: bool,
+    /// Seconds for K, f and the contact rows.
+    pub assembly_seconds: f64,
+    /// The part of it for the search and the integrals of the contacts.
+    pub pairing_seconds: f64,
+    /// What the load of each step follows from.
+    pub(super) definition: Definition<D>,
+    pub(super) prescriptions: Prescriptions<D>,
+}
+
+impl<const D: usize> Elastic<D>
+where
+    ElementKind: Topology<D>,
+{
+    /// The body as the elasticity functions want it.
+    pub fn body(&self) -> Body<'_, D> {
+        Body {
+            mesh: &self.mesh,
+            materials: &self.materials,
+            plane: self.plane,
+            thickness: self.thickness,
+        }
+    }
+
+    /// Number of load steps.
+    pub fn n_steps(&self) -> usize {
+        self.definition.n_steps()
+    }
+}
