@@ -66,7 +66,7 @@ pub enum Event<'a, const D: usize = 2> {
     /// It gets on.
     Within(quasistatic::Event<'a>),
     /// It has ended, in whichever way.
-    Ends(Solved<'a, D>),
+    Ends(Box<Solved<'a, D>>),
 }
 
 /// A load step that has ended.
@@ -139,7 +139,7 @@ where
                 data: data.as_ref(),
                 solution,
             };
-            if observer(Event::Ends(solved)).is_break() || !goes_on {
+            if observer(Event::Ends(Box::new(solved))).is_break() || !goes_on {
                 break;
             }
         }

@@ -45,7 +45,7 @@ pub enum BuildError {
 #[derive(Debug)]
 pub enum CaseProblem {
     /// That of the bodies of an elastic case.
-    Elastic(AnyBuilt),
+    Elastic(Box<AnyBuilt>),
     /// That of the matrices of an algebraic case.
     Algebraic(AnyProblem),
 }
@@ -54,23 +54,29 @@ impl CaseProblem {
     /// The model, of an elastic case in the plane.
     pub fn plane(self) -> Option<Built> {
         match self {
-            Self::Elastic(AnyBuilt::Plane(built)) => Some(built),
-            _ => None,
+            Self::Elastic(built) => match *built {
+                AnyBuilt::Plane(built) => Some(built),
+                AnyBuilt::Space(_) => None,
+            },
+            Self::Algebraic(_) => None,
         }
     }
 
     /// The model, of an elastic case in space.
     pub fn space(self) -> Option<Built<3>> {
         match self {
-            Self::Elastic(AnyBuilt::Space(built)) => Some(built),
-            _ => None,
+            Self::Elastic(built) => match *built {
+                AnyBuilt::Space(built) => Some(built),
+                AnyBuilt::Plane(_) => None,
+            },
+            Self::Algebraic(_) => None,
         }
     }
 
     /// What there is to solve.
     pub fn analysis(&self) -> AnyAnalysis<'_> {
         match self {
-            Self::Elastic(built) => built.into(),
+            Self::Elastic(built) => built.as_ref().into(),
             Self::Algebraic(problem) => problem.into(),
         }
     }
@@ -87,10 +93,10 @@ impl Case {
                 self.build_algebraic(table.get_ref())?,
             ));
         }
-        Ok(CaseProblem::Elastic(match self.mesh()? {
+        Ok(CaseProblem::Elastic(Box::new(match self.mesh()? {
             AnyMesh::Plane(mesh) => AnyBuilt::Plane(self.build_on(mesh)?),
             AnyMesh::Space(mesh) => AnyBuilt::Space(self.build_on(mesh)?),
-        }))
+        })))
     }
 
     /// The model on its mesh.

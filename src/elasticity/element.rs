@@ -23,7 +23,7 @@ pub trait Elements<const D: usize>: Topology<D> {
     /// Turns a kind into its type: the only place that does.
     ///
     /// # Panics
-    /// If it is a kind of another dimension, of which no [`crate::mesh::ShapeFunctions`] can be.
+    /// If it is a kind of another dimension, of which no [`crate::mesh::Element`] can be.
     fn with<V: Visit<D>>(self, visit: V) -> V::Output;
 
     /// Hands `take` the points that integrate over a facet with its corners at x a product of a shape function and a

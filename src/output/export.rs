@@ -109,7 +109,8 @@ where
         let mut table = shared.clone();
         let force = load.force[..problem.n()].to_vec();
         table["load"] = value(files.columns(&format!("f{suffix}"), &[force])?);
-        table["gap"] = value(files.columns(&format!("d{suffix}"), &[load.gap.clone()])?);
+        table["gap"] =
+            value(files.columns(&format!("d{suffix}"), std::slice::from_ref(&load.gap))?);
         if load.gap.iter().any(|&d| d < 0.0) {
             table["interference"] = value(true);
         }

@@ -172,20 +172,20 @@ impl View<'_> {
         for triangle in obstacles.iter().flat_map(Patch::triangles) {
             buffer.veil(triangle.map(|x| self.pixel(x)));
         }
-        let (image, mut svg) = rayon::join(
+        let nodes = &bodies.elastic.mesh.nodes;
+        let (image, (before, lines)) = rayon::join(
             || buffer.png(self.solids.top),
             || {
+                let before: String = (surface.edges.iter().filter(|edge| edge.sharp))
+                    .map(|edge| edge.ends.map(|node| self.place(nodes[node as usize])))
+                    .map(|ends| line(ends.map(|[x, y, _]| [x, y])))
+                    .collect();
                 let mut svg = Svg::default();
                 self.lines(&mut svg, &buffer, &places);
-                svg
+                (before, svg.text)
             },
         );
-        let lines = std::mem::take(&mut svg.text);
-        let nodes = &bodies.elastic.mesh.nodes;
-        let before: String = (surface.edges.iter().filter(|edge| edge.sharp))
-            .map(|edge| edge.ends.map(|node| self.place(nodes[node as usize])))
-            .map(|ends| line(ends.map(|[x, y, _]| [x, y])))
-            .collect();
+        let mut svg = Svg::default();
         svg.path(&before, "stroke=\"#b5b5b5\"");
         let size = [width, height].map(|v| v as f64 / FINE);
         svg.image([-ROOM; 2], size, &image);

@@ -136,6 +136,8 @@ impl ZBuffer {
     pub fn png(&self, top: f64) -> Vec<u8> {
         png([self.width, self.height], &self.pixels(top), |encoder| {
             encoder.set_color(png::ColorType::Rgba);
+            // Half as large again, in a third of the time, which is most of what a picture takes.
+            encoder.set_compression(png::Compression::Fast);
         })
     }
 }
