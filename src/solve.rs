@@ -340,6 +340,7 @@ mod tests {
     use crate::elasticity::Material;
     use crate::mesh::structured::{CellShape, rectangle};
     use crate::model::{Model, Pair, Support, Traction};
+    use crate::quasistatic::StepSettings;
 
     /// A block on a plane, without any other support against moving up.
     fn block(steps: &[f64]) -> Built {
@@ -393,5 +394,66 @@ mod tests {
         let failed = block(&[1.0]).solve(&options).err();
         let error = failed.map(|failed| failed.error);
         assert!(matches!(error, Some(Error::Settings(_))), "{error:?}");
+    }
+
+    /// It moves to another thread, and solves what has the same K, N and T, and nothing else.
+    #[test]
+    fn an_engine_is_kept_and_used_again() {
+        let built = block(&[1.0]);
+        let problem = &built.problem;
+        let mut engine = Engine::new(problem, Default::default(), |_| {})
+            .unwrap_or_else(|error| panic!("{error}"));
+        let settings = StepSettings::default();
+        let force = |engine: &mut Engine, problem: &ContactProblem| {
+            let solution = problem.solve_on(engine, &settings)?;
+            assert_eq!(solution.status, Status::Converged);
+            Ok::<f64, Error>(solution.lambda[..problem.m()].iter().sum())
+        };
+        let twice = problem.load().iter().map(|f| 2.0 * f).collect();
+        let twice = problem.clone().with_load(twice);
+        let twice = twice.unwrap_or_else(|error| panic!("{error}"));
+        let [once, twice] = std::thread::scope(|scope| {
+            let work = scope.spawn(|| [problem, &twice].map(|problem| force(&mut engine, problem)));
+            work.join().expect("no panic")
+        });
+        for (found, expected) in [(once, 200.0), (twice, 400.0)] {
+            let found = found.unwrap_or_else(|error| panic!("{error}"));
+            assert!((found / expected - 1.0).abs() < 1e-6, "{found}");
+        }
+        let other = block(&[1.0]);
+        let error = force(&mut engine, &other.problem).err();
+        assert!(matches!(error, Some(Error::OtherMatrices)), "{error:?}");
+    }
+
+    /// An observer ends the steps before one, within one, and after one.
+    #[test]
+    fn an_observer_stops_the_steps() {
+        let built = block(&[0.5, 1.0, 2.0]);
+        let analysis = Analysis::from(&built);
+        let mut engine = Engine::new(&built.problem, Default::default(), |_| {})
+            .unwrap_or_else(|error| panic!("{error}"));
+        let mut heard = |stops: &dyn Fn(&Event) -> bool| {
+            let mut ended = Vec::new();
+            let observer = |event: Event| {
+                let stops = stops(&event);
+                if let Event::Ends(solved) = event {
+                    ended.push((solved.number, solved.solution.status));
+                }
+                match stops {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            };
+            analysis
+                .solve_on(&mut engine, &StepSettings::default(), observer)
+                .unwrap_or_else(|error| panic!("{error}"));
+            ended
+        };
+        let before = heard(&|event| matches!(event, Event::Begins { number: 2, .. }));
+        assert_eq!(before, [(1, Status::Converged)]);
+        let after = heard(&|event| matches!(event, Event::Ends(solved) if solved.number == 2));
+        assert_eq!(after, [(1, Status::Converged), (2, Status::Converged)]);
+        let within = heard(&|event| matches!(event, Event::Within(_)));
+        assert_eq!(within, [(1, Status::Interrupted)]);
     }
 }
