@@ -17,7 +17,7 @@ pub use obstacle::{Obstacle, obstacle_contact};
 pub(crate) use rows::pooled;
 pub use rows::{ContactRows, contact_rows};
 
-use crate::elasticity::{Body, Elements, Field};
+use crate::elasticity::{Body, Field};
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Location, Topology, bounds};
 use std::collections::HashMap;
@@ -223,9 +223,9 @@ impl SlipBound {
 }
 
 /// What elastic bodies in contact need of D dimensions: `where ElementKind: Space<D>` says it all.
-pub trait Space<const D: usize>: Elements<D> + Mortar<D> {}
+pub trait Space<const D: usize>: Topology<D> + Mortar<D> {}
 
-impl<const D: usize, T: Elements<D> + Mortar<D>> Space<D> for T {}
+impl<const D: usize, T: Topology<D> + Mortar<D>> Space<D> for T {}
 
 /// What is wrong with a contact definition.
 #[derive(Debug, thiserror::Error)]

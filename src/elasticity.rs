@@ -1,34 +1,19 @@
 //! Linear elasticity: materials, supports, loads, the stiffness matrix K and stresses.
 //!
-//! Small strains, isotropic materials; in the plane 3-node triangles and bilinear 4-node quadrilaterals, in space
-//! 4-node tetrahedra, trilinear 8-node hexahedra and 6-node wedges, all with full integration. Forces in the plane are
-//! per body of the given thickness; coordinates, moduli and tractions may be in any consistent units (metres, pascals
-//! and newtons in the documentation).
-//!
-//! A new type of element is a [`ElementKind`] of the mesh, a file beside `quad.rs` with its shape functions, and a line in
-//! `ElementKind::with`; what its facets are integrated with is in `surface.rs`.
+//! Small strains, isotropic materials; elements of first and of second order (`mesh/shape`), all with full integration but for
+//! the dilatation of nearly incompressible ones (`dilatation.rs`). Forces in the plane are per body of the given thickness;
+//! coordinates, moduli and tractions may be in any consistent units (metres, pascals and newtons in the documentation).
 
 mod assembly;
-mod element;
-mod hexahedron;
+mod dilatation;
 mod loads;
-mod quad;
-mod shape;
 mod stress;
-mod surface;
 #[cfg(test)]
 mod tests;
-mod tetrahedron;
-mod triangle;
 mod unknowns;
-mod wedge;
 
 pub use assembly::{assemble, internal_forces, load_vector};
-pub use element::Elements;
-pub(crate) use quad::Quad;
 pub use stress::{Stress, stresses};
-pub use surface::FacetPoint;
-pub(crate) use surface::{edge_points, triangle_points};
 pub use unknowns::Unknowns;
 
 use crate::mesh::{ElementKind, Mesh, Topology};
@@ -42,7 +27,25 @@ pub struct Material {
     pub poisson: f64,
     /// Density in kg/m³, for gravity.
     pub density: f64,
+    /// Whether elements of it are those for nearly incompressible bodies.
+    pub incompressible: Incompressible,
 }
+
+/// Whether the dilatation of elements is projected, so that they do not lock near ν = 0.5: not that of 3-node triangles, 6-node
+/// triangles and 4-node tetrahedra, and not in plane stress, where nothing locks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Incompressible {
+    /// From ν = 0.45 on.
+    #[default]
+    Auto,
+    /// Whatever ν is.
+    Yes,
+    /// Never.
+    No,
+}
+
+/// Poisson's ratio from which [`Incompressible::Auto`] projects: there the bulk modulus is nearly ten times the shear modulus.
+const NEARLY_INCOMPRESSIBLE: f64 = 0.45;
 
 /// The state of the plane: what happens perpendicular to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Deserialize)]
@@ -56,6 +59,16 @@ pub enum Plane {
 }
 
 impl Material {
+    /// A material without weight; E in Pa.
+    pub const fn new(young: f64, poisson: f64) -> Self {
+        Self {
+            young,
+            poisson,
+            density: 0.0,
+            incompressible: Incompressible::Auto,
+        }
+    }
+
     /// The Lamé pair (λ, μ) that makes σ = λ tr(ε) I + 2μ ε hold in the plane; that of plane strain is that of space.
     pub(crate) fn lame(&self, plane: Plane) -> (f64, f64) {
         let (e, nu) = (self.young, self.poisson);
@@ -65,6 +78,16 @@ impl Material {
             Plane::PlaneStress => e * nu / (1.0 - nu * nu),
         };
         (lambda, mu)
+    }
+
+    /// Whether elements of it have their dilatation projected.
+    pub(crate) fn is_projected(&self, plane: Plane) -> bool {
+        plane == Plane::PlaneStrain
+            && match self.incompressible {
+                Incompressible::Auto => self.poisson >= NEARLY_INCOMPRESSIBLE,
+                Incompressible::Yes => true,
+                Incompressible::No => false,
+            }
     }
 }
 
@@ -87,15 +110,29 @@ where
     pub thickness: f64,
 }
 
+/// What assembly needs of a material: the Lamé pair times the thickness.
+#[derive(Clone, Copy)]
+struct Moduli {
+    lambda: f64,
+    mu: f64,
+    /// Whether the dilatation is projected.
+    projected: bool,
+}
+
 impl<const D: usize> Body<'_, D>
 where
     ElementKind: Topology<D>,
 {
-    /// The Lamé pair of each region times the thickness.
-    fn moduli(&self) -> Vec<(f64, f64)> {
-        (self.materials.iter())
-            .map(|material| material.lame(self.plane))
-            .map(|(lambda, mu)| (lambda * self.thickness, mu * self.thickness))
-            .collect()
+    /// The moduli of each region.
+    fn moduli(&self) -> Vec<Moduli> {
+        let of = |material: &Material| {
+            let (lambda, mu) = material.lame(self.plane);
+            Moduli {
+                lambda: lambda * self.thickness,
+                mu: mu * self.thickness,
+                projected: material.is_projected(self.plane),
+            }
+        };
+        self.materials.iter().map(of).collect()
     }
 }

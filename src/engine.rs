@@ -144,7 +144,7 @@ type Again = dyn Fn(bool, &EngineOptions, &mut dyn FnMut(&str)) -> Result<Path, 
 ///
 /// let plane = Obstacle::HalfSpace { point: [0.0; 2], normal: [0.0, 1.0] };
 /// let built = Model::on(rectangle([0.0; 2], [3.0, 1.0], [12, 4], CellShape::Quad, "body", ""))
-///     .material(Material { young: 2e5, poisson: 0.3, density: 0.0 })
+///     .material(Material::new(2e5, 0.3))
 ///     .support(Support::on("left").fixed())
 ///     .traction(Traction::on("top").pressure(100.0))
 ///     .traction(Traction::on("right").x(50.0))

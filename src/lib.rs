@@ -93,7 +93,7 @@
 //!     rectangle([0.0, 1.0], [2.0, 1.0], [7, 4], CellShape::Triangle, "up", "up-"),
 //! );
 //! let built = Model::on(mesh)
-//!     .material(Material { young: 5e6, poisson: 0.4, density: 0.0 })
+//!     .material(Material::new(5e6, 0.4))
 //!     .support(Support::on("low-bottom").fixed())
 //!     .support(Support::on("up-top").x(0.0).y(|x: [f64; 2]| -0.01 - 1e-4 * x[0]))
 //!     .contact(Pair::new("up-bottom", "low-top").coulomb(0.3))

@@ -1,8 +1,8 @@
 //! Meshes with named regions and boundaries.
 //!
 //! [`Mesh`] is that of the plane, with triangles and quadrilaterals, `Mesh<3>` that of space, with tetrahedra,
-//! hexahedra and wedges. Everything is written for both; what their geometry differs in is in `mesh/plane.rs` and
-//! `mesh/solid.rs`.
+//! hexahedra, wedges and pyramids, of first and of second order. Everything is written for both dimensions; what they differ
+//! in is in `mesh/plane.rs` and `mesh/solid.rs`, and `mesh/shape` has the shape functions of each kind.
 
 mod abaqus;
 mod boundary;
@@ -12,6 +12,7 @@ pub mod gmsh;
 mod groups;
 mod plane;
 mod read;
+pub(crate) mod shape;
 mod solid;
 pub mod structured;
 #[cfg(test)]
@@ -20,11 +21,15 @@ pub(crate) mod vector;
 #[cfg(feature = "files")]
 mod vtu;
 
-pub use element::{Element, ElementKind, Facet, Topology, facet, facet_nodes};
+#[cfg(feature = "plots")]
+pub(crate) use element::edge_parts;
+pub use element::{Element, ElementKind, Facet, Topology, facet, facet_corners, facet_nodes};
 pub use file::FileError;
 pub use gmsh::write::msh;
 pub(crate) use groups::Groups;
 pub use read::{has_cell_arrays, read};
+use shape::determinant;
+pub use shape::{FacetPoint, Point, ShapeFunctions, Visit};
 pub(crate) use vector::bounds;
 use vector::minus;
 
@@ -179,6 +184,23 @@ pub enum MeshError {
         element: usize,
         /// Its first node.
         place: Location,
+    },
+    /// The nodes in the middle of the sides of an element of second order lie where its map folds.
+    #[error(
+        "element {element} near {place} folds over itself, as nodes in the middle of its sides lie too far from there: {}",
+        if *other_order {
+            "they are probably listed in the order of another program (Gmsh and VTK differ)"
+        } else {
+            "repair it in the mesher, or leave these nodes out (order = 1)"
+        }
+    )]
+    Folded {
+        /// The element.
+        element: usize,
+        /// Its first node.
+        place: Location,
+        /// Whether it would not fold if its nodes were listed as another program does.
+        other_order: bool,
     },
     /// An element names a region that does not exist.
     #[error("element {element} is in region {region}, but there are only {n_regions} regions")]
@@ -355,17 +377,16 @@ where
         std::array::from_fn(|a| self.nodes[nodes[a] as usize])
     }
 
-    /// Area (volume) of an element, negative if its nodes go round the wrong way.
-    pub(crate) fn signed_measure(&self, element: &Element<D>) -> f64 {
-        let (x, len) = corners(element, &self.nodes);
-        element.kind().signed_measure(&x[..len])
+    /// Area (volume) of an element; negative where its nodes go round the wrong way.
+    pub(crate) fn measure(&self, element: &Element<D>) -> f64 {
+        element.kind().with(Measure(self, element))
     }
 
     /// Area (volume) of each region.
     pub fn measures(&self) -> Vec<f64> {
         let mut measures = vec![0.0; self.regions.len()];
         for element in &self.elements {
-            measures[element.region as usize] += self.signed_measure(element);
+            measures[element.region as usize] += self.measure(element);
         }
         measures
     }
@@ -376,20 +397,67 @@ where
     }
 }
 
-/// The coordinates of the nodes of an element, and how many these are.
-fn corners<const D: usize>(element: &Element<D>, nodes: &[[f64; D]]) -> ([[f64; D]; 8], usize)
+/// Integrates over an element.
+struct Measure<'a, const D: usize>(&'a Mesh<D>, &'a Element<D>)
+where
+    ElementKind: Topology<D>;
+
+impl<const D: usize> Visit<D> for Measure<'_, D>
 where
     ElementKind: Topology<D>,
 {
-    let mut x = [[0.0; D]; 8];
-    for (x, &node) in x.iter_mut().zip(element.nodes()) {
-        *x = nodes[node as usize];
+    type Output = f64;
+
+    fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) -> f64 {
+        let x: [_; N] = self.0.coordinates(self.1);
+        let weight = |(xi, weight)| weight * determinant(&E::shapes(xi).1, &x);
+        E::load_rule().map(weight).sum()
     }
-    (x, element.nodes().len())
 }
 
-/// Turns an element around whose nodes go the wrong way round, and rejects one without area (volume) or with a corner
-/// that turns inwards.
+/// The least determinant of the map from the reference element, and its sum, over the nodes, where those of second order
+/// would be, and the points of integration.
+struct Determinants<'a, const D: usize> {
+    kind: ElementKind,
+    x: &'a [[f64; D]],
+}
+
+impl<const D: usize> Visit<D> for Determinants<'_, D>
+where
+    ElementKind: Topology<D>,
+{
+    type Output = (f64, f64);
+
+    fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) -> (f64, f64) {
+        let x: [_; N] = std::array::from_fn(|a| self.x[a]);
+        let (mut least, mut total) = (f64::INFINITY, 0.0);
+        let mut at = |xi: [f64; D]| {
+            let determinant = determinant(&E::shapes(xi).1, &x);
+            least = if determinant < least || determinant.is_nan() {
+                determinant
+            } else {
+                least
+            };
+            total += determinant;
+        };
+        // In a triangle or a tetrahedron with straight sides there is but one.
+        E::stiffness_rule().into_iter().for_each(|(xi, _)| at(xi));
+        if N > D + 1 {
+            E::NODES.into_iter().for_each(&mut at);
+            let all = self.kind.quadratic().unwrap_or(self.kind).middles();
+            for of in &all[(N - self.kind.n_corners()).min(all.len())..] {
+                let mean = 1.0 / of.len() as f64;
+                at(std::array::from_fn(|c| {
+                    of.iter().map(|&corner| mean * E::NODES[corner][c]).sum()
+                }));
+            }
+        }
+        (least, total)
+    }
+}
+
+/// Turns an element around whose nodes go the wrong way round, and rejects one without area (volume) or that folds over
+/// itself.
 fn orient<const D: usize>(
     element: &mut Element<D>,
     nodes: &[[f64; D]],
@@ -398,22 +466,60 @@ fn orient<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
-    let (mut x, len) = corners(element, nodes);
-    if element.kind().determinants(&x[..len]).sum::<f64>() < 0.0 {
+    let kind = element.kind();
+    let mut x = [[0.0; D]; 27];
+    let mut determinants = |element: &Element<D>| {
+        let of_element = element.nodes();
+        for (x, &node) in x.iter_mut().zip(of_element) {
+            *x = nodes[node as usize];
+        }
+        let x = &x[..of_element.len()];
+        (kind.with(Determinants { kind, x }), size(x))
+    };
+    let ((mut least, total), size) = determinants(element);
+    if total < 0.0 {
         element.turn();
-        (x, _) = corners(element, nodes);
+        ((least, _), _) = determinants(element);
     }
-    let x = &x[..len];
-    // The square of the size of the element, and that to the power of D.
-    let size = (x.iter())
-        .map(|&x_a| (minus(x_a, x[0]).iter()).map(|v| v.powi(2)).sum())
-        .fold(0.0, f64::max);
-    let measure = if D == 2 { size } else { size * size.sqrt() };
-    if (element.kind().determinants(x)).all(|det| det > 1e-12 * measure) {
+    if least > 1e-13 * size {
         return Ok(());
     }
-    Err(MeshError::Degenerate {
+    let place = Location::from(nodes[element.nodes()[0] as usize]);
+    if kind.order() == 1 {
+        return Err(MeshError::Degenerate {
+            element: number,
+            place,
+        });
+    }
+    // As the midsides are none of first order: is it they, and would another program's order be right?
+    let straight = Element::new(kind.linear(), &element.nodes()[..kind.n_corners()], 0);
+    let mut corners_alone = straight;
+    if orient(&mut corners_alone, nodes, number).is_err() {
+        return Err(MeshError::Degenerate {
+            element: number,
+            place,
+        });
+    }
+    let meant = gmsh::other_orders(kind).into_iter().any(|order| {
+        let listed: Vec<u32> = order.iter().map(|&at| element.nodes()[at]).collect();
+        let other = Element::new(kind, &listed, 0);
+        determinants(&other).0.0 > 1e-13 * size
+    });
+    Err(MeshError::Folded {
         element: number,
-        place: x[0].into(),
+        place,
+        other_order: meant,
     })
+}
+
+/// The square of the size of an element, to the power of D / 2.
+fn size<const D: usize>(x: &[[f64; D]]) -> f64 {
+    let square = (x.iter())
+        .map(|&x_a| (minus(x_a, x[0]).iter()).map(|v| v.powi(2)).sum())
+        .fold(0.0, f64::max);
+    if D == 2 {
+        square
+    } else {
+        square * square.sqrt()
+    }
 }

@@ -16,7 +16,7 @@
 //! let floor = Obstacle::HalfSpace { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
 //! let mesh = block([0.0; 3], [3.0, 1.0, 1.0], [6, 2, 2], SolidShape::Hexahedron, "steel", "");
 //! let built = Model::on(mesh)
-//!     .material(Material { young: 2.1e11, poisson: 0.3, density: 0.0 })
+//!     .material(Material::new(2.1e11, 0.3))
 //!     .support(Support::on("left").fixed())
 //!     .traction(Traction::on("top").z(|x: [f64; 3]| -1e7 * (1.0 + x[0])))
 //!     .traction(Traction::on("right").y(3e6))

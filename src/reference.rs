@@ -11,9 +11,9 @@ pub use solid::{BEAM, CASE_C, Solid};
 
 use crate::contact::{ContactError, ContactPlace, Friction, Obstacle, PairOptions};
 use crate::contact::{contact_rows, mortar_contact, obstacle_contact};
-use crate::elasticity::{Body, Elements, Material, Plane, Unknowns, assemble};
+use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
 use crate::mesh::structured::{CellShape, join, rectangle};
-use crate::mesh::{ElementKind, Mesh};
+use crate::mesh::{ElementKind, Mesh, Topology};
 use crate::problem::{ContactData, ContactProblem, ProblemError};
 
 /// The material of all reference problems.
@@ -21,6 +21,7 @@ pub const MATERIAL: Material = Material {
     young: 21.19e10,
     poisson: 0.277,
     density: 0.0,
+    incompressible: crate::elasticity::Incompressible::Auto,
 };
 
 /// The geometry of a reference problem.
@@ -157,7 +158,7 @@ fn contact_problem<const D: usize>(
     candidates: &[ContactPlace<D>],
 ) -> Result<ContactProblem<D>, ReferenceError>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     let (stiffness, load) = assemble(body, unknowns, forces);
     let rows = contact_rows(body, unknowns, candidates)?;

@@ -349,11 +349,7 @@ mod tests {
             point: [0.0; 2],
             normal: [0.0, 1.0],
         };
-        let material = Material {
-            young: 1e6,
-            poisson: 0.3,
-            density: 0.0,
-        };
+        let material = Material::new(1e6, 0.3);
         Model::on(mesh)
             .material(material)
             .support(Support::on("left").x(0.0))

@@ -276,11 +276,13 @@ impl Tables {
                 young,
                 poisson,
                 density,
+                incompressible,
             } = table.get_ref();
             let material = Material {
                 young,
                 poisson,
                 density,
+                incompressible,
             };
             (region.clone(), material)
         });

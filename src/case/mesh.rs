@@ -307,7 +307,7 @@ impl Case {
             *place = std::array::from_fn(|c| map[c].at(*place));
         }
         let turned = (mesh.elements.iter())
-            .filter(|element| mesh.signed_measure(element) < 0.0)
+            .filter(|element| mesh.measure(element) < 0.0)
             .count();
         if turned != 0 && turned != mesh.elements.len() {
             return self.invalid(span, format!("map folds the {name} over itself"));

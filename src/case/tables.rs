@@ -4,10 +4,10 @@
 //! `case/definition.rs` holds it against what they say.
 
 use super::{NumberOrExpression, SolverTable};
-use crate::elasticity::Plane;
+use crate::elasticity::{Incompressible, Plane};
 use crate::mesh::structured::{CellShape, SolidShape};
 use crate::model::{Names, Units};
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 use std::fmt;
 use std::path::PathBuf;
 use toml::Spanned;
@@ -159,6 +159,29 @@ pub struct MaterialTable {
     /// In kg/m³.
     #[serde(default)]
     pub density: f64,
+    /// Whether its elements are those for nearly incompressible bodies: "auto", true or false.
+    #[serde(default, deserialize_with = "incompressible")]
+    pub incompressible: Incompressible,
+}
+
+/// "auto", true or false.
+fn incompressible<'de, D: Deserializer<'de>>(from: D) -> Result<Incompressible, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "expected \"auto\", true or false")]
+    enum Said {
+        Flag(bool),
+        Word(Word),
+    }
+    #[derive(Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum Word {
+        Auto,
+    }
+    Ok(match Said::deserialize(from)? {
+        Said::Flag(true) => Incompressible::Yes,
+        Said::Flag(false) => Incompressible::No,
+        Said::Word(Word::Auto) => Incompressible::Auto,
+    })
 }
 
 /// `[[support]]`: prescribed displacements.

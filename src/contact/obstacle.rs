@@ -3,9 +3,9 @@
 use super::{
     ContactError, ContactPlace, Friction, PairOptions, SlipBound, checked, frame, rounding,
 };
-use crate::elasticity::{Body, Elements};
+use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{ElementKind, Facet, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Topology, facet_nodes};
 
 /// A rigid obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,7 +125,7 @@ pub fn obstacle_contact<const D: usize>(
     options: &PairOptions<D>,
 ) -> Result<Vec<ContactPlace<D>>, ContactError>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     let mesh = body.mesh;
     let rounding = rounding(body);

@@ -8,11 +8,7 @@ use crate::mesh::vector::{dot, unit};
 use crate::mesh::{self, Mesh};
 use approx::assert_relative_eq;
 
-const MATERIAL: Material = Material {
-    young: 1.0,
-    poisson: 0.3,
-    density: 0.0,
-};
+const MATERIAL: Material = Material::new(1.0, 0.3);
 
 fn body<const D: usize>(mesh: &Mesh<D>) -> Body<'_, D>
 where

@@ -1,10 +1,9 @@
 //! The stiffness matrix, pattern first and row by row.
 
-use super::element::{Elements, Visit};
-use super::shape::{Point, ShapeFunctions};
-use super::{Body, Unknowns};
+use super::dilatation::Dilatation;
+use super::{Body, Moduli, Unknowns};
 use crate::mesh::vector::{dot, minus};
-use crate::mesh::{self, ElementKind, Mesh, Topology};
+use crate::mesh::{self, ElementKind, Mesh, ShapeFunctions, Topology, Visit};
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -62,59 +61,68 @@ fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize]) -> Vec<&'a mut [T]> {
         .collect()
 }
 
-/// Hands the blocks of the rows of an element's stiffness matrix that are wanted to `take`, each with its corners a and
-/// b: K_ab = ∫ λ ∇φ_a ∇φ_bᵀ + μ ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I.
+/// Hands the blocks of the rows of an element's stiffness matrix that are wanted to `take`, each with its nodes a and
+/// b: K_ab = λ G + μ Gᵀ + μ tr(G) I with G = ∫ ∇φ_a ∇φ_bᵀ; where the dilatation is projected (`dilatation.rs`), λ is −2/3 μ
+/// there and the rest of it acts on what is left of the dilatation.
 struct Blocks<'a, const D: usize, W, F>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     mesh: &'a Mesh<D>,
     element: &'a mesh::Element<D>,
-    /// (λ, μ) of each region.
-    moduli: &'a [(f64, f64)],
-    /// Whether the row of a corner is wanted.
+    /// Of each region.
+    moduli: &'a [Moduli],
+    /// Whether the row of a node is wanted.
     wanted: W,
     take: F,
 }
 
 impl<const D: usize, W, F> Visit<D> for Blocks<'_, D, W, F>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
     W: Fn(usize) -> bool,
     F: FnMut(usize, usize, &[[f64; D]; D]),
 {
     type Output = ();
 
     #[inline]
-    fn visit<E: ShapeFunctions<D, N>, const N: usize>(mut self) {
+    fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(mut self) {
         let x = self.mesh.coordinates(self.element);
-        let (lambda, mu) = self.moduli[self.element.region as usize];
-        let mut points = [Point::<D, N>::ZERO; MOST_POINTS];
-        let mut count = 0;
-        for (place, point) in points.iter_mut().zip(E::stiffness_points(&x)) {
-            *place = point;
-            count += 1;
-        }
+        let Moduli {
+            lambda,
+            mu,
+            projected,
+        } = self.moduli[self.element.region as usize];
+        let points = E::stiffness_points(&x);
+        let dilatation = (projected && E::DILATATION_MODES > 0)
+            .then(|| Dilatation::new(E::DILATATION_MODES, &points, &x));
+        // With κ = λ + 2/3 μ for what is projected.
+        let (lambda, bulk) = match dilatation {
+            Some(_) => (-2.0 / 3.0 * mu, lambda + 2.0 / 3.0 * mu),
+            None => (lambda, 0.0),
+        };
         for a in (0..N).filter(|&a| (self.wanted)(a)) {
-            let mut blocks = [[[0.0; D]; D]; N];
-            for point in &points[..count] {
-                let ga = point.gradient[a];
-                let (l, m) = (lambda * point.weight, mu * point.weight);
-                for (block, gb) in blocks.iter_mut().zip(&point.gradient) {
-                    let dot = m * dot(ga, *gb);
+            let mut products = [[[0.0; D]; D]; N];
+            for point in &points {
+                let ga = point.gradient[a].map(|g| point.weight * g);
+                for (product, gb) in products.iter_mut().zip(&point.gradient) {
                     for i in 0..D {
                         for j in 0..D {
-                            block[i][j] += if i == j {
-                                (l + m) * ga[i] * gb[i] + dot
-                            } else {
-                                l * ga[i] * gb[j] + m * gb[i] * ga[j]
-                            };
+                            product[i][j] += ga[i] * gb[j];
                         }
                     }
                 }
             }
-            for (b, block) in blocks.iter().enumerate() {
-                (self.take)(a, b, block);
+            for (b, g) in products.iter().enumerate() {
+                let along = mu * (0..D).map(|i| g[i][i]).sum::<f64>();
+                let mut block: [[f64; D]; D] = std::array::from_fn(|i| {
+                    std::array::from_fn(|j| lambda * g[i][j] + mu * g[j][i])
+                });
+                (0..D).for_each(|i| block[i][i] += along);
+                if let Some(dilatation) = &dilatation {
+                    dilatation.add(bulk, [a, b], &mut block);
+                }
+                (self.take)(a, b, &block);
             }
         }
     }
@@ -123,31 +131,28 @@ where
 /// The rows of K: those of a node come from the elements around it.
 struct Rows<'a, const D: usize>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     mesh: &'a Mesh<D>,
     unknowns: &'a Unknowns<D>,
     incidence: Incidence,
-    moduli: Vec<(f64, f64)>,
+    moduli: Vec<Moduli>,
 }
 
 impl<const D: usize> Rows<'_, D>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     /// The columns of a block row.
     fn columns(&self, row: usize, found: &mut Vec<u32>) {
         found.clear();
         for &e in self.incidence.of(self.unknowns.node(row)) {
             for &node in self.mesh.elements[e as usize].nodes() {
-                if let Some(block) = self.unknowns.block(node)
-                    && !found.contains(&block)
-                {
-                    found.push(block);
-                }
+                found.extend(self.unknowns.block(node));
             }
         }
         found.sort_unstable();
+        found.dedup();
     }
 
     /// Adds up the blocks of some rows, whose pattern is known; `columns` and `values` begin with the first of them.
@@ -233,9 +238,6 @@ fn add_projected<const D: usize>(
     }
 }
 
-/// More points than any element integrates its stiffness with.
-const MOST_POINTS: usize = 8;
-
 /// The stiffness matrix K of the free unknowns and the load f, both in blocks of D per node.
 ///
 /// `forces` are the nodal forces (D per node of the mesh). Prescribed displacements move to the
@@ -250,7 +252,7 @@ pub fn assemble<const D: usize>(
     forces: &[[f64; D]],
 ) -> (BlockCsr<D>, Vec<f64>)
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     let n_blocks = unknowns.n_blocks();
     let rows = Rows {
@@ -265,7 +267,7 @@ where
         .par_chunks_mut(ROWS_PER_TASK)
         .enumerate()
         .for_each(|(chunk, counts)| {
-            let mut found = Vec::with_capacity(16);
+            let mut found = Vec::with_capacity(64);
             for (k, count) in counts.iter_mut().enumerate() {
                 rows.columns(chunk * ROWS_PER_TASK + k, &mut found);
                 *count = found.len();
@@ -284,7 +286,7 @@ where
         .for_each(|(chunk, (columns, values))| {
             let first = chunk * ROWS_PER_TASK;
             let chunk = first..(first + ROWS_PER_TASK).min(n_blocks);
-            let mut found = Vec::with_capacity(16);
+            let mut found = Vec::with_capacity(64);
             for row in chunk.clone() {
                 rows.columns(row, &mut found);
                 let begin = row_ptr[row] - row_ptr[first];
@@ -306,7 +308,7 @@ pub fn load_vector<const D: usize>(
     forces: &[[f64; D]],
 ) -> Vec<f64>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     let zero = vec![0.0; D * unknowns.n_blocks()];
     let held = internal_forces(body, unknowns, &unknowns.displacements(&zero));
@@ -336,7 +338,7 @@ pub fn internal_forces<const D: usize>(
     displacement: &[[f64; D]],
 ) -> Vec<[f64; D]>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     let moduli = body.moduli();
     let mut forces = vec![[0.0; D]; body.mesh.nodes.len()];

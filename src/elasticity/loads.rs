@@ -1,14 +1,13 @@
 //! Loads: nodal forces from what acts on boundaries and in bodies.
 
-use super::element::{Elements, Visit};
-use super::shape::ShapeFunctions;
-use super::surface::FacetPoint;
 use super::{Body, Field};
-use crate::mesh::{self, ElementKind, Facet, facet_nodes};
+use crate::mesh::{
+    self, ElementKind, Facet, FacetPoint, ShapeFunctions, Topology, Visit, facet_nodes,
+};
 
 impl<const D: usize> Body<'_, D>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     /// Adds ∫ t·v over the facets to the nodal forces (D per node); `traction(x, n)` gives t in Pa at
     /// the point x with outward unit normal n.
@@ -20,9 +19,10 @@ where
     ) {
         self.on_boundary(facets, |nodes, point| {
             let t = traction(point.place, point.normal);
+            let weight = self.thickness * point.weight;
             for (&node, shape) in nodes.iter().zip(point.shape) {
                 for (force, t) in forces[node as usize].iter_mut().zip(t) {
-                    *force += point.weight * shape * t;
+                    *force += weight * shape * t;
                 }
             }
         });
@@ -31,8 +31,9 @@ where
     /// ∫ q φᵢ ds for every node i of the facets: the nodal share of a quantity q given per area.
     pub fn integrate_on_boundary(&self, facets: &[Facet<D>], q: Field<D>, shares: &mut [f64]) {
         self.on_boundary(facets, |nodes, point| {
+            let weight = self.thickness * point.weight * q(point.place);
             for (&node, shape) in nodes.iter().zip(point.shape) {
-                shares[node as usize] += point.weight * shape * q(point.place);
+                shares[node as usize] += weight * shape;
             }
         });
     }
@@ -40,18 +41,16 @@ where
     /// Hands over the integration points of facets with the nodes of each.
     fn on_boundary(&self, facets: &[Facet<D>], mut take: impl FnMut(&[u32], &FacetPoint<D>)) {
         for facet in facets {
-            let (x, len) = self.mesh.corners_of(facet);
+            let (x, len) = self.mesh.places_of(facet);
             let nodes = facet_nodes(facet);
-            <ElementKind as Elements<D>>::facet_points(&x[..len], self.thickness, |point| {
-                take(nodes, point);
-            });
+            <ElementKind as Topology<D>>::facet_points(&x[..len], |point| take(nodes, point));
         }
     }
 }
 
 impl<const D: usize> Body<'_, D>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     /// Adds ∫ b·v over the elements of some regions (None: all) to the nodal forces; `force(x, density)`
     /// gives the force per volume in N/m³.
@@ -78,7 +77,7 @@ where
 /// Adds what acts in an element.
 struct BodyForce<'a, const D: usize, F>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     body: &'a Body<'a, D>,
     element: &'a mesh::Element<D>,
@@ -88,11 +87,11 @@ where
 
 impl<const D: usize, F: Fn([f64; D], f64) -> [f64; D]> Visit<D> for BodyForce<'_, D, F>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     type Output = ();
 
-    fn visit<E: ShapeFunctions<D, N>, const N: usize>(self) {
+    fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) {
         let x: [_; N] = self.body.mesh.coordinates(self.element);
         let density = self.body.materials[self.element.region as usize].density;
         for point in E::load_points(&x) {

@@ -1,9 +1,8 @@
 //! Stress recovery.
 
-use super::element::{Elements, Visit};
-use super::shape::ShapeFunctions;
+use super::dilatation::Dilatation;
 use super::{Body, Material, Plane};
-use crate::mesh::{self, ElementKind};
+use crate::mesh::{self, ElementKind, ShapeFunctions, Topology, Visit};
 
 /// A state of stress, in Pa; in the plane σzz is perpendicular to it, and σyz and σzx are zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -23,11 +22,22 @@ pub struct Stress {
 }
 
 impl Stress {
-    /// The stress under the displacement gradient ∂uᵢ/∂xⱼ; `plane` is for the plane.
-    fn of<const D: usize>(material: Material, plane: Plane, e: [[f64; D]; D]) -> Self {
+    /// The stress under the displacement gradient ∂uᵢ/∂xⱼ, where the dilatation counts as another one if that is given;
+    /// `plane` is for the plane.
+    fn of<const D: usize>(
+        material: Material,
+        plane: Plane,
+        e: [[f64; D]; D],
+        dilatation: Option<f64>,
+    ) -> Self {
         let space = D == 3;
         let (lambda, mu) = material.lame(if space { Plane::PlaneStrain } else { plane });
-        let trace = lambda * (0..D).map(|c| e[c][c]).sum::<f64>();
+        let own = (0..D).map(|c| e[c][c]).sum::<f64>();
+        // σ = 2μ dev ε + κ θ I with κ = λ + 2/3 μ.
+        let trace = match dilatation {
+            None => lambda * own,
+            Some(other) => lambda * other + 2.0 / 3.0 * mu * (other - own),
+        };
         let normal = |c: usize| trace + 2.0 * mu * e[c][c];
         let shear = |i: usize, j: usize| mu * (e[i][j] + e[j][i]);
         let (xx, yy) = (normal(0), normal(1));
@@ -36,7 +46,7 @@ impl Stress {
             yy,
             zz: match plane {
                 _ if space => normal(D - 1),
-                Plane::PlaneStrain => material.poisson * (xx + yy),
+                Plane::PlaneStrain => trace,
                 Plane::PlaneStress => 0.0,
             },
             xy: shear(0, 1),
@@ -71,15 +81,16 @@ impl Stress {
 
 /// Stresses at the nodes and in the middle of the elements, from the displacements of all nodes.
 ///
-/// At a node the mean of the surrounding elements, weighted with their areas (volumes); a quadrilateral, a hexahedron
-/// or a wedge gives the stress extrapolated from its Gauss points, where it is most accurate. Across the border of two
-/// materials the nodal mean mixes both sides: the element values do not.
+/// At a node the mean of the surrounding elements, weighted with their areas (volumes). Each gives the stress extrapolated
+/// from the points where it is most accurate: those that integrate the stiffness of the element of first order, and four
+/// (three) inside a tetrahedron (triangle) of second order. Across the border of two materials the nodal mean mixes both
+/// sides: the element values do not.
 pub fn stresses<const D: usize>(
     body: &Body<D>,
     displacement: &[[f64; D]],
 ) -> (Vec<Stress>, Vec<Stress>)
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     let mut at_nodes = vec![Stress::default(); body.mesh.nodes.len()];
     let mut area = vec![0.0; body.mesh.nodes.len()];
@@ -103,7 +114,7 @@ where
 /// Adds an element's stresses, times its area (volume), at its nodes; gives the one in its middle.
 struct Recovery<'a, const D: usize>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     body: &'a Body<'a, D>,
     element: &'a mesh::Element<D>,
@@ -114,39 +125,43 @@ where
 
 impl<const D: usize> Visit<D> for Recovery<'_, D>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     type Output = Stress;
 
-    fn visit<E: ShapeFunctions<D, N>, const N: usize>(self) -> Stress {
+    fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) -> Stress {
         let x: [_; N] = self.body.mesh.coordinates(self.element);
         let nodes = self.element.nodes();
         let material = self.body.materials[self.element.region as usize];
-        let stress_of = |gradient: &[[f64; D]; N]| {
+        let u: [[f64; D]; N] = std::array::from_fn(|a| self.displacement[nodes[a] as usize]);
+        let points = E::stiffness_points(&x);
+        let projected = material.is_projected(self.body.plane) && E::DILATATION_MODES > 0;
+        let dilatation = projected.then(|| Dilatation::new(E::DILATATION_MODES, &points, &x));
+        let stress_at = |xi: [f64; D]| {
+            let point = E::at(xi, 1.0, &x);
             let mut e = [[0.0; D]; D];
-            for (&node, g) in nodes.iter().zip(gradient) {
-                let u = self.displacement[node as usize];
+            for (u, g) in u.iter().zip(&point.gradient) {
                 for i in 0..D {
                     for j in 0..D {
                         e[i][j] += u[i] * g[j];
                     }
                 }
             }
-            Stress::of(material, self.body.plane, e)
+            let dilatation = (dilatation.as_ref()).map(|of| of.at(point.place(&x), &u));
+            Stress::of(material, self.body.plane, e, dilatation)
         };
-        let mut size = 0.0;
-        let mut corners = [Stress::default(); N];
-        for (number, point) in E::stiffness_points(&x).enumerate() {
-            size += point.weight;
-            let stress = stress_of(&point.gradient);
-            for (corner, sum) in corners.iter_mut().enumerate() {
-                sum.add(E::extrapolation(corner, number), stress);
+        let size: f64 = points.iter().map(|point| point.weight).sum();
+        let mut of_nodes = [Stress::default(); N];
+        for (number, xi) in E::stress_points().enumerate() {
+            let stress = stress_at(xi);
+            for (sum, at) in of_nodes.iter_mut().zip(E::NODES) {
+                sum.add(E::extrapolation(at, number), stress);
             }
         }
-        for (&node, stress) in nodes.iter().zip(corners) {
+        for (&node, stress) in nodes.iter().zip(of_nodes) {
             self.at_nodes[node as usize].add(size, stress);
             self.area[node as usize] += size;
         }
-        stress_of(&E::centre(&x).gradient)
+        stress_at(E::CENTRE)
     }
 }

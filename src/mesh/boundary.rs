@@ -1,6 +1,6 @@
 //! Boundaries: which way their facets look, and which lie on the outside of the body.
 
-use super::element::{facet_nodes, unsided};
+use super::element::{facet_corners, facet_nodes, unsided};
 use super::{BoundaryError, Element, ElementKind, Facet, FacetFault, FaultKind, Mesh, Topology};
 use std::collections::HashMap;
 
@@ -11,39 +11,41 @@ where
     /// Directs the facets of boundaries, notes those that are no outer ones, and drops those of no element.
     pub(super) fn direct_boundaries(&mut self) {
         let mut on_boundary = vec![false; self.nodes.len()];
-        for &node in self.boundaries.values().flatten().flat_map(AsRef::as_ref) {
+        for &node in self.boundaries.values().flatten().flat_map(facet_corners) {
             on_boundary[node as usize] = true;
         }
         // How many elements have a facet, and how it looks from outside the first of them; an outer one has one owner.
-        let mut owners: HashMap<Facet<D>, (u32, Facet<D>)> = HashMap::new();
+        // Facets are known by their corners: a file may leave out the nodes between these.
+        let mut owners: HashMap<[u32; 4], (u32, Facet<D>)> = HashMap::new();
         if !self.boundaries.is_empty() {
             for facet in self.elements.iter().flat_map(Element::facets) {
-                if (facet.as_ref().iter()).all(|&node| on_boundary[node as usize]) {
+                if (facet_corners(&facet).iter()).all(|&node| on_boundary[node as usize]) {
                     owners.entry(unsided(&facet)).or_insert((0, facet)).0 += 1;
                 }
             }
         }
         for (name, facets) in &mut self.boundaries {
             facets.retain_mut(|facet| {
-                // What has no side must not stand twice if a file has it from both.
-                let unsided = unsided(facet);
-                let kind = match owners.get(&unsided) {
+                // What has no side must not stand twice if a file has it from both: it is named from one of its elements.
+                let corners = facet_corners(facet);
+                let ends = [corners[0], corners[corners.len() / 2]];
+                let ends = ends.map(|node| self.nodes[node as usize]);
+                let kind = match owners.get(&unsided(facet)) {
                     Some(&(1, outward)) => {
                         *facet = outward;
                         return true;
                     }
                     None => FaultKind::Stray,
-                    Some(_) => FaultKind::Inside,
+                    Some(&(_, one_side)) => {
+                        *facet = one_side;
+                        FaultKind::Inside
+                    }
                 };
-                let nodes = facet_nodes(facet);
-                let ends = [nodes[0], nodes[nodes.len() / 2]];
-                let ends = ends.map(|node| self.nodes[node as usize]);
                 let fault = FacetFault { kind, ends };
                 let worst = self.faults.entry(name.clone()).or_insert(fault);
                 if worst.kind < kind {
                     *worst = fault;
                 }
-                *facet = unsided;
                 kind == FaultKind::Inside
             });
             facets.sort_unstable();
@@ -77,9 +79,9 @@ where
         }
     }
 
-    /// The length (area) of a boundary facet and its outward unit normal: of a warped quadrilateral the mean.
+    /// The length (area) of a boundary facet and its outward unit normal: of a curved one the mean.
     pub fn facet_normal(&self, facet: &Facet<D>) -> (f64, [f64; D]) {
-        let (x, len) = self.corners_of(facet);
+        let (x, len) = self.places_of(facet);
         <ElementKind as Topology<D>>::facet_normal(&x[..len])
     }
 
@@ -90,9 +92,15 @@ where
         std::array::from_fn(|c| sum(c) / len as f64)
     }
 
-    /// The coordinates of the nodes of a facet, and how many these are.
+    /// The coordinates of the corners of a facet, and how many these are.
     pub(crate) fn corners_of(&self, facet: &Facet<D>) -> ([[f64; D]; 4], usize) {
-        let mut x = [[0.0; D]; 4];
+        let (x, _) = self.places_of(facet);
+        (std::array::from_fn(|a| x[a]), facet_corners(facet).len())
+    }
+
+    /// The coordinates of the nodes of a facet, and how many these are.
+    pub(crate) fn places_of(&self, facet: &Facet<D>) -> ([[f64; D]; 9], usize) {
+        let mut x = [[0.0; D]; 9];
         let nodes = facet_nodes(facet);
         for (x, &node) in x.iter_mut().zip(nodes) {
             *x = self.nodes[node as usize];

@@ -1,42 +1,181 @@
 //! Elements and their kinds.
 
+use super::shape::{FacetPoint, Visit};
 use std::fmt::Debug;
 use std::hash::Hash;
 
-/// The kinds of elements, all of first order.
+/// The kinds of elements. Their nodes stand in VTK's order: the corners, then a node in the middle of each edge, then those in
+/// the middle of faces and of the element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ElementKind {
     /// Three nodes in the plane, counter-clockwise.
     Triangle,
+    /// The triangle of second order.
+    Triangle6,
     /// A quadrilateral: four nodes in the plane, counter-clockwise.
     Quad,
+    /// The quadrilateral of second order without a node in the middle (serendipity).
+    Quad8,
+    /// The quadrilateral of second order with a node in the middle (Lagrange).
+    Quad9,
     /// Four nodes in space: a triangle, counter-clockwise as seen from the fourth node, and that.
     Tetrahedron,
+    /// The tetrahedron of second order.
+    Tetrahedron10,
     /// Eight nodes in space: a quadrilateral, counter-clockwise as seen from the other four, and those above its
     /// corners.
     Hexahedron,
+    /// The hexahedron of second order without nodes in the middle of faces (serendipity).
+    Hexahedron20,
+    /// The hexahedron of second order with nodes in the middle of faces and of itself (Lagrange).
+    Hexahedron27,
     /// Six nodes in space: a triangle, counter-clockwise as seen from the other three, and those above its corners.
     Wedge,
+    /// The wedge of second order without nodes in the middle of faces (serendipity).
+    Wedge15,
+    /// The wedge of second order with nodes in the middle of its quadrilaterals (Lagrange).
+    Wedge18,
+    /// Five nodes in space: a quadrilateral, counter-clockwise as seen from the fifth node, and that.
+    Pyramid,
 }
 
 impl ElementKind {
-    /// How many nodes it has: its corners.
+    /// All kinds.
+    pub const ALL: [Self; 14] = [
+        Self::Triangle,
+        Self::Triangle6,
+        Self::Quad,
+        Self::Quad8,
+        Self::Quad9,
+        Self::Tetrahedron,
+        Self::Tetrahedron10,
+        Self::Hexahedron,
+        Self::Hexahedron20,
+        Self::Hexahedron27,
+        Self::Wedge,
+        Self::Wedge15,
+        Self::Wedge18,
+        Self::Pyramid,
+    ];
+
+    /// How many nodes it has.
     pub const fn n_nodes(self) -> usize {
         match self {
             Self::Triangle => 3,
             Self::Quad | Self::Tetrahedron => 4,
-            Self::Hexahedron => 8,
-            Self::Wedge => 6,
+            Self::Pyramid => 5,
+            Self::Triangle6 | Self::Wedge => 6,
+            Self::Quad8 | Self::Hexahedron => 8,
+            Self::Quad9 => 9,
+            Self::Tetrahedron10 => 10,
+            Self::Wedge15 => 15,
+            Self::Wedge18 => 18,
+            Self::Hexahedron20 => 20,
+            Self::Hexahedron27 => 27,
         }
     }
 
-    /// Its facets, by the places of their nodes among its own: in the plane edges with the element on their left, in
-    /// space faces that go round counter-clockwise as seen from outside.
+    /// The kind of first order with the same corners.
+    pub const fn linear(self) -> Self {
+        match self {
+            Self::Triangle | Self::Triangle6 => Self::Triangle,
+            Self::Quad | Self::Quad8 | Self::Quad9 => Self::Quad,
+            Self::Tetrahedron | Self::Tetrahedron10 => Self::Tetrahedron,
+            Self::Hexahedron | Self::Hexahedron20 | Self::Hexahedron27 => Self::Hexahedron,
+            Self::Wedge | Self::Wedge15 | Self::Wedge18 => Self::Wedge,
+            Self::Pyramid => Self::Pyramid,
+        }
+    }
+
+    /// The kind of second order with the same corners and all nodes that there are (Lagrange); None for the pyramid.
+    pub const fn quadratic(self) -> Option<Self> {
+        match self.linear() {
+            Self::Triangle => Some(Self::Triangle6),
+            Self::Quad => Some(Self::Quad9),
+            Self::Tetrahedron => Some(Self::Tetrahedron10),
+            Self::Hexahedron => Some(Self::Hexahedron27),
+            Self::Wedge => Some(Self::Wedge18),
+            _ => None,
+        }
+    }
+
+    /// How many corners it has, which are the first of its nodes.
+    pub const fn n_corners(self) -> usize {
+        self.linear().n_nodes()
+    }
+
+    /// The degree of its shape functions along edges: 1 or 2.
+    pub const fn order(self) -> usize {
+        if self.n_nodes() == self.n_corners() {
+            1
+        } else {
+            2
+        }
+    }
+
+    /// The places of the corners that each of the nodes behind the corners lies in the middle of: two for an edge, three or
+    /// four for a face, all for the element.
+    pub fn middles(self) -> &'static [&'static [usize]] {
+        let all: &'static [&'static [usize]] = match self.linear() {
+            Self::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
+            Self::Quad => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0], &[0, 1, 2, 3]],
+            Self::Tetrahedron => &[&[0, 1], &[1, 2], &[2, 0], &[0, 3], &[1, 3], &[2, 3]],
+            Self::Hexahedron => &[
+                &[0, 1],
+                &[1, 2],
+                &[2, 3],
+                &[3, 0],
+                &[4, 5],
+                &[5, 6],
+                &[6, 7],
+                &[7, 4],
+                &[0, 4],
+                &[1, 5],
+                &[2, 6],
+                &[3, 7],
+                &[3, 0, 4, 7],
+                &[1, 2, 6, 5],
+                &[0, 1, 5, 4],
+                &[2, 3, 7, 6],
+                &[0, 3, 2, 1],
+                &[4, 5, 6, 7],
+                &[0, 1, 2, 3, 4, 5, 6, 7],
+            ],
+            Self::Wedge => &[
+                &[0, 1],
+                &[1, 2],
+                &[2, 0],
+                &[3, 4],
+                &[4, 5],
+                &[5, 3],
+                &[0, 3],
+                &[1, 4],
+                &[2, 5],
+                &[0, 1, 4, 3],
+                &[1, 2, 5, 4],
+                &[2, 0, 3, 5],
+            ],
+            _ => &[],
+        };
+        &all[..self.n_nodes() - self.n_corners()]
+    }
+
+    /// Its facets, by the places of their nodes among its own, corners first, then midsides, the first between the first two
+    /// corners, then the middle: in the plane edges with the element on their left, in space faces that go round
+    /// counter-clockwise as seen from outside.
     pub const fn facets(self) -> &'static [&'static [usize]] {
         match self {
             Self::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
+            Self::Triangle6 => &[&[0, 1, 3], &[1, 2, 4], &[2, 0, 5]],
             Self::Quad => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
+            Self::Quad8 | Self::Quad9 => &[&[0, 1, 4], &[1, 2, 5], &[2, 3, 6], &[3, 0, 7]],
             Self::Tetrahedron => &[&[0, 2, 1], &[0, 1, 3], &[1, 2, 3], &[2, 0, 3]],
+            Self::Tetrahedron10 => &[
+                &[0, 2, 1, 6, 5, 4],
+                &[0, 1, 3, 4, 8, 7],
+                &[1, 2, 3, 5, 9, 8],
+                &[2, 0, 3, 6, 7, 9],
+            ],
             Self::Hexahedron => &[
                 &[0, 3, 2, 1],
                 &[4, 5, 6, 7],
@@ -45,6 +184,22 @@ impl ElementKind {
                 &[2, 3, 7, 6],
                 &[3, 0, 4, 7],
             ],
+            Self::Hexahedron20 => &[
+                &[0, 3, 2, 1, 11, 10, 9, 8],
+                &[4, 5, 6, 7, 12, 13, 14, 15],
+                &[0, 1, 5, 4, 8, 17, 12, 16],
+                &[1, 2, 6, 5, 9, 18, 13, 17],
+                &[2, 3, 7, 6, 10, 19, 14, 18],
+                &[3, 0, 4, 7, 11, 16, 15, 19],
+            ],
+            Self::Hexahedron27 => &[
+                &[0, 3, 2, 1, 11, 10, 9, 8, 24],
+                &[4, 5, 6, 7, 12, 13, 14, 15, 25],
+                &[0, 1, 5, 4, 8, 17, 12, 16, 22],
+                &[1, 2, 6, 5, 9, 18, 13, 17, 21],
+                &[2, 3, 7, 6, 10, 19, 14, 18, 23],
+                &[3, 0, 4, 7, 11, 16, 15, 19, 20],
+            ],
             Self::Wedge => &[
                 &[0, 2, 1],
                 &[3, 4, 5],
@@ -52,6 +207,60 @@ impl ElementKind {
                 &[1, 2, 5, 4],
                 &[2, 0, 3, 5],
             ],
+            Self::Wedge15 => &[
+                &[0, 2, 1, 8, 7, 6],
+                &[3, 4, 5, 9, 10, 11],
+                &[0, 1, 4, 3, 6, 13, 9, 12],
+                &[1, 2, 5, 4, 7, 14, 10, 13],
+                &[2, 0, 3, 5, 8, 12, 11, 14],
+            ],
+            Self::Wedge18 => &[
+                &[0, 2, 1, 8, 7, 6],
+                &[3, 4, 5, 9, 10, 11],
+                &[0, 1, 4, 3, 6, 13, 9, 12, 15],
+                &[1, 2, 5, 4, 7, 14, 10, 13, 16],
+                &[2, 0, 3, 5, 8, 12, 11, 14, 17],
+            ],
+            Self::Pyramid => &[
+                &[0, 3, 2, 1],
+                &[0, 1, 4],
+                &[1, 2, 4],
+                &[2, 3, 4],
+                &[3, 0, 4],
+            ],
+        }
+    }
+
+    /// Where the corners go when an element is named the other way round.
+    const fn turned_corners(self) -> &'static [usize] {
+        match self.linear() {
+            Self::Triangle => &[2, 1, 0],
+            Self::Quad => &[3, 2, 1, 0],
+            Self::Tetrahedron => &[0, 2, 1, 3],
+            // Bottom and top change places.
+            Self::Hexahedron => &[4, 5, 6, 7, 0, 1, 2, 3],
+            Self::Wedge => &[3, 4, 5, 0, 1, 2],
+            _ => &[3, 2, 1, 0, 4],
+        }
+    }
+
+    /// Numbers the nodes of an element the other way round.
+    pub fn turn(self, nodes: &mut [u32]) {
+        let corners = self.turned_corners();
+        let before = nodes.to_vec();
+        for (node, &from) in nodes.iter_mut().zip(corners) {
+            *node = before[from];
+        }
+        let middles = self.middles();
+        for (k, of) in middles.iter().enumerate() {
+            let same = |other: &&&[usize]| {
+                other.len() == of.len() && of.iter().all(|&corner| other.contains(&corners[corner]))
+            };
+            let from = middles
+                .iter()
+                .position(|other| same(&other))
+                .expect("the same kind");
+            nodes[corners.len() + k] = before[corners.len() + from];
         }
     }
 }
@@ -65,31 +274,59 @@ pub trait Topology<const D: usize> {
     /// for more.
     type Facet: AsRef<[u32]> + AsMut<[u32]> + Copy + Debug + Default + Hash + Ord + Send + Sync;
 
-    /// The area (volume) of an element with its corners at x; negative where they go round the wrong way.
-    fn signed_measure(self, x: &[[f64; D]]) -> f64;
+    /// Turns a kind into its type: the only place that does.
+    ///
+    /// # Panics
+    /// If it is a kind of another dimension, of which no [`Element`] can be.
+    fn with<V: Visit<D>>(self, visit: V) -> V::Output;
 
-    /// The areas (volumes) of the parallelograms (parallelepipeds) that the edges span at the corners, in space also in
-    /// between: all positive in an element that is not folded.
-    fn determinants(self, x: &[[f64; D]]) -> impl Iterator<Item = f64>;
+    /// Hands `take` the points that integrate over a facet with its nodes at x a product of a shape function and a
+    /// load that is quadratic in the place.
+    fn facet_points(x: &[[f64; D]], take: impl FnMut(&FacetPoint<D>));
 
-    /// Numbers the nodes of an element the other way round.
-    fn turn(self, nodes: &mut [u32]);
+    /// The outward unit normal of a facet with its nodes at x, at each of these.
+    fn normals_at_nodes(x: &[[f64; D]]) -> Vec<[f64; D]>;
 
-    /// The length (area) of a facet with its corners at x, and its outward unit normal: of a warped quadrilateral
-    /// the mean.
+    /// The length (area) of a facet with its nodes at x, and its mean outward unit normal.
     fn facet_normal(x: &[[f64; D]]) -> (f64, [f64; D]);
 }
 
-/// The nodes of a facet in D dimensions: `[u32; 2]` in the plane, the ends of an edge; `[u32; 4]` in space, the
-/// corners of a face, where a triangle names its last corner twice ([`facet_nodes`]).
+/// The nodes of a facet in D dimensions, corners first, then the middles ([`facet_nodes`]): `[u32; 3]` in the plane, the ends
+/// of an edge and its middle; `[u32; 9]` in space, those of a face. Where there are fewer nodes, the last stands again.
 pub type Facet<const D: usize = 2> = <ElementKind as Topology<D>>::Facet;
 
 /// The nodes of a facet, each once.
 pub fn facet_nodes<F: AsRef<[u32]>>(facet: &F) -> &[u32] {
-    match facet.as_ref() {
-        [rest @ .., a, b] if a == b => &facet.as_ref()[..rest.len() + 1],
-        nodes => nodes,
-    }
+    let all = facet.as_ref();
+    let last = all[all.len() - 1];
+    let len = all
+        .iter()
+        .position(|&node| node == last)
+        .map_or(0, |at| at + 1);
+    &all[..len]
+}
+
+/// The corners of a facet: the ends of an edge.
+pub fn facet_corners<F: AsRef<[u32]>>(facet: &F) -> &[u32] {
+    let nodes = facet_nodes(facet);
+    let corners = match (facet.as_ref().len(), nodes.len()) {
+        (3, _) => 2,
+        (_, 6) => 3,
+        (_, 8 | 9) => 4,
+        (_, len) => len,
+    };
+    &nodes[..corners]
+}
+
+/// The straight parts of an edge of the plane: from one node to the next.
+pub(crate) fn edge_parts(edge: &Facet) -> impl Iterator<Item = [u32; 2]> + use<> {
+    let [a, b, middle] = *edge;
+    let parts = if middle == b {
+        [Some([a, b]), None]
+    } else {
+        [Some([a, middle]), Some([middle, b])]
+    };
+    parts.into_iter().flatten()
 }
 
 /// The facet with these nodes.
@@ -107,21 +344,21 @@ where
     facet
 }
 
-/// The same facet for whichever of its sides it was named from: the lowest node first, then the lower of its
-/// neighbours.
-pub(super) fn unsided<const D: usize>(of: &Facet<D>) -> Facet<D>
-where
-    ElementKind: Topology<D>,
-{
-    let mut copy = *of;
-    let len = facet_nodes(of).len();
-    let nodes = &mut copy.as_mut()[..len];
-    let lowest = (0..len).min_by_key(|&a| nodes[a]).unwrap_or(0);
+/// The corners of a facet, the same for whichever of its sides it was named from: the lowest first, then the lower of its
+/// neighbours; the last again where there is room for more.
+pub(super) fn unsided<F: AsRef<[u32]>>(of: &F) -> [u32; 4] {
+    let corners = facet_corners(of);
+    let mut key = [corners[corners.len() - 1]; 4];
+    let nodes = &mut key[..corners.len()];
+    nodes.copy_from_slice(corners);
+    let lowest = (0..nodes.len()).min_by_key(|&a| nodes[a]).unwrap_or(0);
     nodes.rotate_left(lowest);
-    if len > 2 && nodes[1] > nodes[len - 1] {
+    if nodes.len() > 2 && nodes[1] > nodes[nodes.len() - 1] {
         nodes[1..].reverse();
     }
-    facet::<D>(&copy.as_ref()[..len])
+    let last = nodes[nodes.len() - 1];
+    key[corners.len()..].fill(last);
+    key
 }
 
 /// An element of a mesh in D dimensions.
@@ -140,7 +377,11 @@ impl<const D: usize> Element<D>
 where
     ElementKind: Topology<D>,
 {
-    fn new(kind: ElementKind, nodes: &[u32], region: u32) -> Self {
+    /// An element with these nodes, as many as its kind has.
+    ///
+    /// # Panics
+    /// If there are fewer or more, or the kind is of another dimension.
+    pub fn new(kind: ElementKind, nodes: &[u32], region: u32) -> Self {
         let mut element = Self {
             kind,
             nodes: Default::default(),
@@ -173,11 +414,11 @@ where
     pub fn facets(&self) -> impl Iterator<Item = Facet<D>> {
         let nodes = self.nodes();
         self.kind.facets().iter().map(move |places| {
-            let mut corners = [0; 4];
-            for (corner, &place) in corners.iter_mut().zip(*places) {
-                *corner = nodes[place];
+            let mut of_facet = [0; 9];
+            for (node, &place) in of_facet.iter_mut().zip(*places) {
+                *node = nodes[place];
             }
-            facet::<D>(&corners[..places.len()])
+            facet::<D>(&of_facet[..places.len()])
         })
     }
 }

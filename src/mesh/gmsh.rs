@@ -11,10 +11,10 @@ mod v2;
 mod v4;
 pub(super) mod write;
 
-use super::AnyMesh;
 use super::file::build::build;
 use super::file::raw::{Cell, Raw};
 use super::file::{self, FileError, Result};
+use super::{AnyMesh, ElementKind};
 use reader::Reader;
 use std::path::Path;
 
@@ -112,6 +112,35 @@ fn cell(reader: &Reader, kind: i64) -> Result<Cell> {
              and wedges"
         )),
     }
+}
+
+/// Where the nodes of an element of second order stand in Gmsh's list of them, where that is not our order, which is VTK's.
+pub(super) fn order(kind: ElementKind) -> Option<&'static [usize]> {
+    match kind {
+        ElementKind::Tetrahedron10 => Some(&[0, 1, 2, 3, 4, 5, 6, 7, 9, 8]),
+        ElementKind::Hexahedron20 => Some(&HEXAHEDRON[..20]),
+        ElementKind::Hexahedron27 => Some(&HEXAHEDRON),
+        ElementKind::Wedge15 => Some(&WEDGE[..15]),
+        ElementKind::Wedge18 => Some(&WEDGE),
+        _ => None,
+    }
+}
+
+const HEXAHEDRON: [usize; 27] = [
+    0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15, 22, 23, 21, 24, 20, 25,
+    26,
+];
+const WEDGE: [usize; 18] = [0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11, 15, 17, 16];
+
+/// The places of the nodes of an element that was read in our order, if its file lists them in Gmsh's, or was read in Gmsh's
+/// and has ours.
+pub(super) fn other_orders(kind: ElementKind) -> Vec<Vec<usize>> {
+    let Some(order) = order(kind) else {
+        return Vec::new();
+    };
+    let mut inverse = vec![0; order.len()];
+    (order.iter().enumerate()).for_each(|(ours, &theirs)| inverse[theirs] = ours);
+    vec![order.to_vec(), inverse]
 }
 
 const SAVE_AS: &str = "save as 4.1 or 2.2 (gmsh -format msh41 …)";

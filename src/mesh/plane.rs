@@ -1,35 +1,47 @@
-//! The geometry of the plane: areas of elements, lengths and normals of edges.
+//! The plane: its kinds of elements, and the geometry of edges.
 
-use super::vector::{length, minus};
+use super::shape::{
+    FacetPoint, Quad, Quad8, Quad9, Triangle, Triangle6, Visit, edge_at, edge_integration,
+};
+use super::vector::{length, minus, unit};
 use super::{ElementKind, Topology};
 
-/// Twice the signed area of the triangle a, b, c.
-fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-}
-
-/// The plane: facets are edges, from one node to the other.
+/// The plane: facets are edges, from one node to the other, with the middle behind them where there is one.
 impl Topology<2> for ElementKind {
-    type Nodes = [u32; 4];
-    type Facet = [u32; 2];
+    type Nodes = [u32; 9];
+    type Facet = [u32; 3];
 
-    fn signed_measure(self, x: &[[f64; 2]]) -> f64 {
-        let fan = (2..x.len()).map(|a| cross(x[0], x[a - 1], x[a]));
-        0.5 * fan.sum::<f64>()
+    #[inline]
+    fn with<V: Visit<2>>(self, visit: V) -> V::Output {
+        match self {
+            Self::Triangle => visit.visit::<Triangle, 3, 1>(),
+            Self::Triangle6 => visit.visit::<Triangle6, 6, 3>(),
+            Self::Quad => visit.visit::<Quad, 4, 4>(),
+            Self::Quad8 => visit.visit::<Quad8, 8, 9>(),
+            Self::Quad9 => visit.visit::<Quad9, 9, 9>(),
+            _ => panic!("{self:?} is no element of the plane"),
+        }
     }
 
-    fn determinants(self, x: &[[f64; 2]]) -> impl Iterator<Item = f64> {
-        let corner = |a: usize| x[a % x.len()];
-        (0..x.len()).map(move |a| cross(corner(a), corner(a + 1), corner(a + 2)))
-    }
-
-    fn turn(self, nodes: &mut [u32]) {
-        nodes.reverse();
+    fn facet_points(x: &[[f64; 2]], take: impl FnMut(&FacetPoint<2>)) {
+        edge_integration(x, take);
     }
 
     fn facet_normal(x: &[[f64; 2]]) -> (f64, [f64; 2]) {
         let [dx, dy] = minus(x[1], x[0]);
-        let length = length([dx, dy]);
-        (length, [dy / length, -dx / length])
+        let normal = unit([dy, -dx]);
+        if x.len() == 2 {
+            return (length([dx, dy]), normal);
+        }
+        let mut whole = 0.0;
+        edge_integration(x, |point| whole += point.weight);
+        // ∫ n ds is that of the chord.
+        (whole, normal)
+    }
+
+    fn normals_at_nodes(x: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let at = [-1.0, 1.0, 0.0];
+        let tangents = at[..x.len()].iter().map(|&xi| edge_at(x, xi).tangents[0]);
+        tangents.map(|[dx, dy]| unit([dy, -dx])).collect()
     }
 }

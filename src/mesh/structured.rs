@@ -1,6 +1,6 @@
 //! Structured meshes of rectangles and blocks.
 
-use super::{Element, ElementKind, Facet, Mesh, Topology};
+use super::{Element, ElementKind, Facet, Mesh, Topology, facet};
 use std::collections::BTreeMap;
 
 /// Which elements fill a structured rectangle.
@@ -63,7 +63,8 @@ pub fn rectangle(
         }
     }
     let side = |name: &str, n: usize, edge: &dyn Fn(usize) -> [u32; 2]| {
-        (format!("{prefix}{name}"), (0..n).map(edge).collect())
+        let edges = (0..n).map(|i| facet::<2>(&edge(i)));
+        (format!("{prefix}{name}"), edges.collect())
     };
     let boundaries = BTreeMap::from([
         side("bottom", nx, &|i| [node(i, 0), node(i + 1, 0)]),

@@ -10,7 +10,10 @@ fn mesh(
     elements: Vec<Element>,
     boundaries: &[(&str, &[[u32; 2]])],
 ) -> Result<Mesh, MeshError> {
-    let boundaries = (boundaries.iter()).map(|(name, edges)| (name.to_string(), edges.to_vec()));
+    let boundaries = (boundaries.iter()).map(|(name, edges)| {
+        let edges = edges.iter().map(|edge| facet::<2>(edge));
+        (name.to_string(), edges.collect())
+    });
     Mesh::new(
         nodes.to_vec(),
         elements,
@@ -27,7 +30,7 @@ fn facets_go_round_a_kind() {
         }
     }
     let edges: Vec<_> = Element::quad([7, 3, 5, 9], 0).facets().collect();
-    assert_eq!(edges, [[7, 3], [3, 5], [5, 9], [9, 7]]);
+    assert_eq!(edges, [[7, 3, 3], [3, 5, 5], [5, 9, 9], [9, 7, 7]]);
 }
 
 #[test]
@@ -40,10 +43,10 @@ fn elements_and_edges_are_turned_around() {
     let made = made.unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(made.elements[0].nodes(), [1, 3, 0]);
     assert_eq!(made.elements[1].nodes(), [1, 2, 3]);
-    assert_eq!(made.measures(), [2.0]);
-    assert_eq!(made.boundaries["side"], [[0, 1], [1, 2]]);
+    assert!((made.measures()[0] - 2.0).abs() < 1e-15);
+    assert_eq!(made.boundaries["side"], [[0, 1, 1], [1, 2, 2]]);
     assert!(made.faults.is_empty());
-    assert_eq!(made.facet_normal(&[1, 2]), (1.0, [1.0, 0.0]));
+    assert_eq!(made.facet_normal(&[1, 2, 2]), (1.0, [1.0, 0.0]));
     assert_eq!(made.groups["body"], [0]);
 
     let quad = mesh(&CORNERS, vec![Element::quad([0, 3, 2, 1], 0)], &[]);
@@ -64,7 +67,7 @@ fn nodes_of_no_element_go() {
     let made = made.unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(made.nodes, CORNERS);
     assert_eq!(made.elements[0].nodes(), [0, 1, 2, 3]);
-    assert_eq!(made.boundaries["low"], [[0, 1]]);
+    assert_eq!(made.boundaries["low"], [[0, 1, 1]]);
 }
 
 #[test]
@@ -77,7 +80,7 @@ fn edges_that_are_not_outside_are_noted() {
     };
     let inside = mesh(&CORNERS, halves(), &[("cut", &[[2, 0], [0, 2], [0, 1]])]);
     let inside = inside.unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(inside.boundaries["cut"], [[0, 1], [0, 2]]);
+    assert_eq!(inside.boundaries["cut"], [[0, 1, 1], [2, 0, 0]]);
     assert_eq!(inside.faults["cut"].kind, FaultKind::Inside);
     assert!(inside.facets("cut").is_ok());
     let error = inside.outer_facets("cut").expect_err("it lies inside");
@@ -90,7 +93,7 @@ fn edges_that_are_not_outside_are_noted() {
 
     let stray = mesh(&CORNERS, halves(), &[("line", &[[0, 1], [1, 3]])]);
     let stray = stray.unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(stray.boundaries["line"], [[0, 1]]);
+    assert_eq!(stray.boundaries["line"], [[0, 1, 1]]);
     assert!(matches!(
         stray.facets("line"),
         Err(BoundaryError::Faulty { .. })

@@ -8,15 +8,10 @@ use crate::mesh::structured::{CellShape, join, rectangle};
 use std::path::Path;
 
 const STEEL: Material = Material {
-    young: 2e11,
-    poisson: 0.3,
     density: 7800.0,
+    ..Material::new(2e11, 0.3)
 };
-const RUBBER: Material = Material {
-    young: 5e6,
-    poisson: 0.4,
-    density: 0.0,
-};
+const RUBBER: Material = Material::new(5e6, 0.4);
 
 /// Two blocks on each other, the lower one fixed, the upper one 2 wide.
 fn blocks() -> Mesh {

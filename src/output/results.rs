@@ -96,7 +96,7 @@ where
 ///
 /// let floor = Obstacle::HalfSpace { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
 /// let built = Model::on(block([0.0; 3], [3.0, 1.0, 1.0], [6, 2, 2], SolidShape::Hexahedron, "steel", ""))
-///     .material(Material { young: 2.1e11, poisson: 0.3, density: 0.0 })
+///     .material(Material::new(2.1e11, 0.3))
 ///     .support(Support::on("left").fixed())
 ///     .traction(Traction::on("top").z(-1e7))
 ///     .contact(Pair::obstacle("bottom", floor).coulomb(0.2))

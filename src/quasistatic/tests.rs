@@ -177,11 +177,7 @@ fn a_block_on_springs() {
         point: [0.0; 2],
         normal: [0.0, 1.0],
     };
-    let material = Material {
-        young: 10.0,
-        poisson: 0.3,
-        density: 0.0,
-    };
+    let material = Material::new(10.0, 0.3);
     let built = Model::on(mesh)
         .material(material)
         .contact(Pair::obstacle("bottom", ground).coulomb(0.3))

@@ -6,11 +6,7 @@ use super::space::Vector;
 use signorini::elasticity::Material;
 use std::f64::consts::PI;
 
-pub const STEEL: Material = Material {
-    young: 2e11,
-    poisson: 0.3,
-    density: 0.0,
-};
+pub const STEEL: Material = Material::new(2e11, 0.3);
 
 /// E/(1 − ν²) against a rigid body.
 pub fn modulus(material: Material) -> f64 {

@@ -268,11 +268,7 @@ fn distorted(shape: SolidShape) -> Mesh<3> {
     mesh
 }
 
-const RUBBER: Material = Material {
-    young: 3000.0,
-    poisson: 0.4,
-    density: 0.0,
-};
+const RUBBER: Material = Material::new(3000.0, 0.4);
 
 /// Constant strain: u = (s + γx z, γy z, −ε z), and its stress on a floor that the block stands upright on.
 struct Patch {

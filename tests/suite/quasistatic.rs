@@ -56,11 +56,7 @@ fn mortar_weights_reproduce_what_they_must() {
             ];
         }
         let mesh = join(low, up);
-        let materials = [Material {
-            young: 1.0,
-            poisson: 0.3,
-            density: 0.0,
-        }; 2];
+        let materials = [Material::new(1.0, 0.3); 2];
         let body = Body {
             mesh: &mesh,
             materials: &materials,

@@ -9,8 +9,8 @@ use super::super::frame;
 use super::flat::{Flat, area, edges, turn};
 use super::hull::Hull;
 use super::{Beam, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet};
-use crate::elasticity::{Quad, triangle_points};
 use crate::mesh::Groups;
+use crate::mesh::shape::{Quad, ShapeFunctions, triangle_points};
 use crate::mesh::vector::{cross, dot, length, minus, unit};
 use std::f64::consts::PI;
 

@@ -2,7 +2,7 @@
 //! averaged normals of the slave boundary.
 
 use super::{Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet};
-use crate::elasticity::edge_points;
+use crate::mesh::shape::edge_points;
 use crate::mesh::vector::{length, minus, unit};
 
 type Point = [f64; 2];

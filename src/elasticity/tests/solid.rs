@@ -106,7 +106,7 @@ fn solids_extrapolate_what_is_linear_along_each_axis() {
     struct Corners;
     impl Visit<3> for Corners {
         type Output = ();
-        fn visit<E: ShapeFunctions<3, N>, const N: usize>(self) {
+        fn visit<E: ShapeFunctions<3, N, Q>, const N: usize, const Q: usize>(self) {
             let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
             let x: [[f64; 3]; N] = std::array::from_fn(|a| match N {
                 4 => [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]][a],
@@ -121,9 +121,9 @@ fn solids_extrapolate_what_is_linear_along_each_axis() {
                 _ => 1.0 + x - 2.0 * y + z + 0.5 * x * z - y * z + 3.0 * x * y - x * y * z,
             };
             for (corner, &at) in x.iter().enumerate() {
-                let points = E::stiffness_points(&x).enumerate();
+                let points = E::stress_points().map(|xi| E::at(xi, 1.0, &x)).enumerate();
                 let parts = points.map(|(number, point)| {
-                    E::extrapolation(corner, number) * field(point.place(&x))
+                    E::extrapolation(E::NODES[corner], number) * field(point.place(&x))
                 });
                 assert_relative_eq!(parts.sum::<f64>(), field(at), epsilon = 1e-13);
             }
@@ -134,7 +134,7 @@ fn solids_extrapolate_what_is_linear_along_each_axis() {
         ElementKind::Wedge,
         ElementKind::Hexahedron,
     ] {
-        Elements::<3>::with(kind, Corners);
+        Topology::<3>::with(kind, Corners);
     }
 }
 

@@ -7,7 +7,7 @@ use super::{Failure, Result};
 use crate::mesh::element::unsided;
 use crate::mesh::file::raw::{Cell, Raw};
 use crate::mesh::vector::{cross, dot, minus, unit};
-use crate::mesh::{Element, ElementKind, Facet, Topology, facet_nodes};
+use crate::mesh::{Element, ElementKind, Facet, Topology, facet_corners};
 use std::collections::{BTreeSet, HashMap};
 
 /// A part in its place; all of a flat file is one.
@@ -412,19 +412,16 @@ fn outer<const D: usize>(elements: &[Element<D>]) -> Vec<Vec<u32>>
 where
     ElementKind: Topology<D>,
 {
-    let mut times: HashMap<Facet<D>, u32> = HashMap::new();
+    let mut times: HashMap<[u32; 4], (u32, Facet<D>)> = HashMap::new();
     for facet in elements.iter().flat_map(Element::facets) {
-        *times.entry(unsided(&facet)).or_default() += 1;
+        times.entry(unsided(&facet)).or_insert((0, facet)).0 += 1;
     }
-    let mut outside: Vec<Facet<D>> = (times.into_iter())
-        .filter(|(_, times)| *times == 1)
-        .map(|(facet, _)| facet)
+    let mut outside: Vec<Vec<u32>> = (times.into_values())
+        .filter(|(times, _)| *times == 1)
+        .map(|(_, facet)| facet_corners(&facet).to_vec())
         .collect();
     outside.sort_unstable();
     outside
-        .iter()
-        .map(|facet| facet_nodes(facet).to_vec())
-        .collect()
 }
 
 /// A point of a part where its instance puts it: shifted, then turned about an axis.

@@ -1,6 +1,6 @@
 //! What a file adds up to, before it is a mesh.
 
-use crate::mesh::{Element, ElementKind, Topology};
+use crate::mesh::{Element, ElementKind, Facet, Topology};
 use std::collections::HashMap;
 
 /// What stands in files: elements and facets of first order.
@@ -111,7 +111,7 @@ pub(in crate::mesh) struct Raw {
     pub nodes: Vec<[f64; 3]>,
     numbers: NodeNumbers,
     /// (set of physical groups, nodes) of lines.
-    pub lines: Vec<(u32, [u32; 2])>,
+    pub lines: Vec<(u32, Facet)>,
     /// Triangles and quadrilaterals; the region is the number of the set of physical groups.
     pub faces: Vec<Element>,
     /// Tetrahedra, hexahedra and wedges, likewise.
@@ -154,7 +154,7 @@ impl Raw {
         let [a, b, c, d, e, f, ..] = *nodes;
         match cell {
             Cell::Point => {}
-            Cell::Line => self.lines.push((set, [a, b])),
+            Cell::Line => self.lines.push((set, [a, b, b])),
             Cell::Triangle => self.faces.push(Element::triangle([a, b, c], set)),
             Cell::Quad => self.faces.push(Element::quad([a, b, c, d], set)),
             Cell::Tetrahedron => (self.solids).push(Element::tetrahedron([a, b, c, d], set)),
@@ -193,7 +193,7 @@ impl GroupSets {
             *place += 1;
         }
         let key = |element: &Element<D>| {
-            let mut nodes = [u32::MAX; 8];
+            let mut nodes = [u32::MAX; 27];
             nodes[..element.nodes().len()].copy_from_slice(element.nodes());
             nodes.sort_unstable();
             nodes

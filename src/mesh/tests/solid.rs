@@ -43,7 +43,7 @@ fn blocks_of_each_kind_are_whole() {
         assert_relative_eq!(mesh.measures()[0], 9.0, max_relative = 1e-14);
         let cell = 9.0 / 24.0 / per_cell as f64;
         for element in &mesh.elements {
-            assert_relative_eq!(mesh.signed_measure(element), cell, max_relative = 1e-13);
+            assert_relative_eq!(mesh.measure(element), cell, max_relative = 1e-13);
         }
         // Neighbours share whole faces and see them from either side; the rest is the surface.
         let mut outside = 0;
@@ -86,7 +86,7 @@ fn blocks_of_each_kind_are_whole() {
         assert!(checked.faults.is_empty());
         for (name, faces) in &boundaries {
             let sorted = |faces: &[Facet<3>]| {
-                let mut faces: Vec<_> = faces.iter().map(element::unsided::<3>).collect();
+                let mut faces: Vec<_> = faces.iter().map(element::unsided).collect();
                 faces.sort_unstable();
                 faces
             };
@@ -105,7 +105,10 @@ fn blocks_of_each_kind_are_whole() {
         )
     };
     let both = join(part(0.0, "a"), part(1.0, "b"));
-    assert_eq!((both.bodies().0, both.measures()), (2, vec![1.0, 1.0]));
+    assert_eq!(both.bodies().0, 2);
+    for measure in both.measures() {
+        assert_relative_eq!(measure, 1.0, max_relative = 1e-15);
+    }
     assert_eq!(both.boundaries["bleft"].len(), 1);
 }
 
@@ -198,8 +201,8 @@ fn faces_that_are_not_outside_are_noted() {
             Element::wedge([0, 2, 3, 4, 6, 7], 0),
         ]
     };
-    let cut: &[Facet<3>] = &[[6, 4, 0, 2], [0, 4, 6, 2], [0, 1, 2, 2]];
-    let inside = made(corners(), halves(), &[("cut", cut)]);
+    let cut = [[6, 4, 0, 2], [0, 4, 6, 2], [0, 1, 2, 2]].map(|nodes| facet::<3>(&nodes));
+    let inside = made(corners(), halves(), &[("cut", &cut)]);
     let mut inside = inside.unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(inside.boundaries["cut"].len(), 2);
     assert_eq!(inside.faults["cut"].kind, FaultKind::Inside);
@@ -216,7 +219,7 @@ fn faces_that_are_not_outside_are_noted() {
 
     // A quadrilateral over two triangles, a crossed one, and three of its corners: faces of no element.
     for stray in [[0, 1, 2, 3], [1, 6, 2, 5], [1, 2, 6, 6]] {
-        let mesh = made(corners(), halves(), &[("sheet", &[stray])]);
+        let mesh = made(corners(), halves(), &[("sheet", &[facet::<3>(&stray)])]);
         let mesh = mesh.unwrap_or_else(|error| panic!("{error}"));
         assert!(mesh.boundaries["sheet"].is_empty());
         let error = mesh.facets("sheet").expect_err("it is stray").to_string();

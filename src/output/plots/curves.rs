@@ -3,6 +3,7 @@
 use super::bodies::Bodies;
 use super::chart::{Axis, Chart, Mark, Series, Zone, colour};
 use super::legend::{State, state};
+use crate::mesh::edge_parts;
 use crate::mesh::vector::{bounds, length, minus};
 use crate::model::Elastic;
 use crate::output::{ContactFields, ContactReport, Report};
@@ -97,9 +98,11 @@ type Places = Vec<Vec<(f64, usize)>>;
 /// The places of a contact in the order of its boundary, with a coordinate where the boundary goes along an
 /// axis, else with the distance along it.
 fn along(elastic: &Elastic, pair: usize) -> (&'static str, Places) {
-    let edges = &elastic.pairs[pair].facets;
+    let edges: Vec<[u32; 2]> = (elastic.pairs[pair].facets.iter())
+        .flat_map(edge_parts)
+        .collect();
     let node = |node: u32| elastic.mesh.nodes[node as usize];
-    let axis = direction(edges, node);
+    let axis = direction(&edges, node);
     let label = match axis {
         Some(0) => "x",
         Some(_) => "y",
@@ -112,7 +115,7 @@ fn along(elastic: &Elastic, pair: usize) -> (&'static str, Places) {
     };
     // The chain of a node, and how far along it that lies.
     let mut begin: HashMap<u32, (usize, f64)> = HashMap::new();
-    for (number, chain) in chains(edges).into_iter().enumerate() {
+    for (number, chain) in chains(&edges).into_iter().enumerate() {
         let mut s = 0.0;
         for here in chain {
             begin.insert(here, (number, s));

@@ -1,7 +1,7 @@
 //! The outer surface of solids: its facets, its edges, and where it is smooth.
 
 use crate::mesh::vector::{cross, dot, length, minus, unit};
-use crate::mesh::{Facet, Mesh, facet_nodes};
+use crate::mesh::{Facet, Mesh, facet_corners, facet_nodes};
 use rayon::prelude::*;
 
 /// Facets that meet at a larger angle than the one with this cosine (40°) have an edge between them.
@@ -79,17 +79,17 @@ impl Surface {
 
 /// The facets of one element only with the region of that, ordered by region.
 fn outer_facets(mesh: &Mesh<3>) -> Vec<(Facet<3>, u32)> {
-    // The nodes of a facet in order, its element, and which of those of the element it is.
+    // The corners of a facet in order, its element, and which of those of the element it is.
     let elements = (0_u32..).zip(&mesh.elements);
-    let mut all: Vec<(Facet<3>, u32, u8)> = Vec::new();
+    let mut all: Vec<([u32; 4], u32, u8)> = Vec::new();
     for (number, element) in elements {
-        for (place, mut nodes) in (0..).zip(element.facets()) {
-            // A triangle names its last corner twice, whichever that is.
-            if nodes[2] == nodes[3] {
-                nodes[3] = u32::MAX;
+        for (place, facet) in (0..).zip(element.facets()) {
+            let mut corners = [u32::MAX; 4];
+            for (corner, &node) in corners.iter_mut().zip(facet_corners(&facet)) {
+                *corner = node;
             }
-            nodes.sort_unstable();
-            all.push((nodes, number, place));
+            corners.sort_unstable();
+            all.push((corners, number, place));
         }
     }
     all.par_sort_unstable();

@@ -91,11 +91,7 @@ fn two_materials(
         mesh.elements[e].region = u32::from(stiff(corner));
     }
     let young = 2e11;
-    let soft = Material {
-        young,
-        poisson: 0.3,
-        density: 0.0,
-    };
+    let soft = Material::new(young, 0.3);
     let stiff = Material {
         young: contrast * young,
         ..soft
@@ -304,11 +300,7 @@ impl Bodies {
             let mesh = rectangle(origin, size, cells, CellShape::Quad, "body", "");
             let body = Body {
                 mesh: &mesh,
-                materials: &[Material {
-                    young,
-                    poisson: 0.3,
-                    density: 0.0,
-                }],
+                materials: &[Material::new(young, 0.3)],
                 plane: Plane::PlaneStrain,
                 thickness: 1.0,
             };

@@ -73,11 +73,7 @@ impl Block {
             name,
             "{size:.3?} of {cells:?} {shape:?}, E {young:.1e}, nu {poisson}, p {pressure:.1e}"
         );
-        let material = Material {
-            young,
-            poisson,
-            density: 0.0,
-        };
+        let material = Material::new(young, poisson);
         Self {
             size,
             cells,

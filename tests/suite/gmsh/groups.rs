@@ -168,7 +168,7 @@ fn inner_boundaries_may_be_held_but_not_loaded() {
     let bytes = squares().msh4(Coding::Ascii);
     let mesh = mesh_of(&bytes);
     let middle = mesh.facets("middle").unwrap_or_default();
-    assert_eq!(middle, [[1, 4]]);
+    assert_eq!(middle, [[1, 4, 4]]);
     assert_eq!(mesh.facets("every").unwrap_or_default().len(), 6);
     assert_eq!(
         mesh.faults.keys().collect::<Vec<_>>(),
@@ -236,7 +236,7 @@ fn inner_boundaries_may_be_held_but_not_loaded() {
         let mesh = mesh_of(&drawing.msh4(Coding::Ascii));
         assert_eq!(mesh.faults["middle"].kind, FaultKind::Stray);
         assert_eq!(mesh.faults["middle"].ends, [[5.0, 5.0], [6.0, 5.0]]);
-        assert_eq!(mesh.boundaries["middle"], [[1, 4]]);
+        assert_eq!(mesh.boundaries["middle"], [[1, 4, 4]]);
         assert!(mesh.facets("middle").is_err());
     }
 }

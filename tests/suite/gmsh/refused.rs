@@ -134,7 +134,7 @@ fn wrong_parts_of_a_mesh_are_errors() {
             vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
             vec![Element::triangle([0, 1, 2], region)],
             vec!["only".to_owned()],
-            BTreeMap::from([("side".to_owned(), vec![[0, node]])]),
+            BTreeMap::from([("side".to_owned(), vec![[0, node, node]])]),
         )
     };
     assert_eq!(

@@ -8,9 +8,9 @@ use signorini::backend::cpu::Cpu;
 use signorini::backend::gpu::{Context, Gpu};
 use signorini::backend::{Backend, BackendError, GpuOptions, Precision, Product};
 use signorini::control::Stop;
-use signorini::elasticity::{Body, Elements, Material, Plane, Unknowns, assemble};
+use signorini::elasticity::{Body, Material, Plane, Unknowns, assemble};
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
-use signorini::mesh::{ElementKind, Mesh};
+use signorini::mesh::{ElementKind, Mesh, Topology};
 use signorini::problem::FloatingBodies;
 use signorini::reference;
 use signorini::sparse::stored::{BlockMatrix, Dense};
@@ -28,11 +28,7 @@ fn free_bodies_are_solved() {
         let mesh = rectangle(origin, [3.0, 1.0], cells, CellShape::Quad, "body", "");
         let body = Body {
             mesh: &mesh,
-            materials: &[Material {
-                young,
-                poisson: 0.3,
-                density: 0.0,
-            }],
+            materials: &[Material::new(young, 0.3)],
             plane: Plane::PlaneStrain,
             thickness: 1.0,
         };
@@ -253,7 +249,7 @@ pub type System<const D: usize> = (Arc<BlockCsr<D>>, Vec<f64>, Vec<[f64; D]>);
 
 pub fn clamped<const D: usize>(mesh: &Mesh<D>) -> System<D>
 where
-    ElementKind: Elements<D>,
+    ElementKind: Topology<D>,
 {
     let body = Body {
         mesh,

@@ -44,16 +44,8 @@ const OUTSIDE: f64 = 0.1;
 const LENGTH: f64 = 0.02;
 const OVERLAP: f64 = 1e-5;
 
-const SHAFT: Material = Material {
-    young: 2e11,
-    poisson: 0.3,
-    density: 0.0,
-};
-const HUB: Material = Material {
-    young: 1e11,
-    poisson: 0.3,
-    density: 0.0,
-};
+const SHAFT: Material = Material::new(2e11, 0.3);
+const HUB: Material = Material::new(1e11, 0.3);
 
 /// The pressure of the fit, in plane stress (Lamé).
 fn lame() -> f64 {
@@ -188,11 +180,7 @@ fn press_fit_on_all_paths() {
 /// of slip bounds alone would not settle.
 #[test]
 fn wedge_in_space() {
-    let material = Material {
-        young: 1e6,
-        poisson: 0.3,
-        density: 0.0,
-    };
+    let material = Material::new(1e6, 0.3);
     for (slope, mu) in [(0.1, 0.1), (0.1, 0.3), (0.115, 0.2), (0.115, 0.3)] {
         for (sides, shape) in [
             (["up-bottom", "low-top"], SolidShape::Hexahedron),
@@ -238,9 +226,8 @@ fn wedge_in_space() {
 #[test]
 fn a_block_slides_on_an_incline_from_the_angle_of_friction_on() {
     let material = Material {
-        young: 1e7,
-        poisson: 0.3,
         density: 1000.0,
+        ..Material::new(1e7, 0.3)
     };
     for mu in [0.3f64, 0.7] {
         for (part, status) in [(0.99, Status::Converged), (1.01, Status::NotHeld)] {
@@ -285,11 +272,7 @@ fn a_block_slides_on_an_incline_from_the_angle_of_friction_on() {
 /// two contacts, one to three.
 #[test]
 fn a_block_in_a_corner_on_a_slab() {
-    let material = Material {
-        young: 1e9,
-        poisson: 0.3,
-        density: 0.0,
-    };
+    let material = Material::new(1e9, 0.3);
     let wall = |normal| Obstacle::HalfSpace {
         point: [0.0; 3],
         normal,

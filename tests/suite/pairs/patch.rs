@@ -10,11 +10,7 @@ use signorini::mesh::Mesh;
 use signorini::mesh::structured::{SolidShape, block, join};
 use signorini::model::{Model, Pair, Support, Traction};
 
-const RUBBER: Material = Material {
-    young: 3000.0,
-    poisson: 0.4,
-    density: 0.0,
-};
+const RUBBER: Material = Material::new(3000.0, 0.4);
 
 /// Elements of a block; `Both` are wedges in one half and hexahedra in the other, so that its faces have three and four
 /// corners.

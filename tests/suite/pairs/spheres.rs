@@ -234,11 +234,7 @@ fn hertz_spheres_finely() {
 }
 
 /// As [`STEEL`], without Poisson's effect, for which the closed form of Cattaneo and Mindlin is exact.
-const CORK: Material = Material {
-    young: 2e11,
-    poisson: 0.0,
-    density: 0.0,
-};
+const CORK: Material = Material::new(2e11, 0.0);
 
 /// Pressed together, then pushed sideways: c/a = (1 − Q/(μP))^(1/3), q = μ p₀ (√(1 − r²/a²) − c/a √(1 − r²/c²)) along x,
 /// δ = 3μP/(16a) · 2 (2 − ν)/G · (1 − (c/a)²). The push is two thirds of what slips.

@@ -11,11 +11,7 @@ use signorini::mesh::{ElementKind, Mesh};
 use signorini::model::{Model, Pair, Support, Traction};
 use signorini::ssnm::Status;
 
-const RUBBER: Material = Material {
-    young: 3000.0,
-    poisson: 0.3,
-    density: 0.0,
-};
+const RUBBER: Material = Material::new(3000.0, 0.3);
 const PRESSURE: f64 = 10.0;
 /// How wide both layers are, and how deep in space.
 const WIDE: f64 = 2.0;

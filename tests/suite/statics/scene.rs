@@ -262,9 +262,8 @@ where
         let mut model = Model::on(mesh);
         for body in &self.bodies {
             let material = Material {
-                young: body.young,
-                poisson: body.poisson,
                 density: body.density,
+                ..Material::new(body.young, body.poisson)
             };
             model = model.material_in(&body.name, material);
         }
