@@ -136,8 +136,10 @@ fn speeds<B: Backend, const D: usize>(
     let n = k.n_rows();
     let start = Instant::now();
     let settings = amg::AmgSettings::of_dimension(D);
+    let vertices = problem.vertices().map(AsRef::as_ref);
     let hierarchy =
-        Hierarchy::<B::Stored>::new(k, problem.coordinates(), &settings).map_err(PcgError::from)?;
+        Hierarchy::<B::Stored>::of_second_order(k, problem.coordinates(), vertices, &settings)
+            .map_err(PcgError::from)?;
     let matrix_bytes = k.n_blocks() * (D * D * real + 4);
     // K p; p, q, x, r read and x, r written; r rounded; z read for the dot product and for the direction.
     let iteration_bytes = matrix_bytes + n * (11 * real + 12) + hierarchy.cycle_bytes();

@@ -10,6 +10,7 @@ mod rows;
 mod search;
 #[cfg(test)]
 mod tests;
+mod transformed;
 
 pub use mortar::{Mortar, MortarContact, Unmet, mortar_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
@@ -281,6 +282,15 @@ pub enum ContactError {
     )]
     DrivenAlong {
         /// The node.
+        place: Location,
+    },
+    /// Elements of second order on one of two boundaries that meet.
+    #[error(
+        "the elements at {place} are of second order, and so far these meet rigid obstacles alone: for contact between \
+         bodies take elements of first order (order = 1 in the mesh drops the nodes between corners)"
+    )]
+    SecondOrder {
+        /// A node between two corners.
         place: Location,
     },
     /// A node on both sides.

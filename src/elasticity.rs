@@ -11,10 +11,12 @@ mod stress;
 #[cfg(test)]
 mod tests;
 mod unknowns;
+mod vertices;
 
 pub use assembly::{assemble, internal_forces, load_vector};
 pub use stress::{Stress, stresses};
 pub use unknowns::Unknowns;
+pub use vertices::vertices;
 
 use crate::mesh::{ElementKind, Mesh, Topology};
 

@@ -86,6 +86,10 @@ const FACTOR_UNKNOWN: f64 = 1.2e-6;
 const ITERATIVE_UNKNOWN: f64 = 12e-6;
 const ITERATIVE_UNKNOWN_IN_SPACE: f64 = 30e-6;
 const ITERATIVE_THREADS: f64 = 8.0;
+/// Blocks in a row of those problems, of bilinear quadrilaterals and trilinear hexahedra: with elements of second order rows are
+/// longer (16 and 64 on average with all middle nodes), and an iteration takes as many times more.
+const LONG_ROW: f64 = 9.0;
+const LONG_ROW_IN_SPACE: f64 = 27.0;
 /// The factor is taken up to so many times the time that PCG is predicted to take: its own time is certain, while that of PCG
 /// grows on meshes with stretched elements or hard inclusions.
 const PREFERRED: f64 = 2.0;
@@ -416,7 +420,9 @@ fn direct<const D: usize>(
             3 => ITERATIVE_UNKNOWN_IN_SPACE,
             _ => ITERATIVE_UNKNOWN,
         };
-        let iterative = unknown * n / threads;
+        let row = problem.stiffness().n_blocks() as f64 / problem.stiffness().n_block_rows() as f64;
+        let long = (row / if D == 3 { LONG_ROW_IN_SPACE } else { LONG_ROW }).max(1.0);
+        let iterative = unknown * n * long / threads;
         let (choice, taken) = if factor > PREFERRED * iterative {
             ("PCG", None)
         } else {

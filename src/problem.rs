@@ -13,6 +13,7 @@ mod matrices;
 mod system;
 #[cfg(test)]
 mod tests;
+mod vertices;
 
 pub use any::{AnyProblem, dimension};
 pub use check::ProblemError;
@@ -23,6 +24,7 @@ pub(crate) use kkt::slip_violation;
 pub use load::LoadCase;
 pub use matrices::{Index, Matrices, SparseRef};
 pub use system::System;
+pub use vertices::Vertices;
 
 use crate::sparse::{BlockCsr, Csr, norm};
 use std::borrow::Cow;
@@ -239,6 +241,16 @@ impl<const D: usize, K> ContactProblem<D, K> {
         check::slip_bound(&bound, self.m())?;
         self.case.slip_bound = bound;
         Ok(self)
+    }
+
+    /// Says how the nodes of elements of second order follow their corners: multigrid goes there first.
+    ///
+    /// # Panics
+    /// If that is about another number of nodes than K has.
+    pub fn with_vertices(mut self, vertices: Vertices<D>) -> Self {
+        assert_eq!(D * vertices.prolongation.n_block_rows(), self.n_rows());
+        Arc::make_mut(&mut self.system).vertices = Some(Arc::new(vertices));
+        self
     }
 
     /// Says how many of the unknowns are free, where some rows of K only hold a prescribed component.

@@ -39,7 +39,7 @@ use super::search::{Bounds, Search};
 use super::{ContactError, ContactPlace, Friction, PairOptions, rounding};
 use crate::dense;
 use crate::elasticity::Body;
-use crate::mesh::{ElementKind, Facet, Topology, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Topology, facet_corners, facet_nodes};
 use faer::Mat;
 use places::Places;
 use rayon::prelude::*;
@@ -213,6 +213,14 @@ where
     ElementKind: Mortar<D>,
 {
     let mesh = body.mesh;
+    let middle = |facet: &Facet<D>| {
+        (facet_nodes(facet).get(facet_corners(facet).len())).map(|&node| mesh.nodes[node as usize])
+    };
+    if let Some(place) = facets.iter().chain(others).find_map(middle) {
+        return Err(ContactError::SecondOrder {
+            place: place.into(),
+        });
+    }
     let nodes_of = |facet: &Facet<D>| -> Vec<u32> { facet_nodes(facet).to_vec() };
     let other_nodes: HashSet<u32> = others.iter().flat_map(nodes_of).collect();
     let mut nodes = facets.iter().flat_map(nodes_of);

@@ -1,5 +1,6 @@
 //! Rigid obstacles.
 
+use super::transformed::Transformed;
 use super::{
     ContactError, ContactPlace, Friction, PairOptions, SlipBound, checked, frame, rounding,
 };
@@ -115,7 +116,9 @@ impl<const D: usize> Obstacle<D> {
 /// The contact nodes of a boundary against an obstacle.
 ///
 /// Each node takes its normal and gap from the nearest point of the obstacle; a Tresca bound becomes the
-/// nodal force ∫ bound φᵢ ds (times the thickness). Overlaps below 1e-9 of the size of the mesh count as
+/// nodal force ∫ bound φᵢ ds (times the thickness). On facets of second order φ are not the shape functions, whose integrals
+/// vanish at the corners of six-node triangles and are negative at those of eight-node quadrilaterals, but what
+/// [`Transformed`] makes of them. Overlaps below 1e-9 of the size of the mesh count as
 /// touching. No node can pass through the obstacle, however far it was from it; but where the gap is larger than
 /// the search distance there is no friction of Tresca's kind, which would rub without a pressure.
 pub fn obstacle_contact<const D: usize>(
@@ -144,25 +147,39 @@ where
         return Err(obstacle.unseen());
     }
     let near = options.distance_to(body, facets, obstacle);
+    let transformed = Transformed::new(facets);
     let mut area = vec![0.0; mesh.nodes.len()];
     let mut bound = area.clone();
     body.integrate_on_boundary(facets, &|_| 1.0, &mut area);
+    transformed.share(&mut area);
     if let Friction::Tresca(tresca) = options.friction {
         body.integrate_on_boundary(facets, tresca, &mut bound);
+        transformed.share(&mut bound);
     }
+    // What is a distance at all nodes of a facet, as that which the place of a node feels.
+    let felt = |node: u32, distance: &dyn Fn(u32) -> f64| -> f64 {
+        let own = transformed.own(node);
+        own.iter()
+            .map(|&(other, weight)| weight * distance(other))
+            .sum()
+    };
     (0..)
         .zip(nodes)
         .map(|(number, node)| {
             let i = node as usize;
             let place = mesh.nodes[i];
-            let (distance, normal) = obstacle.distance(place);
+            let (_, normal) = obstacle.distance(place);
             if !normal.iter().all(|v| v.is_finite()) {
                 return Err(ContactError::NoNormal {
                     place: place.into(),
                     obstacle: obstacle.name(),
                 });
             }
-            let gap = options.gap_at(place, distance, rounding);
+            let gap_of = |node: u32| {
+                let x = mesh.nodes[node as usize];
+                options.gap_at(x, obstacle.distance(x).0, rounding)
+            };
+            let gap = gap_of(node);
             if options.interference.is_some() {
                 checked("interference", place, -gap)?;
             } else if options.gap.is_some() {
@@ -180,10 +197,10 @@ where
             Ok(ContactPlace {
                 place,
                 node: Some(node),
-                own: vec![(node, 1.0)],
+                own: transformed.own(node),
                 partners: Vec::new(),
                 frame: frame(normal),
-                gap,
+                gap: felt(node, &gap_of),
                 area: area[i],
                 pool: number,
                 slip_bound,

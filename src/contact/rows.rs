@@ -7,7 +7,7 @@
 
 use super::{ContactError, ContactPlace, SlipBound};
 use crate::elasticity::{Body, Unknowns};
-use crate::mesh::vector::{dot, minus};
+use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Location, Mesh, Topology};
 use crate::sparse::Csr;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -69,7 +69,10 @@ where
     let mut kept = Vec::new();
     for (number, candidate) in candidates.iter().enumerate() {
         let (entries, motion) = row(unknowns, candidate, candidate.frame[0]);
-        if entries.is_empty() {
+        // On an obstacle a place moves with its node; the others that it may have only say what of that counts.
+        let left = unknowns.free_part(candidate.own[0].0, candidate.frame[0]);
+        let is_held = candidate.partners.is_empty() && length(left) <= 1e-8;
+        if entries.is_empty() || is_held {
             fixed.push((candidate.place.into(), candidate.gap, motion));
             continue;
         }

@@ -62,7 +62,14 @@ impl<B: Backend> NestedDual<B> {
         let touched = problem.touched();
         let (k, ties) = (problem.floating_bodies())
             .grounded(problem.stiffness(), |unknown| touched[unknown / D]);
-        let mut pcg = Pcg::new(backend, &k, problem.coordinates(), preconditioner)?;
+        let vertices = problem.vertices().map(|vertices| vertices.grounded(&ties));
+        let mut pcg = Pcg::of_second_order(
+            backend,
+            &k,
+            problem.coordinates(),
+            vertices.as_deref(),
+            preconditioner,
+        )?;
         let unit = power_of_two_below(norm(problem.load()));
         let mut u = Vec::new();
         let on_backend = if pcg.is_f64() {

@@ -53,6 +53,11 @@ impl<const D: usize> Unknowns<D> {
         self
     }
 
+    /// The nodes whose components are not along the axes, with their directions.
+    pub(super) fn frames(&self) -> &BTreeMap<u32, [[f64; D]; D]> {
+        &self.frames
+    }
+
     /// The directions of the components of a node, where they are not the axes.
     pub fn frame(&self, node: u32) -> Option<&[[f64; D]; D]> {
         self.frames.get(&node)

@@ -391,6 +391,12 @@ where
         element
     }
 
+    /// The element of first order with the same corners.
+    pub fn linear(&self) -> Self {
+        let kind = self.kind.linear();
+        Self::new(kind, &self.nodes()[..kind.n_nodes()], self.region)
+    }
+
     /// What it is.
     pub fn kind(&self) -> ElementKind {
         self.kind

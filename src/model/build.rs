@@ -6,7 +6,7 @@ use super::error::{Entity, EntityKind, Fault, ModelError, listed};
 use super::loads::{StepData, acting, region};
 use super::{Definition, Model};
 use crate::contact::{ContactRows, Space, contact_rows};
-use crate::elasticity::{Body, Material, Unknowns, assemble};
+use crate::elasticity::{Body, Material, Unknowns, assemble, vertices};
 use crate::mesh::{ElementKind, Mesh, Topology};
 use crate::problem::{ContactData, ContactProblem, LoadCase};
 use std::time::Instant;
@@ -167,6 +167,10 @@ where
     })
     .map_err(failed)?
     .with_free_unknowns(unknowns.n_free());
+    let problem = match vertices(body, unknowns) {
+        Some(vertices) => problem.with_vertices(vertices),
+        None => problem,
+    };
     let zero = vec![0.0; (D - 1) * problem.m()];
     problem
         .with_areas(contact.pooled_areas())

@@ -230,7 +230,7 @@ where
         if pair.is_some_and(|pair| elastic.pair_of[i] as usize != pair) {
             continue;
         }
-        for &(node, weight) in &place.own {
+        for &(node, weight) in place.own.iter().filter(|own| own.1 > 0.0) {
             // A node that is a place has that one, whatever others have of it.
             let part = if place.node == Some(node) {
                 f64::INFINITY

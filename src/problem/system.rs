@@ -1,6 +1,6 @@
 //! What K, N, T, the points and the areas say: made once, and shared by all load cases.
 
-use super::{ContactData, FloatingBodies, tangents};
+use super::{ContactData, FloatingBodies, Vertices, tangents};
 use crate::sparse::{BlockCsr, Csr};
 use std::sync::Arc;
 
@@ -16,6 +16,8 @@ pub struct System<const D: usize = 2> {
     /// B.
     contact: Arc<Csr>,
     coordinates: Option<Vec<[f64; D]>>,
+    /// The corners of elements of second order.
+    pub(super) vertices: Option<Arc<Vertices<D>>>,
     /// The areas that turn nodal forces into pressures, length m.
     pub(super) areas: Vec<f64>,
     free: FloatingBodies<D>,
@@ -60,7 +62,13 @@ impl<const D: usize> System<D> {
             normal: data.normal.clone(),
             tangential: data.tangential.clone(),
             coordinates: data.coordinates.clone(),
+            vertices: None,
         }
+    }
+
+    /// The corners of elements of second order, where there are such.
+    pub fn vertices(&self) -> Option<&Arc<Vertices<D>>> {
+        self.vertices.as_ref()
     }
 
     /// Number of unknowns n that the user gave.

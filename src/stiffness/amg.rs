@@ -18,6 +18,10 @@
 //! dependent on an aggregate (a single node has two), the coarse unknowns that do not exist are held by a
 //! diagonal entry of their own.
 //!
+//! Elements of second order: the level below K is that of their corners, which the middles follow linearly; there the matrix
+//! is that of the elements of first order, and aggregation begins. Aggregates of all nodes would take half as many iterations
+//! more, and a third more memory.
+//!
 //! Everything is computed in f64 and then stored as `S`, f32 by default, with K scaled by a power of two
 //! to entries of about 1, so that the units of the problem do not matter.
 
@@ -34,6 +38,7 @@ mod tests;
 
 pub use cycle::Multigrid;
 
+use crate::problem::Vertices;
 use crate::sparse::BlockCsr;
 use crate::sparse::stored::{BlockMatrix, Dense, Real, power_of_two_below, store};
 use std::fmt;
@@ -246,6 +251,17 @@ impl<S: Real> Hierarchy<S> {
         coordinates: Option<&[[f64; D]]>,
         settings: &AmgSettings,
     ) -> Result<Self, AmgError> {
+        Self::of_second_order(k, coordinates, None, settings)
+    }
+
+    /// As [`Hierarchy::new`]; where elements are of second order, the level below the first is that of their corners, and
+    /// aggregation begins there.
+    pub fn of_second_order<const D: usize>(
+        k: &BlockCsr<D>,
+        coordinates: Option<&[[f64; D]]>,
+        vertices: Option<&Vertices<D>>,
+        settings: &AmgSettings,
+    ) -> Result<Self, AmgError> {
         let n = k.n_block_rows();
         if n == 0 || k.n_block_cols() != n {
             return Err(AmgError::Shape);
@@ -258,10 +274,10 @@ impl<S: Real> Hierarchy<S> {
                 found: points.len(),
                 expected: n,
             }),
-            None => setup::build::<D, D, S>(k, None, settings),
+            None => setup::build::<D, D, S>(k, None, None, settings),
             Some(_) => match D {
-                2 => setup::build::<D, 3, S>(k, coordinates, settings),
-                3 => setup::build::<D, 6, S>(k, coordinates, settings),
+                2 => setup::build::<D, 3, S>(k, coordinates, vertices, settings),
+                3 => setup::build::<D, 6, S>(k, coordinates, vertices, settings),
                 _ => Err(AmgError::Shape),
             },
         }
@@ -289,7 +305,7 @@ impl<S: Real> Hierarchy<S> {
             let [fine, coarse] = level.prolongation.block();
             coarse > fine
         };
-        self.levels.first().is_none_or(has) && self.is_multigrid()
+        (self.levels.is_empty() || self.levels.iter().any(has)) && self.is_multigrid()
     }
 
     /// Whether it is more than block-Jacobi.

@@ -7,6 +7,7 @@
 use super::amg::{AmgError, AmgSettings, Hierarchy, Multigrid};
 use crate::backend::{Backend, BackendError, Progress, Run};
 use crate::control::{Accuracy, Correction, SolveCounts, Stop, Stopped};
+use crate::problem::Vertices;
 use crate::sparse::stored::{SquareBlocks, power_of_two_below};
 use crate::sparse::{BlockCsr, norm};
 use std::sync::Arc;
@@ -203,18 +204,30 @@ impl<B: Backend> Pcg<B> {
     /// Moves K to the backend and sets up the preconditioner; `coordinates` has a point per node
     /// (without, multigrid has no rotations to work with and needs more iterations).
     pub fn new<const D: usize>(
+        backend: B,
+        k: &Arc<BlockCsr<D>>,
+        coordinates: Option<&[[f64; D]]>,
+        preconditioner: Preconditioner,
+    ) -> Result<Self, PcgError> {
+        Self::of_second_order(backend, k, coordinates, None, preconditioner)
+    }
+
+    /// As [`Pcg::new`], for elements of second order with these corners, if there are any.
+    pub fn of_second_order<const D: usize>(
         mut backend: B,
         k: &Arc<BlockCsr<D>>,
         coordinates: Option<&[[f64; D]]>,
+        vertices: Option<&Vertices<D>>,
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
         // What cannot be done without comes first: multigrid takes what is left.
         let placed = placed(&mut backend, k)?;
         let mut fallback = None;
         if preconditioner == Preconditioner::Multigrid {
-            let made = Hierarchy::new(k, coordinates, &AmgSettings::of_dimension(D))
-                .map_err(PcgError::from)
-                .and_then(|hierarchy| on_backend(&mut backend, hierarchy));
+            let made =
+                Hierarchy::of_second_order(k, coordinates, vertices, &AmgSettings::of_dimension(D))
+                    .map_err(PcgError::from)
+                    .and_then(|hierarchy| on_backend(&mut backend, hierarchy));
             match made {
                 Ok(made) => return Ok(Self::assemble(backend, placed, made, None)),
                 Err(

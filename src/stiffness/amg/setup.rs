@@ -7,6 +7,7 @@ use super::{
     AmgError, AmgSettings, Coarse, Hierarchy, Inverse, Level, Smoother, coarse, product, scale_of,
     smoother,
 };
+use crate::problem::Vertices;
 use crate::sparse::BlockCsr;
 use crate::sparse::stored::{BlockMatrix, Real, store};
 
@@ -27,10 +28,10 @@ const COARSE_ALPHA: f64 = 300.0;
 pub(super) fn build<const D: usize, const M: usize, S: Real>(
     k: &BlockCsr<D>,
     coordinates: Option<&[[f64; D]]>,
+    vertices: Option<&Vertices<D>>,
     settings: &AmgSettings,
 ) -> Result<Hierarchy<S>, AmgError> {
     let scale = scale_of(k)?;
-    let modes = rigid_body_modes::<D, M>(k.n_block_rows(), coordinates);
     // Unknowns of which an inverse has as many entries as it may.
     let entries = (D * D * k.n_blocks()) as f64;
     let settings = &AmgSettings {
@@ -41,13 +42,84 @@ pub(super) fn build<const D: usize, const M: usize, S: Real>(
         Some(_) => [settings.theta, settings.coarse_theta],
         None => [settings.theta_without_points; 2],
     };
-    let (mut levels, coarse) = coarsen(k, modes, coordinates, scale, theta, settings)?;
+    let (mut levels, coarse) = match vertices {
+        Some(vertices) if k.n_rows() > settings.dense_limit => {
+            to_vertices::<D, M, S>(k, vertices, scale, theta, settings)?
+        }
+        _ => {
+            let modes = rigid_body_modes::<D, M>(k.n_block_rows(), coordinates);
+            coarsen(k, modes, coordinates, scale, theta, settings)?
+        }
+    };
     levels.reverse();
     Ok(Hierarchy {
         levels,
         coarse,
         scale,
     })
+}
+
+/// The levels of the corners and all below them, then that of K, as [`coarsen`] has them.
+fn to_vertices<const D: usize, const M: usize, S: Real>(
+    k: &BlockCsr<D>,
+    vertices: &Vertices<D>,
+    scale: f64,
+    theta: [f64; 2],
+    settings: &AmgSettings,
+) -> Result<(Vec<Level<S>>, Coarse<S>), AmgError> {
+    let p = &vertices.prolongation;
+    let r = product::transpose(p);
+    let made = (vertices.stiffness.is_none()).then(|| product::galerkin(&r, k, p));
+    let matrix = (vertices.stiffness.as_ref())
+        .or(made.as_ref())
+        .expect("one of both");
+    let modes = rigid_body_modes::<D, M>(matrix.n_block_rows(), Some(&vertices.points));
+    let (mut levels, coarse) = coarsen(
+        matrix,
+        modes,
+        Some(&vertices.points),
+        scale,
+        theta,
+        settings,
+    )?;
+    drop(made);
+    let inverse_diagonal = smoother::inverse_diagonal(k)
+        .map_err(|node| AmgError::NotPositiveDefinite { node, block: D })?;
+    let inverse = Inverse::Diagonal {
+        block: D,
+        values: store(inverse_diagonal.as_flattened().as_flattened(), 1.0 / scale),
+    };
+    let stored = BlockMatrix::new(k, scale);
+    let radius = radius::<D, S>(&stored, &inverse)?;
+    levels.push(Level {
+        smoother: Smoother {
+            matrix: stored,
+            inverse,
+            steps: steps(settings.degree, settings.alpha, radius),
+        },
+        prolongation: BlockMatrix::new(p, 1.0),
+        restriction: BlockMatrix::new(&r, 1.0),
+    });
+    Ok((levels, coarse))
+}
+
+/// The steps of a smoother where the eigenvalues of D⁻¹A reach that far.
+fn steps<S: Real>(degree: usize, alpha: f64, radius: f64) -> Vec<[S; 2]> {
+    smoother::chebyshev(degree, radius / alpha, radius)
+        .into_iter()
+        .map(|step| step.map(S::from_f64))
+        .collect()
+}
+
+/// How far the eigenvalues of D⁻¹A reach. Written so that NaN is refused. An indefinite K may show here, and singular ones on
+/// the coarsest level.
+fn radius<const B: usize, S: Real>(
+    stored: &BlockMatrix<S>,
+    inverse: &Inverse<S>,
+) -> Result<f64, AmgError> {
+    Some(RADIUS_MARGIN * smoother::spectral_radius::<B, S>(stored, inverse))
+        .filter(|&radius| radius > 0.0)
+        .ok_or(AmgError::Singular)
 }
 
 /// The levels of `a` and all below it, the finest last, and the coarsest. `theta` is for this level and for those below.
@@ -81,10 +153,7 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
     let smoother = |degree: usize, alpha: f64| Smoother {
         matrix: BlockMatrix::new(a, scale),
         inverse: smoothing.inverse,
-        steps: smoother::chebyshev(degree, smoothing.radius / alpha, smoothing.radius)
-            .into_iter()
-            .map(|step| step.map(S::from_f64))
-            .collect(),
+        steps: steps(degree, alpha, smoothing.radius),
     };
     if stalled || aggregates.count == 0 {
         let last = smoother(COARSE_DEGREE, COARSE_ALPHA);
@@ -142,13 +211,7 @@ fn smoothing<const B: usize, S: Real>(
     scale: f64,
 ) -> Result<Smoothing<S>, AmgError> {
     let stored = BlockMatrix::new(a, scale);
-    // Written so that NaN is refused. An indefinite K may show here, and singular ones on the coarsest
-    // level.
-    let radius = |inverse: &Inverse<S>| {
-        Some(RADIUS_MARGIN * smoother::spectral_radius::<B, S>(&stored, inverse))
-            .filter(|&radius| radius > 0.0)
-            .ok_or(AmgError::Singular)
-    };
+    let radius = |inverse: &Inverse<S>| radius::<B, S>(&stored, inverse);
     let diagonal = Inverse::Diagonal {
         block: B,
         values: store(inverse_diagonal.as_flattened().as_flattened(), 1.0 / scale),

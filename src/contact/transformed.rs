@@ -1,0 +1,60 @@
+//! Shape functions of facets of second order, transformed so that each has a positive integral.
+//!
+//! The functions of a facet with corners v and middles e of its edges are taken as
+//!
+//! ```text
+//! Ñ_v = N_v + Σ α N_e  (e beside v),    Ñ_e = (1 − 2α) N_e,
+//! ```
+//!
+//! and the displacements that belong to them are û_v = u_v and û_e = (u_e − α (u_a + u_b)) / (1 − 2α) with the ends a and b of
+//! the edge. A contact force is a multiplier of Ñ, so that it is positive where there is pressure, and over ∫ Ñ it is that
+//! pressure. α is 1/5 for triangles with six nodes and quadrilaterals with eight, whose integrals at corners are otherwise zero
+//! and negative; where all integrals are positive, on edges and quadrilaterals with nine nodes, nothing has to be transformed
+//! (Popp, Wohlmuth, Gee and Wall, SIAM J. Sci. Comput. 34, 2012, have the same form of it).
+
+use crate::mesh::{facet_corners, facet_nodes};
+use std::collections::HashMap;
+
+/// α of the facets that need one: any between 1/8 and 1/2 leaves positive integrals on both.
+const ALPHA: f64 = 0.2;
+
+/// The nodes of a boundary whose functions are transformed.
+pub(super) struct Transformed {
+    /// For the middle of an edge the ends of that.
+    ends: HashMap<u32, [u32; 2]>,
+}
+
+impl Transformed {
+    pub fn new<F: AsRef<[u32]>>(facets: &[F]) -> Self {
+        let mut ends = HashMap::new();
+        for facet in facets {
+            let (corners, nodes) = (facet_corners(facet), facet_nodes(facet));
+            if !matches!(nodes.len(), 6 | 8) {
+                continue;
+            }
+            for (k, &middle) in nodes[corners.len()..].iter().enumerate() {
+                ends.insert(middle, [corners[k], corners[(k + 1) % corners.len()]]);
+            }
+        }
+        Self { ends }
+    }
+
+    /// From integrals with the shape functions, one a node of the mesh, to those with the transformed ones.
+    pub fn share(&self, integrals: &mut [f64]) {
+        for (&middle, ends) in &self.ends {
+            let whole = integrals[middle as usize];
+            integrals[middle as usize] = (1.0 - 2.0 * ALPHA) * whole;
+            ends.iter()
+                .for_each(|&end| integrals[end as usize] += ALPHA * whole);
+        }
+    }
+
+    /// The nodes whose displacements are that of a node in the transformed sense, with their weights, its own first.
+    pub fn own(&self, node: u32) -> Vec<(u32, f64)> {
+        let Some(&[a, b]) = self.ends.get(&node) else {
+            return vec![(node, 1.0)];
+        };
+        let scale = 1.0 / (1.0 - 2.0 * ALPHA);
+        vec![(node, scale), (a, -ALPHA * scale), (b, -ALPHA * scale)]
+    }
+}

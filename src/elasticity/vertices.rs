@@ -1,0 +1,106 @@
+//! The corners of elements of second order by themselves.
+
+use super::{Body, Unknowns, assemble};
+use crate::mesh::{Element, ElementKind, Mesh, Topology};
+use crate::problem::Vertices;
+use crate::sparse::BlockCsr;
+
+/// How the nodes of elements of second order follow their corners, with the stiffness matrix of the elements of first order on
+/// these; None where all elements are of first order. Where the dilatation of a material is projected that matrix is left to
+/// be made from K: elements of first order would project it otherwise.
+pub fn vertices<const D: usize>(body: &Body<D>, unknowns: &Unknowns<D>) -> Option<Vertices<D>>
+where
+    ElementKind: Topology<D>,
+{
+    let mesh = body.mesh;
+    let second = |element: &&Element<D>| element.kind().order() == 2;
+    mesh.elements.iter().find(second)?;
+    // The corners that a node lies in the middle of; it may be a middle in many elements, and is the same in all.
+    let mut of_node: Vec<Vec<u32>> = vec![Vec::new(); mesh.nodes.len()];
+    for element in mesh.elements.iter().filter(second) {
+        let (kind, nodes) = (element.kind(), element.nodes());
+        for (&node, of) in nodes[kind.n_corners()..].iter().zip(kind.middles()) {
+            let corners = &mut of_node[node as usize];
+            if corners.is_empty() {
+                corners.extend(of.iter().map(|&corner| nodes[corner]));
+            }
+        }
+    }
+    // Middles are left out as if they were held.
+    let prescribed = (0..).zip(&of_node).map(|(node, of)| {
+        if of.is_empty() {
+            unknowns.prescribed(node)
+        } else {
+            [Some(0.0); D]
+        }
+    });
+    let frames = unknowns.frames().iter();
+    let frames = frames.filter(|(node, _)| of_node[**node as usize].is_empty());
+    let corners = Unknowns::new(prescribed.collect())
+        .along(frames.map(|(&node, &frame)| (node, frame)).collect());
+    let identity: [[f64; D]; D] =
+        std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+    let (mut row_ptr, mut columns, mut blocks) = (vec![0], Vec::new(), Vec::new());
+    for row in 0..unknowns.n_blocks() {
+        let node = unknowns.node(row);
+        let of = &of_node[node as usize];
+        // A corner is itself, with whatever is held of it.
+        let own = corners.block(node).filter(|_| of.is_empty());
+        let mut entries: Vec<(u32, [[f64; D]; D])> =
+            own.map(|column| (column, identity)).into_iter().collect();
+        for &corner in of {
+            let Some(column) = corners.block(corner) else {
+                continue;
+            };
+            let weight = 1.0 / of.len() as f64;
+            // What is free of the corner, and of that what is free of the node.
+            let mut block = [[0.0; D]; D];
+            for j in 0..D {
+                let free = unknowns.free_part(node, corners.free_part(corner, identity[j]));
+                (0..D).for_each(|i| block[i][j] = weight * free[i]);
+            }
+            entries.push((column, block));
+        }
+        entries.sort_by_key(|entry| entry.0);
+        for (column, block) in entries {
+            columns.push(column);
+            blocks.push(block);
+        }
+        row_ptr.push(columns.len());
+    }
+    let projected = body
+        .materials
+        .iter()
+        .any(|material| material.is_projected(body.plane));
+    let stiffness = (!projected).then(|| {
+        let linear = Mesh {
+            nodes: mesh.nodes.clone(),
+            elements: mesh.elements.iter().map(Element::linear).collect(),
+            regions: mesh.regions.clone(),
+            groups: Default::default(),
+            boundaries: Default::default(),
+            faults: Default::default(),
+        };
+        let nothing = vec![[0.0; D]; mesh.nodes.len()];
+        assemble(
+            &Body {
+                mesh: &linear,
+                ..*body
+            },
+            &corners,
+            &nothing,
+        )
+        .0
+    });
+    Some(Vertices {
+        prolongation: BlockCsr::from_parts(
+            unknowns.n_blocks(),
+            corners.n_blocks(),
+            row_ptr,
+            columns,
+            blocks,
+        ),
+        stiffness,
+        points: corners.coordinates(mesh),
+    })
+}
