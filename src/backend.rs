@@ -181,7 +181,7 @@ impl Default for Run {
     }
 }
 
-/// Whether a block of that many terms α rᵀz is full after so many iterations; see
+/// Whether a block of that many terms α rᵀz is full after this many iterations; see
 /// `shaders/shared/common.wgsl`, which does the same.
 ///
 /// The estimate of eᵀKe is made from the block before the last and what there is of the last. Up to nine

@@ -51,8 +51,8 @@ pub enum Accuracy {
     /// still to come is estimated from the last of these terms and from how fast they have fallen in the
     /// runs before. A longer run has met a slow part of the spectrum, where they fall and rise again: there
     /// the sum over the last fifth to third of the iterations is taken for what is still to come.
-    /// No such estimate knows of a part of the spectrum that PCG has not met yet: a stiff inclusion that
-    /// only moves after a long standstill comes as a surprise.
+    /// No such estimate sees a part of the spectrum that PCG has not reached yet: with a stiff inclusion that
+    /// begins to move only after many iterations, the error is underestimated.
     Energy {
         /// Of √(eᵀKe).
         absolute: f64,

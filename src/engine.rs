@@ -78,7 +78,7 @@ pub enum EngineError {
 const WORTH_A_GPU: usize = 50_000;
 
 /// Seconds of the factorisation for an operation and, with ordering and solves, for an unknown; seconds of the
-/// iterative path for an unknown of the plane and of space, all of it, shared by up to so many threads. Measured with
+/// iterative path for an unknown of the plane and of space, all of it, shared by up to this many threads. Measured with
 /// the reference problems of n = 2e5 to 8e5, in space of 2e4 to 1e6, on two cores (`signorini bench`); only their ratio
 /// matters.
 const FACTOR_OPERATION: f64 = 5e-11;
@@ -90,7 +90,7 @@ const ITERATIVE_THREADS: f64 = 8.0;
 /// longer (16 and 64 on average with all middle nodes), and an iteration takes as many times more.
 const LONG_ROW: f64 = 9.0;
 const LONG_ROW_IN_SPACE: f64 = 27.0;
-/// The factor is taken up to so many times the time that PCG is predicted to take: its own time is certain, while that of PCG
+/// The factor is taken up to this multiple of the time that PCG is predicted to take: its own time is certain, while that of PCG
 /// grows on meshes with stretched elements or hard inclusions.
 const PREFERRED: f64 = 2.0;
 /// Predictions below this many seconds are not worth a word.
@@ -392,7 +392,7 @@ fn again<const D: usize>(
     on_cpu(problem, options)
 }
 
-/// The factor, or None where PCG is the better choice on a machine of so many bytes, if known, and threads.
+/// The factor, or None where PCG is the better choice on a machine of this many bytes, if known, and threads.
 fn direct<const D: usize>(
     problem: &ContactProblem<D>,
     memory: Option<usize>,

@@ -97,8 +97,8 @@ mod tests {
         let path = place.path().join("a");
         std::fs::write(&path, b"four").unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(whole(&path, 4).ok().as_deref(), Some(&b"four"[..]));
-        let told = whole(&path, 3).map_err(|error| error.kind());
-        assert_eq!(told, Err(ErrorKind::FileTooLarge));
+        let failure = whole(&path, 3).map_err(|error| error.kind());
+        assert_eq!(failure, Err(ErrorKind::FileTooLarge));
         assert!(data_limit() > 1 << 26);
     }
 
@@ -120,14 +120,15 @@ mod tests {
                 }
             }
         });
-        let told = whole(&pipe, 100_000).map_err(|error| error.to_string());
+        let failure = whole(&pipe, 100_000).map_err(|error| error.to_string());
         assert!(
-            told.as_ref()
+            failure
+                .as_ref()
                 .is_err_and(|text| text.contains("more than 1 MiB")),
-            "{told:?}"
+            "{failure:?}"
         );
         assert!(writer.join().is_ok_and(|ended| ended.is_err()));
-        let told = whole(Path::new("/dev/zero"), 4).map_err(|error| error.to_string());
-        assert!(told.is_err_and(|text| text.contains("this is a device")));
+        let failure = whole(Path::new("/dev/zero"), 4).map_err(|error| error.to_string());
+        assert!(failure.is_err_and(|text| text.contains("this is a device")));
     }
 }

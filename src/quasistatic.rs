@@ -8,7 +8,7 @@
 //! **Coulomb friction** is part of the Newton steps (`ssnm`). As no function falls along them, they may fail.
 //! Then bodies that only contact holds are put on weak springs (`springs`), which tell whether anything holds them, and
 //! rounds with frozen slip bounds (`rounds`) go on from the best point, and the monolithic step is tried once more where
-//! they settle.
+//! they converge.
 
 mod rounds;
 mod springs;
@@ -178,7 +178,7 @@ pub struct NotHeld {
     /// Which way the loads push it, in words.
     pub motion: String,
     /// No forces within the friction law balance it. Otherwise some do, but contact and friction do not come to them: on
-    /// springs, however weak, it moves away, or slip bounds that have settled do not hold it.
+    /// springs, however weak, it moves away, or converged slip bounds do not hold it.
     pub proven: bool,
 }
 
@@ -398,22 +398,23 @@ where
         self.better_of(solution, rounds.bounds, again)
     }
 
-    /// Of what rounds have settled on and a monolithic step that has given up: what the law itself says is better.
+    /// The better of the solution that rounds have converged to and that of a monolithic step that has given up, judged by the
+    /// conditions with g = μλν.
     fn better_of(
         &mut self,
-        mut settled: Solution<D>,
+        mut of_rounds: Solution<D>,
         bounds: Vec<f64>,
         monolithic: Solution<D>,
     ) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
-        let kkt = conditions(&self.lawful, self.dual, &settled.u, &settled.lambda)?;
+        let kkt = conditions(&self.lawful, self.dual, &of_rounds.u, &of_rounds.lambda)?;
         if monolithic.info.kkt.max() < kkt.max() {
             return Ok((monolithic, None));
         }
-        settled.info.kkt = kkt;
+        of_rounds.info.kkt = kkt;
         if !(kkt.max() <= ssnm::MET * self.settings.ssnm.tolerance) {
-            settled.status = Status::Stagnated;
+            of_rounds.status = Status::Stagnated;
         }
-        Ok((settled, Some(bounds)))
+        Ok((of_rounds, Some(bounds)))
     }
 
     /// max |μλν − g| / max μλν for what differs of the bounds.
@@ -512,8 +513,11 @@ where
     fn on_springs(&mut self, lambda: &[f64]) -> Result<Springs<D>, SolveError> {
         let own = self.lawful.compliance().iter().zip(lambda);
         let work: f64 = own.map(|(c, l)| c * l * l).sum();
-        let (free, force) = (self.lawful.floating_bodies(), self.lawful.load());
-        let (load, acting) = (norm(&free.resultants(force)), norm(&free.sizes(force)));
+        let (floating, force) = (self.lawful.floating_bodies(), self.lawful.load());
+        let (load, acting) = (
+            norm(&floating.resultants(force)),
+            norm(&floating.sizes(force)),
+        );
         let stiffness = load * load / (WEAK * work);
         // What nothing pushes does not move away.
         if !(load > BALANCED * acting && stiffness.is_normal()) {
@@ -529,15 +533,15 @@ where
         let mut forces = self.lawful.load().to_vec();
         let b = self.lawful.contact_matrix();
         b.mul_transpose_add(-1.0, &solution.lambda, &mut forces);
-        let free = self.lawful.floating_bodies();
-        let borne = free.resultants(&forces);
+        let floating = self.lawful.floating_bodies();
+        let borne = floating.resultants(&forces);
         if norm(&borne).powi(2) <= stiffness * work {
             return Ok(Springs::Idle(solution.lambda));
         }
         // Back to where the bodies were.
         let mut u = solution.u;
         let back: Vec<f64> = borne.iter().map(|force| -force / stiffness).collect();
-        free.add_motion(&back, &mut u);
+        floating.add_motion(&back, &mut u);
         let mut info = solution.info;
         info.kkt = conditions(&self.lawful, self.dual, &u, &solution.lambda)?;
         Ok(Springs::Bear(Box::new(Solution {
@@ -578,17 +582,19 @@ fn pushed<const D: usize>(
     solution: &Solution<D>,
     proven: bool,
 ) -> Vec<NotHeld> {
-    let (imbalance, free) = (&solution.imbalance, system.floating_bodies());
+    let (imbalance, floating) = (&solution.imbalance, system.floating_bodies());
     if imbalance.is_empty() {
         return Vec::new();
     }
     let all = norm(imbalance);
-    let bodies = free.parts(imbalance).zip(free.parts(&solution.mechanism));
+    let bodies = floating
+        .parts(imbalance)
+        .zip(floating.parts(&solution.mechanism));
     (bodies.enumerate())
         .filter(|(_, ((_, part), _))| norm(part) > PUSHED * all)
-        .map(|(body, (_, (free, motion)))| NotHeld {
+        .map(|(body, (_, (floating, motion)))| NotHeld {
             body,
-            motion: free.describe(motion),
+            motion: floating.describe(motion),
             proven,
         })
         .collect()

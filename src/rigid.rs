@@ -3,7 +3,7 @@
 //! Rotations are about the centre of a [`Frame`] and divided by its size, so that their entries are of the size of
 //! those of translations, whatever the unit of length.
 
-/// Rigid motions in a space of so many dimensions: 3 in the plane, 6 in space.
+/// Rigid motions in a space of this many dimensions: 3 in the plane, 6 in space.
 pub(crate) const fn count(dimension: usize) -> usize {
     dimension * (dimension + 1) / 2
 }

@@ -65,7 +65,7 @@ pub enum Event<'a, const D: usize = 2> {
     },
     /// It gets on.
     Within(quasistatic::Event<'a>),
-    /// It has ended, in whichever way.
+    /// It has ended, converged or not.
     Ends(Box<Solved<'a, D>>),
 }
 

@@ -36,7 +36,7 @@
 //!   (`dual::balance`). Its projection, which costs no product with A, takes the place of P_Λ everywhere, and
 //!   the multiplier of the balance that the projection of λ − ρ(Aλ − b) brings with it is ρα, α the rigid
 //!   motion: r is Aλ − b − Gᵀα with this α. So bodies cross
-//!   gaps, tip and settle in the projection, the sets are always those of forces in balance, and where Λₑ is
+//!   gaps, tip over and come to rest in the projection, the sets are always those of forces in balance, and where Λₑ is
 //!   empty that is known before the first product.
 //! - **Coulomb's law.** Where g = μλν the tangential multipliers of slipping nodes follow the normal ones in
 //!   each Newton step, and the error (10) is that with g = μλν of the same point (`docs/coulomb.md`). Nothing is minimised

@@ -49,7 +49,7 @@ const STATE_REALS: [&str; 10] = [
     "to_come",
 ];
 const STATE_WORDS: [&str; 5] = ["done", "broken", "iterations", "in_full", "in_open"];
-/// Bytes of a CG state in f64: so many are allocated and copied to the host.
+/// Bytes of a CG state in f64, which are allocated and copied to the host.
 const STATE_BYTES: u64 = (8 * STATE_REALS.len() + 4 * STATE_WORDS.len()).next_multiple_of(8) as u64;
 /// Bytes copied to the host in one piece.
 const PIECE_BYTES: u64 = 64 << 20;

@@ -41,7 +41,7 @@ pub enum BuildError {
     },
 }
 
-/// The contact problem that a case is about, in whichever dimension.
+/// The contact problem that a case is about, in either dimension.
 #[derive(Debug)]
 pub enum CaseProblem {
     /// That of the bodies of an elastic case.

@@ -59,12 +59,12 @@ pub(super) fn vector<const D: usize>(list: &Spanned<Vec<f64>>) -> Result<[f64; D
     })
 }
 
-/// A figure as a quantity.
+/// A number or an expression as a quantity.
 pub(super) fn quantity<const D: usize>(
-    figure: &Spanned<NumberOrExpression>,
+    value: &Spanned<NumberOrExpression>,
 ) -> Result<Quantity<D>, Wrong> {
-    let quantity = figure.get_ref().quantity();
-    quantity.map_err(|message| (figure.span(), message))
+    let quantity = value.get_ref().quantity();
+    quantity.map_err(|message| (value.span(), message))
 }
 
 /// A part of a model with what a table may say of it, if it does.
@@ -75,34 +75,34 @@ fn with<T, V: Clone>(part: T, value: &Option<V>, say: impl Fn(T, V) -> T) -> T {
     }
 }
 
-/// The same for a figure.
-fn with_figure<T, const D: usize>(
+/// The same for a number or an expression.
+fn with_quantity<T, const D: usize>(
     part: T,
-    figure: &Option<Spanned<NumberOrExpression>>,
+    value: &Option<Spanned<NumberOrExpression>>,
     say: impl Fn(T, Quantity<D>) -> T,
 ) -> Result<T, Wrong> {
-    Ok(match figure {
-        Some(figure) => say(part, quantity(figure)?),
+    Ok(match value {
+        Some(value) => say(part, quantity(value)?),
         None => part,
     })
 }
 
-/// What does not belong to a mesh of the plane, of figures along x, y and z and about an axis.
+/// What a mesh of the plane has no use for among components along x, y and z and about an axis.
 const NO_Z: &str = "z has no meaning here: the mesh is one of the plane, with x and y";
 const NO_AXIAL: &str =
     "axial has no meaning here: the mesh is one of the plane, where there are radial and hoop";
 
-/// The same for a figure along each direction; `beyond` is what is wrong with more of them than dimensions.
+/// The same for a component along each direction; `beyond` is the message about more of them than dimensions.
 fn along_each<T, const D: usize>(
     mut part: T,
-    figures: [&Option<Spanned<NumberOrExpression>>; 3],
+    components: [&Option<Spanned<NumberOrExpression>>; 3],
     beyond: &str,
     say: impl Fn(T, usize, Quantity<D>) -> T,
 ) -> Result<T, Wrong> {
-    for (way, figure) in figures.into_iter().enumerate() {
-        match figure {
-            Some(figure) if way >= D => return Err((figure.span(), beyond.to_owned())),
-            _ => part = with_figure(part, figure, |part, value| say(part, way, value))?,
+    for (way, value) in components.into_iter().enumerate() {
+        match value {
+            Some(value) if way >= D => return Err((value.span(), beyond.to_owned())),
+            _ => part = with_quantity(part, value, |part, value| say(part, way, value))?,
         }
     }
     Ok(part)
@@ -140,10 +140,10 @@ impl SupportTable {
             (None, Some(point)) => Support::at_point(vector(point)?),
             _ => return Err((span, "a support needs either a boundary or a point".into())),
         };
-        let figures = [&self.x, &self.y, &self.z];
-        let support = along_each(support, figures, NO_Z, Support::along)?;
-        let figures = [&self.radial, &self.hoop, &self.axial];
-        let support = along_each(support, figures, NO_AXIAL, Support::around)?;
+        let components = [&self.x, &self.y, &self.z];
+        let support = along_each(support, components, NO_Z, Support::along)?;
+        let components = [&self.radial, &self.hoop, &self.axial];
+        let support = along_each(support, components, NO_AXIAL, Support::around)?;
         let mut support = with(support, &axis(&self.axis)?, Support::about);
         if self.symmetry {
             support = support.symmetry();
@@ -156,9 +156,9 @@ impl TractionTable {
     fn traction<const D: usize>(&self) -> Result<Traction<D>, Wrong> {
         let traction = Traction::on(self.boundary.clone());
         let traction = along_each(traction, [&self.x, &self.y, &self.z], NO_Z, Traction::along)?;
-        let traction = with_figure(traction, &self.pressure, Traction::pressure)?;
-        let figures = [&self.radial, &self.hoop, &self.axial];
-        let traction = along_each(traction, figures, NO_AXIAL, Traction::around)?;
+        let traction = with_quantity(traction, &self.pressure, Traction::pressure)?;
+        let components = [&self.radial, &self.hoop, &self.axial];
+        let traction = along_each(traction, components, NO_AXIAL, Traction::around)?;
         let traction = with(traction, &axis(&self.axis)?, Traction::about);
         let traction = with(traction, &self.torque, Traction::torque);
         let force = self.force.as_ref().map(vector).transpose()?;
@@ -258,8 +258,8 @@ impl ContactTable {
             FrictionTable::Tresca(bound) => pair.tresca(quantity(bound)?),
             FrictionTable::Coulomb(coefficient) => pair.coulomb(quantity(coefficient)?),
         };
-        pair = with_figure(pair, &self.gap, Pair::gap)?;
-        pair = with_figure(pair, &self.interference, Pair::interference)?;
+        pair = with_quantity(pair, &self.gap, Pair::gap)?;
+        pair = with_quantity(pair, &self.interference, Pair::interference)?;
         pair = with(pair, &self.adjust, Pair::adjust);
         pair = with(pair, &self.edge_angle, Pair::edge_angle);
         Ok(with(pair, &self.search_distance, Pair::search_distance))

@@ -25,7 +25,7 @@ pub struct SolverTable {
     pub max_iterations: usize,
     /// Of the whole run, such as `10min`; none if left out.
     pub time_limit: Option<Spanned<String>>,
-    /// How far slip bounds of rounds settle under Coulomb's law; ten times the tolerance if left out.
+    /// How far slip bounds of rounds converge under Coulomb's law; ten times the tolerance if left out.
     pub friction_tolerance: Option<Spanned<f64>>,
     /// Rounds with frozen slip bounds at most.
     pub max_rounds: usize,

@@ -103,7 +103,7 @@ pub struct IntegrationPoint<const D: usize> {
 pub enum Site {
     /// At this corner.
     Corner(usize),
-    /// On the edge from this corner to the next one, at this part of it.
+    /// On the edge from this corner to the next one, at this fraction of its length.
     Edge(usize, f64),
     /// Inside.
     Inside,

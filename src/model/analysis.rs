@@ -68,11 +68,11 @@ where
     /// as that is known.
     pub fn body_name(&self, body: usize) -> String {
         let listed = |point: [f64; D]| point.map(|x| format!("{x:.4e}")).join(", ");
-        let free = &self.problem.floating_bodies().bodies()[body];
+        let floating = &self.problem.floating_bodies().bodies()[body];
         let Some(Elastic { mesh, unknowns, .. }) = self.elastic else {
-            return format!("the body around ({})", listed(free.centre()));
+            return format!("the body around ({})", listed(floating.centre()));
         };
-        let node = unknowns.node(free.nodes()[0] as usize);
+        let node = unknowns.node(floating.nodes()[0] as usize);
         let region = (mesh.elements.iter())
             .find(|element| element.nodes().contains(&node))
             .map_or(0, |element| element.region);

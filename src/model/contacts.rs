@@ -29,7 +29,7 @@ where
     pub against: String,
     /// The obstacle, where there is no other boundary.
     pub obstacle: Option<Obstacle<D>>,
-    /// The law and its figure.
+    /// The law and its bound or coefficient.
     pub friction: String,
     /// Whether that is Tresca's.
     pub tresca: bool,
@@ -101,7 +101,7 @@ where
         let facets = outer_facets(body.mesh, self.boundary.all())?;
         let law = |x| match &self.law {
             Law::None => 0.0,
-            Law::Tresca(figure) | Law::Coulomb(figure) => figure.at(x),
+            Law::Tresca(value) | Law::Coulomb(value) => value.at(x),
         };
         let gap = |x| self.gap.as_ref().map_or(0.0, |gap| gap.at(x));
         let overlap = |x| (self.interference.as_ref()).map_or(0.0, |overlap| overlap.at(x));

@@ -333,7 +333,7 @@ impl<const D: usize> Traction<D> {
         let stated = self.components.iter().chain([&self.pressure]);
         let whole = self.torque.is_some() || self.force.is_some();
         let around = self.around.iter().any(Option::is_some) || self.torque.is_some();
-        let mut figures = self.torque.iter().chain(self.force.iter().flatten());
+        let mut values = self.torque.iter().chain(self.force.iter().flatten());
         match () {
             () if self.boundary.all().is_empty() => Some(NO_BOUNDARY),
             () if stated.flatten().next().is_none() && !around && !whole => Some(match D {
@@ -344,9 +344,7 @@ impl<const D: usize> Traction<D> {
                     "a traction needs x, y, z, pressure or force (or radial, hoop, axial, torque about an axis)"
                 }
             }),
-            () if !figures.all(|figure| figure.is_finite()) => {
-                Some("torque and force must be finite")
-            }
+            () if !values.all(|value| value.is_finite()) => Some("torque and force must be finite"),
             () => axis_fault(self.axis.as_ref(), around),
         }
     }
@@ -499,7 +497,7 @@ impl<const D: usize> Pair<D> {
         )
     }
 
-    /// The law and its figure, in words.
+    /// The law and its bound or coefficient, in words.
     pub(super) fn friction(&self, units: &Units) -> String {
         match &self.law {
             Law::None => "no friction".to_owned(),

@@ -346,7 +346,7 @@ fn errors_name_what_is_at_fault() {
         let message = refused(model);
         assert!(message.contains(expected), "{expected}\n{message}");
     }
-    // Told before the first step, about the support that does it.
+    // An error before the first step, which names the support that does it.
     let driven = Model::on(rectangle(
         [0.0; 2],
         [1.0, 1.0],

@@ -21,7 +21,7 @@ pub struct ContactReport {
     pub boundary: String,
     /// The master boundary, or what kind of obstacle.
     pub against: String,
-    /// The law and its figure.
+    /// The law and its bound or coefficient.
     pub friction: String,
     /// Resultant on the body of `boundary` along the axes, in the unit of force as all that follow.
     pub force: Vec<f64>,

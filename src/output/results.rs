@@ -17,7 +17,7 @@ use crate::ssnm::Status;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Without the feature `plots` nothing is drawn, in whichever dimension.
+/// Without the feature `plots` nothing is drawn, in either dimension.
 #[cfg(not(feature = "plots"))]
 pub trait Draw<const D: usize>: Space<D> {}
 

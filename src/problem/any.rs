@@ -23,7 +23,7 @@ impl From<ContactProblem<3>> for AnyProblem {
     }
 }
 
-/// The dimension of a problem with m contact nodes, whose T has so many rows and whose points so many coordinates, if there
+/// The dimension of a problem with m contact nodes, whose T has this many rows and whose points this many coordinates, if there
 /// are any: T has a row for each node in the plane and two in space. Without contact nodes the points say it.
 ///
 /// # Errors

@@ -19,8 +19,8 @@ use crate::sparse::{BlockCsr, Csr, dot, norm_max};
 use faer::Mat;
 use std::sync::Arc;
 
-/// An entry of G below this part of what it could be is rounding.
-const DUST: f64 = 1e-12;
+/// An entry of G smaller than this part of the sum of its terms' sizes is rounding.
+const ROUNDING_OF_G: f64 = 1e-12;
 /// Unknowns without contact are fixed where that costs no more than this of the condition.
 const FAR_ENOUGH: f64 = 1e-2;
 /// A motion that turns, or slides, by less than this part of what it does in all is not said to.
@@ -170,7 +170,7 @@ impl<const D: usize> FloatingBodies<D> {
         }
         let bodies = nodes
             .into_iter()
-            .filter_map(|nodes| find::free_body(k, points, nodes));
+            .filter_map(|nodes| find::floating_body(k, points, nodes));
         Self {
             bodies: bodies.collect(),
         }
@@ -291,7 +291,7 @@ impl<const D: usize> FloatingBodies<D> {
             motions.dedup();
             for motion in motions.drain(..) {
                 let [sum, most] = std::mem::take(&mut sums[motion]);
-                if sum.abs() > DUST * most {
+                if sum.abs() > ROUNDING_OF_G * most {
                     entries.push((row, motion, sum));
                 }
             }

@@ -84,10 +84,10 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// along which K R = 0, as products with rounded numbers say the worse the farther a body has moved; and what its
     /// entries may be off by, in units of rounding. What is left of a long way has the rounding of that.
     pub(crate) fn deformed(&self, u: &[f64]) -> [Vec<f64>; 2] {
-        let free = self.floating_bodies();
-        let back: Vec<f64> = free.resultants(u).iter().map(|a| -a).collect();
+        let floating = self.floating_bodies();
+        let back: Vec<f64> = floating.resultants(u).iter().map(|a| -a).collect();
         let mut deformed = u.to_vec();
-        free.add_motion(&back, &mut deformed);
+        floating.add_motion(&back, &mut deformed);
         let reach = self.load_case().reach();
         [deformed, u.iter().map(|u| u.abs() + reach).collect()]
     }

@@ -20,7 +20,7 @@ pub struct System<const D: usize = 2> {
     pub(super) vertices: Option<Arc<Vertices<D>>>,
     /// The areas that turn nodal forces into pressures, length m.
     pub(super) areas: Vec<f64>,
-    free: FloatingBodies<D>,
+    floating: FloatingBodies<D>,
     /// The connected part of K that each node belongs to.
     pub(super) parts: Vec<u32>,
     /// Whether K ties an unknown to another one.
@@ -38,7 +38,7 @@ impl<const D: usize> System<D> {
         let k = &data.stiffness;
         let m = data.gap.len();
         let (count, parts) = k.components();
-        let free = match &data.coordinates {
+        let floating = match &data.coordinates {
             Some(points) => FloatingBodies::among(k, points, count, &parts),
             None => FloatingBodies::default(),
         };
@@ -54,7 +54,7 @@ impl<const D: usize> System<D> {
                 rows.filter(|&(_, _, v)| v != 0.0),
             )),
             areas: vec![1.0; m],
-            free,
+            floating,
             parts,
             coupled: (0..k.n_rows()).map(|i| is_coupled(k, i)).collect(),
             compliance: compliances(data, &diagonal),
@@ -122,13 +122,13 @@ impl<const D: usize> System<D> {
 
     /// The bodies that can move as a whole, as far as K and the coordinates tell.
     pub fn floating_bodies(&self) -> &FloatingBodies<D> {
-        &self.free
+        &self.floating
     }
 
     /// The same with springs on all motions of bodies as a whole: none is free.
     pub(super) fn supported(&self) -> Self {
         Self {
-            free: FloatingBodies::default(),
+            floating: FloatingBodies::default(),
             ..self.clone()
         }
     }

@@ -39,7 +39,7 @@ impl<const D: usize> Rounds<D> {
     ) -> Self {
         let cones = Cones::new(&step.lawful);
         let bounds = cones.bounds(lambda);
-        // Bounds are a product of λ: they settle no better than it.
+        // Bounds are a multiple of λ: they converge no further than it does.
         let tolerance =
             (step.settings.ssnm.tolerance).min(step.settings.friction_tolerance() / MET);
         Self {
@@ -52,7 +52,7 @@ impl<const D: usize> Rounds<D> {
         }
     }
 
-    /// Makes rounds until the slip bounds have settled, or as many as there may be. The solution is that of the last one,
+    /// Makes rounds until the slip bounds have converged, or as many as there may be. The solution is that of the last one,
     /// with the status of all.
     pub fn make<O: DualOperator + ?Sized, V: FnMut(Event) -> ControlFlow<()>>(
         &mut self,
@@ -72,14 +72,14 @@ impl<const D: usize> Rounds<D> {
             let next = self.cones.bounds(lambda);
             let changes = difference(&next, &self.bounds);
             let change = step.relative(lambda, &changes);
-            let settled = change <= wanted;
+            let has_converged = change <= wanted;
             let (mut unbalanced, mut mechanism) =
                 (solution.imbalance.clone(), solution.mechanism.clone());
             if unbalanced.is_empty() {
                 (unbalanced, mechanism) = self.cones.unbalanced.clone();
             }
-            if unbalanced.is_empty() && settled && friction_change > wanted {
-                // Bounds that balance the bodies have settled, but the pressures do not give them.
+            if unbalanced.is_empty() && has_converged && friction_change > wanted {
+                // Bounds that balance the bodies have converged, but the pressures do not give them.
                 (unbalanced, mechanism) = self.cones.unbalanced_within(&law, lambda);
             }
             let status = if solution.status != Status::Converged {
@@ -88,7 +88,7 @@ impl<const D: usize> Rounds<D> {
                 Some(Status::NotHeld)
             } else if friction_change <= wanted {
                 Some(Status::Converged)
-            } else if settled && norm(&changes) == 0.0 {
+            } else if has_converged && norm(&changes) == 0.0 {
                 // The next round would be the same.
                 Some(Status::Stagnated)
             } else if step.stopped {
@@ -123,17 +123,17 @@ struct Cones<const D: usize> {
 
 impl<const D: usize> Cones<D> {
     fn new(problem: &ContactProblem<D, Elsewhere>) -> Self {
-        let free = problem.floating_bodies();
+        let floating = problem.floating_bodies();
         let mut cones = Self {
             problem: problem.clone(),
             balance: None,
             unbalanced: Unbalanced::default(),
         };
-        if free.is_empty() || !problem.has_coulomb() {
+        if floating.is_empty() || !problem.has_coulomb() {
             return cones;
         }
         let b = problem.contact_matrix();
-        let mut balance = Balance::new(free, b, problem.load(), |_| 1.0);
+        let mut balance = Balance::new(floating, b, problem.load(), |_| 1.0);
         let given = problem.slip_bound();
         let least = balance.least(|i, z: [f64; D]| lawful(given[i], cones.mu(i), z));
         if !least.balanced {

@@ -30,7 +30,7 @@ fn springs(nodes: usize) -> ContactProblem {
     (problem.with_friction_coefficient(vec![0.1])).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Fails after so many displacements.
+/// Fails after this many displacements.
 struct Failing(DirectDual, usize);
 
 impl DualOperator for Failing {

@@ -152,14 +152,14 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             (self.products).displacement(&point.lambda, residual, &stop)?
         };
         // Whichever K⁺ it was: bodies stay where they were as far as contact lets them.
-        let free = self.problem.floating_bodies();
-        let back: Vec<f64> = free
+        let floating = self.problem.floating_bodies();
+        let back: Vec<f64> = floating
             .resultants(&u)
             .iter()
             .enumerate()
             .map(|(j, a)| self.place.map_or(0.0, |place| place[j]) - a)
             .collect();
-        free.add_motion(&back, &mut u);
+        floating.add_motion(&back, &mut u);
         Ok(u)
     }
 

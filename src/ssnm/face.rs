@@ -110,7 +110,7 @@ impl<const D: usize> Face<D> {
     }
 
     /// From A p to (A + diag κ) p.
-    pub fn curve(&self, p: &[f64], image: &mut [f64]) {
+    pub fn add_curvature(&self, p: &[f64], image: &mut [f64]) {
         let Some(Curvature { kappa, .. }) = &self.curvature else {
             return;
         };
@@ -229,7 +229,7 @@ mod tests {
                 point(lambda)
             };
             let mut curved = vec![0.0; 6];
-            face.curve(&along, &mut curved);
+            face.add_curvature(&along, &mut curved);
             let straight = start.q_change(&moved(false));
             let bent: f64 = along.iter().zip(&curved).map(|(a, c)| a * c).sum();
             (start.q_change(&moved(true)) - straight - 0.5 * t * t * bent).abs()

@@ -144,7 +144,7 @@ impl Goal {
     }
 }
 
-/// δ with (B D⁻¹ Bᵀ) δ = `missing` on the multipliers where that is not zero, by so many steps of conjugate gradients; NaN where
+/// δ with (B D⁻¹ Bᵀ) δ = `missing` on the multipliers where that is not zero, by this many steps of conjugate gradients; NaN where
 /// that cannot be.
 fn close_alone<const D: usize, K>(
     problem: &ContactProblem<D, K>,

@@ -76,7 +76,7 @@ fn minimise<const D: usize, E>(
             return Ok(iteration);
         };
         let mut curved = image.clone();
-        face.curve(&p, &mut curved);
+        face.add_curvature(&p, &mut curved);
         let mut seen = curved.clone();
         face.residual(&mut seen);
         let before = norm(&seen);

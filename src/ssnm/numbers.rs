@@ -76,10 +76,10 @@ numbers! {
     newton_steps: usize = 60;
     /// Its merit has to fall by this part of what Newton's model promises (Armijo): without, it may go in circles.
     fall: f64 = 1e-3;
-    /// It has to fall against the largest of so many steps before (Grippo, Lampariello and Lucidi 1986): sets that
+    /// Its fall is measured from the largest of this many steps before (Grippo, Lampariello and Lucidi 1986): sets that
     /// change make it go up and down.
     memory: usize = 4;
-    /// A step is halved so many times at most: where 1/64 of it leads nowhere, another direction has to be found.
+    /// A step is halved at most this many times: where 1/64 of it leads nowhere, another direction has to be found.
     halvings: usize = 6;
     /// Where q does not tell, under Coulomb's law above all, an error may grow by this much in a step before a point nearer by
     /// is taken: sets that change make it go up and down.

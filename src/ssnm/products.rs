@@ -25,8 +25,8 @@ pub(super) struct Products<'a, O: ?Sized> {
     /// The relative accuracy of products, as it begins and now.
     first: f64,
     part: f64,
-    /// How u came closer the last time.
-    followed: Correction,
+    /// What the last correction of u has reached.
+    correction: Correction,
     /// ‖Be‖ / √(eᵀKe) for the last change e of u.
     gain: f64,
 }
@@ -55,7 +55,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
             numbers,
             first: part,
             part,
-            followed: Correction::default(),
+            correction: Correction::default(),
             gain: sigma.sqrt(),
         }
     }
@@ -69,7 +69,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
     pub fn part(&self) -> f64 {
         match self.dual.costs() {
             None => 0.0,
-            Some(_) if self.followed.slow => self.numbers.product * self.part,
+            Some(_) if self.correction.slow => self.numbers.product * self.part,
             Some(_) => self.part,
         }
     }
@@ -142,11 +142,11 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         if !self.follow(lambda, &mut r, along, accuracy)? {
             return Ok(None);
         }
-        let (moved, change) = (norm(&difference(&r, expected)), self.followed.change);
+        let (moved, change) = (norm(&difference(&r, expected)), self.correction.change);
         if change > 0.0 && moved > 0.0 {
             let gain = moved / change;
             // Where PCG is slow, what it has mended at first hardly moves the contact, what it has left does.
-            self.gain = if self.followed.slow {
+            self.gain = if self.correction.slow {
                 gain.max(self.gain)
             } else {
                 gain
@@ -157,7 +157,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
 
     /// Whether r made afresh is as accurate as an error of `err` needs it, or about so.
     pub fn is_enough(&self, err: f64) -> bool {
-        self.gain * self.followed.remaining <= 2.0 * self.relaxed() * err
+        self.gain * self.correction.remaining <= 2.0 * self.relaxed() * err
     }
 
     /// The part of the present error that r may be off by.
@@ -181,7 +181,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         }
         let made = (self.dual).gradient(self.load, lambda, r, along, accuracy, &self.stop)?;
         match made {
-            Some(followed) => self.followed = followed,
+            Some(correction) => self.correction = correction,
             // Or a GPU has failed in between, and products are exact from now on.
             None => self.follows = false,
         }

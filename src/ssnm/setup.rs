@@ -43,13 +43,13 @@ impl Start {
             imbalance: Vec::new(),
             mechanism: Vec::new(),
         };
-        let free = problem.floating_bodies();
-        if free.is_empty() {
+        let floating = problem.floating_bodies();
+        if floating.is_empty() {
             return start;
         }
         let law = &start.law;
         let b = problem.contact_matrix();
-        let mut balance = Balance::new(free, b, problem.load(), |i| dual.factor(i));
+        let mut balance = Balance::new(floating, b, problem.load(), |i| dual.factor(i));
         let least = balance.least(|i, z: [f64; D]| law.nearest(i, z));
         start.lambda = least.lambda;
         if !least.balanced {
@@ -214,7 +214,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     }
 
     /// Makes r where err⁰ is taken and moves to λ⁰. Where products of earlier solves tell what lies between the two, and it
-    /// would cost one to start from the former, it is the other way round: err⁰ is a yardstick only.
+    /// would cost one to start from the former, it is the other way round: err⁰ serves as the reference alone.
     fn start(&mut self, way: &mut Way<D>, initial: Option<&[f64]>) -> Result<(), DualError> {
         let target = initial.map(|initial| {
             let mut target = initial.to_vec();

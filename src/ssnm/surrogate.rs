@@ -34,7 +34,7 @@ impl Surrogate {
         self.directions.len()
     }
 
-    /// Whether its directions have so many entries.
+    /// Whether its directions have this many entries.
     pub fn fits_length(&self, len: usize) -> bool {
         self.directions.iter().all(|d| d.len() == len)
     }

@@ -206,7 +206,7 @@ impl Factor {
         Self::on_threads(k, plan, threads)
     }
 
-    /// As [`Factor::new`], on so many threads.
+    /// As [`Factor::new`], on this many threads.
     fn on_threads<const D: usize>(
         k: &BlockCsr<D>,
         plan: Plan,
@@ -337,7 +337,7 @@ impl Factor {
         self.values.len()
     }
 
-    /// B touches so many unknowns that dense trailing blocks would not pay: every solve is a full one,
+    /// B touches this many unknowns that dense trailing blocks would not pay: every solve is a full one,
     /// and all unknowns count as trailing.
     fn touches_too_much(&self) -> bool {
         self.n_leading == 0 && self.blocks.is_empty()

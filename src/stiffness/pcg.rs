@@ -71,7 +71,7 @@ const GROWTH: f64 = 1e14;
 /// The energy of all iterations never exceeds that of the first ones by this factor unless K is singular but
 /// for rounding: the ratio is at most its condition, scaled to a unit diagonal.
 const ENERGY_GROWTH: f64 = 1e12;
-/// No run is called stalled before it has made so many iterations.
+/// No run is called stalled before it has made this many iterations.
 const LEAST_ITERATIONS: usize = 300;
 
 /// How K⁻¹ is approximated inside CG.

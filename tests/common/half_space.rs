@@ -128,7 +128,7 @@ pub fn growing(inner: &[f64], first: f64, n: usize, end: f64) -> Vec<f64> {
 }
 
 /// Where squares around the axis lie that are bent into circles at the radius 1 and left alone at `size` and near the
-/// axis: so many of them up to that radius, finest there, and `out` more. The width of the last one inside is the second
+/// axis: this many of them up to that radius, finest there, and `out` more. The width of the last one inside is the second
 /// entry.
 pub fn rings(across: usize, out: usize, size: f64) -> (Vec<f64>, f64) {
     let radii: Vec<f64> = (0..=across)

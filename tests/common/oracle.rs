@@ -34,7 +34,7 @@ pub const NOTHING: f64 = 1e-11;
 pub const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// Forces that close this many times what rounding leaves of a gap are none.
-pub const DUST: f64 = 100.0;
+pub const NOISE: f64 = 100.0;
 
 /// The entries of a matrix: row, column, value.
 pub type Entries = Vec<(usize, usize, f64)>;
@@ -180,7 +180,7 @@ impl Oracle {
     }
 
     /// What closes or opens no more of a gap than rounding does, at each node: forces that are none.
-    pub fn dust(&self, load: &Load, start: &State, u: &[f64]) -> Vec<f64> {
+    pub fn noise(&self, load: &Load, start: &State, u: &[f64]) -> Vec<f64> {
         let reach = largest(u)
             .max(largest(&start.u))
             .max(largest(&load.gap))
@@ -188,7 +188,7 @@ impl Oracle {
         (self.compliance.iter())
             .map(|&c| {
                 if c > 0.0 {
-                    DUST * ROUNDING * reach / c
+                    NOISE * ROUNDING * reach / c
                 } else {
                     0.0
                 }
@@ -202,11 +202,11 @@ impl Oracle {
         self.areas[if i < m { i } else { (i - m) / tangents }]
     }
 
-    /// The largest pressure; without pressure that is more than dust, the largest traction.
-    pub fn largest_pressure(&self, lambda: &[f64], dust: &[f64]) -> f64 {
+    /// The largest pressure; without pressure that is more than noise, the largest traction.
+    pub fn largest_pressure(&self, lambda: &[f64], noise: &[f64]) -> f64 {
         let of = |which: std::ops::Range<usize>| {
             which
-                .filter(|&i| lambda[i].abs() > dust[i])
+                .filter(|&i| lambda[i].abs() > noise[i])
                 .fold(0.0, |p: f64, i| p.max(lambda[i].abs() / self.area(i)))
         };
         // Under given bounds tractions may be all there is.
@@ -218,11 +218,11 @@ impl Oracle {
         }
     }
 
-    /// How far λ is from another λ, relative to a pressure; what is dust does not count.
-    pub fn apart(&self, lambda: &[f64], other: &[f64], dust: &[f64], pressure: f64) -> f64 {
+    /// How far λ is from another λ, relative to a pressure; what is noise does not count.
+    pub fn apart(&self, lambda: &[f64], other: &[f64], noise: &[f64], pressure: f64) -> f64 {
         let mut off = 0.0_f64;
         for i in 0..lambda.len() {
-            let apart = (lambda[i] - other[i]).abs() - dust[i];
+            let apart = (lambda[i] - other[i]).abs() - noise[i];
             off = off.max(apart / self.area(i));
         }
         if off == 0.0 { 0.0 } else { off / pressure }
@@ -304,11 +304,11 @@ impl Oracle {
         let rounding = ROUNDING * length(&terms);
         let blind = rounding > MET * force && force > 0.0;
         note("equilibrium", 0, length(&rest), MET * force + rounding);
-        let dust = self.dust(load, start, u);
+        let noise = self.noise(load, start, u);
         let mut none = vec![0.0; n];
-        for (rows, dust) in [(&self.normal, &dust[..m]), (&self.tangential, &dust[m..])] {
+        for (rows, noise) in [(&self.normal, &noise[..m]), (&self.tangential, &noise[m..])] {
             for &(i, j, v) in rows {
-                none[j] += v.abs() * dust[i];
+                none[j] += v.abs() * noise[i];
             }
         }
         for (body, free) in self.free.iter().enumerate() {
@@ -334,11 +334,11 @@ impl Oracle {
         let (closing, _) = product(&self.normal, m, u);
         let gap: Vec<f64> = load.gap.iter().zip(&closing).map(|(d, c)| d - c).collect();
         let bound = self.bounds(lambda);
-        let mut reference = self.largest_pressure(lambda, &dust);
+        let mut reference = self.largest_pressure(lambda, &noise);
         if by_start {
-            reference = reference.max(self.largest_pressure(&start.lambda, &dust));
+            reference = reference.max(self.largest_pressure(&start.lambda, &noise));
         }
-        // Where nothing presses at all, the loads are the yardstick.
+        // Where nothing presses at all, the loads are the reference.
         let of_node = |i: usize| match reference > 0.0 {
             true => LOCAL * reference * self.areas[i],
             false => MET * force,
@@ -353,12 +353,17 @@ impl Oracle {
             work_rounding += ln[i].abs() * rounding;
             let c = self.compliance[i];
             // What closes no more than rounding is no pressure.
-            let pressed = ln[i] - dust[i];
+            let pressed = ln[i] - noise[i];
             let local = pressed.min((gap[i] - rounding) / c);
-            note("pressed and apart", i, local.max(0.0), of_node(i) + dust[i]);
+            note(
+                "pressed and apart",
+                i,
+                local.max(0.0),
+                of_node(i) + noise[i],
+            );
             if gap[i] < 0.0 {
                 let local = (-gap[i] - rounding).max(0.0) / c;
-                note("not pressed enough", i, local, of_node(i) + dust[i]);
+                note("not pressed enough", i, local, of_node(i) + noise[i]);
             }
         }
         note(
@@ -409,12 +414,12 @@ impl Oracle {
                 "slip without full friction"
             };
             note(name, i, c * lacks, MET * size + rounding);
-            let dust = length(&dust[m..][of_node_i]);
+            let noise = length(&noise[m..][of_node_i]);
             note(
                 "friction of a node",
                 i,
                 lacks,
-                of_node(i) + dust + ROUNDING * bound[i],
+                of_node(i) + noise + ROUNDING * bound[i],
             );
         }
         (all, blind)

@@ -1,6 +1,6 @@
 //! Case files of published problems in the plane.
 
-/// The GRECO plate (SSNV128) with so many elements a side.
+/// The GRECO plate (SSNV128) with this many elements a side.
 pub fn greco(cells: usize) -> String {
     format!(
         "[mesh]\nrectangle = {{ size = [0.04, 0.04], cells = [{cells}, {cells}] }}\n\

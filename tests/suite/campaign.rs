@@ -36,7 +36,7 @@
 //!
 //! Rounding allowed: 32 units in the last place of the terms of a difference, as the documentation says. Where bodies
 //! have moved far, that may be more than the forces; such answers are counted as *blind*. Contact forces that close no
-//! more than a hundred times the rounding of a gap are dust, and none.
+//! more than a hundred times the rounding of a gap are noise, and none.
 //!
 //! Bodies with supports are in balance where the forces on each of their free unknowns are: what holds the others is not
 //! part of (1), so that reactions are not looked at here.

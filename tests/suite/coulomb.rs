@@ -47,7 +47,7 @@ pub fn run(trial: &Trial, way: Way, monolithic: bool) -> Run {
     Run::new(trial, way, settings)
 }
 
-/// Tries so many problems on a path; what has failed.
+/// Tries this many problems on a path; what has failed.
 fn campaign(way: Way, first: u64, problems: u64) -> Vec<String> {
     let mut tally = Tally::default();
     for seed in first..first + problems {

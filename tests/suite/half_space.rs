@@ -59,7 +59,7 @@ fn half_space(
     )
 }
 
-/// A rigid sphere on a block of so many elements across the radius of contact, with a Tresca bound if it is not zero.
+/// A rigid sphere on a block of this many elements across the radius of contact, with a Tresca bound if it is not zero.
 fn hertz(name: &str, shape: SolidShape, across: usize, bound: f64) {
     let (r, a, size) = (10.0, 0.1f64, 0.4);
     let (approach, modulus) = (a * a / r, modulus(STEEL));
@@ -138,7 +138,7 @@ fn hertz_sphere_on_tetrahedra() {
 }
 
 /// A quarter whose grid follows the circle of radius 1: squares bent into circles there and left alone far away and
-/// near the axis; fine on both sides of the circle, with so many cells from the axis to it, and from it outwards and down.
+/// near the axis; fine on both sides of the circle, with this many cells from the axis to it, and from it outwards and down.
 fn disc_mesh(across: usize, size: f64, [out, down]: [usize; 2]) -> Mesh<3> {
     let (radii, last) = rings(across, out, size);
     let deep = growing(&[0.0], last, down, size);

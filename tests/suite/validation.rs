@@ -259,7 +259,7 @@ fn hertz_cylinder_on_a_stiff_plate() {
     }
 }
 
-/// Errors of (a, p₀) of NAFEMS-1 for meshes of so many cells a side.
+/// Errors of (a, p₀) of NAFEMS-1 for meshes of this many cells a side.
 fn hertz_errors(cells: usize, sides: &str) -> (f64, f64) {
     let solved = hertz(50.0, cells, 0.2, [70000.0, 210000.0], 35000.0, sides);
     let (a, p0) = hertz_fit(&solved);

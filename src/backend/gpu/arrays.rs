@@ -136,7 +136,7 @@ impl Gpu {
             .collect()
     }
 
-    /// A zeroed vector with so many bytes a scalar.
+    /// A zeroed vector with this many bytes a scalar.
     pub(super) fn zeros(
         &mut self,
         label: &'static str,

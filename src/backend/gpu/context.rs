@@ -363,7 +363,7 @@ impl Context {
         self.device.destroy();
     }
 
-    /// As [`Context::lose_device`], after so many more submissions.
+    /// As [`Context::lose_device`], after this many more submissions.
     pub fn lose_device_after(&self, submissions: usize) {
         *lock(&self.left) = Some(submissions);
     }

@@ -55,7 +55,7 @@ impl Shape {
     /// The shapes of the plane and of space: finest level, between it and the coarser ones, coarser ones.
     const ALL: [[usize; 2]; 7] = [[2, 2], [2, 3], [3, 2], [3, 3], [3, 6], [6, 3], [6, 6]];
 
-    /// The shape of blocks of so many rows and columns, if there are kernels for it.
+    /// The shape of blocks of this many rows and columns, if there are kernels for it.
     pub fn of(block: [usize; 2]) -> Result<Self, BackendError> {
         let [rows, columns] = block;
         if Self::ALL.contains(&block) {

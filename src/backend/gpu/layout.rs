@@ -6,12 +6,12 @@ use std::ops::Range;
 
 /// Block rows of a slice.
 pub(super) const SLICE: usize = 32;
-/// A segment of a vector is a whole number of so many scalars: slices of blocks of 2, 3 and 6.
+/// A segment of a vector is a whole number of this many scalars: slices of blocks of 2, 3 and 6.
 const WHOLE: usize = 6 * SLICE;
 /// Bytes that a scalar may take in any array: its part of a 6 × 6 block of D⁻¹ in f32.
 const SCALAR_BYTES: u64 = 24;
 
-/// The ranges of scalars of the segments of a vector, where a binding has at most so many bytes.
+/// The ranges of scalars of the segments of a vector, where a binding has at most this many bytes.
 pub(super) fn segments(len: usize, max_binding: u64) -> Vec<Range<usize>> {
     let most = (max_binding / SCALAR_BYTES) as usize;
     let step = (most / WHOLE * WHOLE).max(WHOLE);

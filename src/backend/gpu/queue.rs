@@ -180,7 +180,7 @@ impl Gpu {
         }
     }
 
-    /// The buffer for what the host reads, of at least so many bytes.
+    /// The buffer for what the host reads, of at least this many bytes.
     fn staging_of(&mut self, bytes: u64) -> Result<Handle, BackendError> {
         match self.staging.take() {
             Some(staging) if staging.buffer.size >= bytes => Ok(staging),
@@ -191,7 +191,7 @@ impl Gpu {
         }
     }
 
-    /// Makes room for reading vectors of so many unknowns, before multigrid takes what is left.
+    /// Makes room for reading vectors of this many unknowns, before multigrid takes what is left.
     pub(super) fn reserve_staging(&mut self, len: usize) -> Result<(), BackendError> {
         let bytes = (len as u64 * self.real_bytes()).clamp(STATE_BYTES, PIECE_BYTES);
         self.staging = Some(self.staging_of(bytes)?);

@@ -90,7 +90,7 @@ const NAMES: [(&str, Meaning); 41] = [
     ("max", Meaning::Several(f64::max)),
 ];
 
-/// The names that mean something where there are so many coordinates.
+/// The names that mean something where there are this many coordinates.
 fn names(dimension: usize) -> impl Iterator<Item = (&'static str, Meaning)> {
     NAMES.into_iter().filter(move |(_, meaning)| {
         !matches!(meaning, Meaning::Value(Op::Coordinate(c)) if *c >= dimension)

@@ -34,7 +34,9 @@ impl Values {
     pub fn integers(self) -> Result<Vec<i64>> {
         match self {
             Self::Integers(values) => Ok(values),
-            Self::Floats(_) => no_mesh("cells are told by numbers that are no integers"),
+            Self::Floats(_) => no_mesh(
+                "cells need integers (connectivity, offsets, types), but this array has floating-point numbers",
+            ),
         }
     }
 }

@@ -278,7 +278,7 @@ fn a_torque_is_what_the_other_end_holds() {
     }
 }
 
-/// Supports that meet at a node in different directions are put together where they agree, and told where not; a node
+/// Supports that meet at a node in different directions are combined where they agree, and an error where not; a node
 /// on the axis has no radial direction.
 #[test]
 fn directions_that_meet_agree_or_are_told() {
@@ -310,15 +310,15 @@ fn directions_that_meet_agree_or_are_told() {
             }
         }
     }
-    let told = |model: Model<3>| displacement(model).err().unwrap_or_default();
-    let against = told(model().support(Support::on("right").x(0.0).y(0.0)));
+    let message = |model: Model<3>| displacement(model).err().unwrap_or_default();
+    let against = message(model().support(Support::on("right").x(0.0).y(0.0)));
     assert!(
         against
             .contains("support 2 on \"right\": two supports prescribe different displacements in "),
         "{against}"
     );
     let on_axis = Axis::new([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
-    let radial = told(model().support(Support::on("front").about(on_axis).radial(0.0)));
+    let radial = message(model().support(Support::on("front").about(on_axis).radial(0.0)));
     assert!(
         radial.contains(
             "lies on the axis, where radial and hoop have no direction: hold both at 0 there"
@@ -345,11 +345,11 @@ fn directions_that_meet_agree_or_are_told() {
             "an axis needs a finite point and a direction that is not zero",
         ),
     ] {
-        let text = told(model().support(support));
+        let text = message(model().support(support));
         assert!(text.contains(expected), "{text}");
     }
     let traction = Traction::on("left").torque(1.0);
-    let text = told(model().traction(traction));
+    let text = message(model().traction(traction));
     assert!(text.contains("are about an axis: state it"), "{text}");
 }
 
@@ -369,9 +369,9 @@ fn radial_supports_leave_the_turn() {
         .contact(Pair::obstacle("front", wall))
         .build();
     let built = built.unwrap_or_else(|error| panic!("{error}"));
-    let told = Analysis::from(&built).floating_bodies();
-    assert_eq!(built.problem.floating_bodies().n_modes(), 1, "{told:?}");
-    assert!(told[0].ends_with("can rotate as a whole"), "{told:?}");
+    let message = Analysis::from(&built).floating_bodies();
+    assert_eq!(built.problem.floating_bodies().n_modes(), 1, "{message:?}");
+    assert!(message[0].ends_with("can rotate as a whole"), "{message:?}");
     let all: Vec<f64> = PATHS
         .iter()
         .map(|&path| {

@@ -131,11 +131,11 @@ fn loads_have_their_resultants() {
 #[test]
 fn a_solid_without_supports_is_found_and_needs_a_contact() {
     let model = Model::on(cube(SolidShape::Hexahedron)).material(STEEL);
-    let told = refused(model.clone());
+    let message = refused(model.clone());
     assert!(
-        told.contains("with region \"body\" (at (0.0000e0, 0.0000e0, 0.0000e0)) can move in x, y and z and rotate about every axis")
-            && told.contains("no contact to hold it: add a support"),
-        "{told}"
+        message.contains("with region \"body\" (at (0.0000e0, 0.0000e0, 0.0000e0)) can move in x, y and z and rotate about every axis")
+            && message.contains("no contact to hold it: add a support"),
+        "{message}"
     );
     let held = model
         .contact(Pair::obstacle("bottom", GROUND))
@@ -272,12 +272,12 @@ fn symmetry_is_across_the_boundary() {
     for x in &mut mesh.nodes {
         x[2] += 0.1 * x[0] * x[0];
     }
-    let told = with(&mesh, "top").err().map(|error| error.to_string());
+    let message = with(&mesh, "top").err().map(|error| error.to_string());
     assert!(
-        told.as_ref().is_some_and(|text| text.contains(
+        message.as_ref().is_some_and(|text| text.contains(
             "boundary \"top\" is not plane: symmetry needs a plane one; around an axis hold it by radial"
         )),
-        "{told:?}"
+        "{message:?}"
     );
 }
 
@@ -449,7 +449,7 @@ fn the_plane_has_no_z() {
     }
 }
 
-/// A file says of which dimension it is only when it is read: what neither could mean is told before.
+/// A file says of which dimension it is only when it is read: what neither could mean is an error before that.
 #[test]
 fn a_mesh_file_chooses_the_dimension() {
     let of_file = |mesh: &str, figure: &str| {
@@ -458,17 +458,17 @@ fn a_mesh_file_chooses_the_dimension() {
              [[body_force]]\nx = \"{figure}\"\n"
         )
     };
-    let told = |mesh: &str, figure: &str| error(&of_file(mesh, figure));
-    assert!(told("s41a.msh", "z + w").contains("line 7: cannot understand \"z + w\", column 5"));
-    assert!(told("b41a.msh", "z + w").contains("line 7: cannot understand \"z + w\", column 1"));
-    assert!(told("b41a.msh", "z").contains("only the coordinates x and y vary"));
+    let message = |mesh: &str, figure: &str| error(&of_file(mesh, figure));
+    assert!(message("s41a.msh", "z + w").contains("line 7: cannot understand \"z + w\", column 5"));
+    assert!(message("b41a.msh", "z + w").contains("line 7: cannot understand \"z + w\", column 1"));
+    assert!(message("b41a.msh", "z").contains("only the coordinates x and y vary"));
     // The solid has nothing else to complain of than its supports.
     assert!(
-        told("s41a.msh", "z").contains("add a support"),
+        message("s41a.msh", "z").contains("add a support"),
         "{}",
-        told("s41a.msh", "z")
+        message("s41a.msh", "z")
     );
-    assert!(told("none.msh", "z").contains("none.msh"));
+    assert!(message("none.msh", "z").contains("none.msh"));
 }
 
 #[test]
@@ -476,8 +476,8 @@ fn settings_and_units_are_checked_with_their_line() {
     let algebraic = "[algebraic]\nstiffness = \"K\"\nload = \"f\"\nnormal = \"N\"\ntangential = \"T\"\ngap = \"d\"\n\
         slip_bound = \"g\"\n";
     let units = format!("{algebraic}[units]\nlength = \"a long name of a unit\"\n");
-    let told = error(&units);
-    assert!(told.contains("c.toml, line 8: length = "), "{told}");
+    let message = error(&units);
+    assert!(message.contains("c.toml, line 8: length = "), "{message}");
     for (line, field) in [
         ("tolerance = 1", "tolerance must lie between 0 and 1"),
         ("r_tol = 0", "r_tol must lie between 0 and 1"),
@@ -488,10 +488,10 @@ fn settings_and_units_are_checked_with_their_line() {
         ),
         ("beta = 0", "beta must be positive"),
     ] {
-        let told = error(&format!("{SOLID}[solver]\nmethod = \"exact\"\n{line}\n"));
+        let message = error(&format!("{SOLID}[solver]\nmethod = \"exact\"\n{line}\n"));
         assert!(
-            told.contains(&format!("c.toml, line 20: {field}")),
-            "{told}"
+            message.contains(&format!("c.toml, line 20: {field}")),
+            "{message}"
         );
     }
 }

@@ -18,7 +18,7 @@ pub(super) const STYLE: &str = "
 .stage { position: relative; height: 540px; border: 1px solid #ddd } .stage canvas { position: absolute; inset: 0; width: 100%; height: 100%; touch-action: none; cursor: grab } .stage canvas.axes { pointer-events: none }
 .legend { position: absolute; top: 14px; right: 16px; min-width: 5.5em; font-size: 13px; pointer-events: none } .legend .strip { position: relative; width: 16px; height: 260px; margin: .7em 0; border: 1px solid #222 } .legend .strip span { position: absolute; left: 24px; white-space: nowrap; line-height: 1.2 } .legend .part i { display: inline-block; width: 1em; height: 1em; margin-right: .5em; vertical-align: -.1em }
 ";
-/// Values of a field are told as parts of the one with the last of the colours, in so many steps.
+/// Values of a field are stored in this many steps from 0 to the value with the last of the colours.
 const STEPS: f64 = 65534.0;
 /// What stands for no value.
 const UNKNOWN: u16 = 65535;

@@ -15,19 +15,19 @@ const STIFFLESS: f64 = 1e-11;
 const DEPENDENT: f64 = 1e-10;
 
 /// The body of these nodes, if it can move as a whole.
-pub(super) fn free_body<const D: usize>(
+pub(super) fn floating_body<const D: usize>(
     k: &BlockCsr<D>,
     points: &[[f64; D]],
     nodes: Vec<u32>,
 ) -> Option<FloatingBody<D>> {
     match D {
-        2 => free_among::<D, 3>(k, points, nodes),
-        _ => free_among::<D, 6>(k, points, nodes),
+        2 => floating_among::<D, 3>(k, points, nodes),
+        _ => floating_among::<D, 6>(k, points, nodes),
     }
 }
 
 /// The same with the M rigid motions that there are.
-fn free_among<const D: usize, const M: usize>(
+fn floating_among<const D: usize, const M: usize>(
     k: &BlockCsr<D>,
     points: &[[f64; D]],
     nodes: Vec<u32>,

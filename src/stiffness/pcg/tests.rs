@@ -518,7 +518,7 @@ fn contact_takes_few_products_where_pcg_is_slow() {
     }
 }
 
-/// The block that used to take 135 products by PCG for 32 on the factor.
+/// A block in which errors of products by PCG hide new directions, unless products become more accurate.
 #[test]
 #[ignore = "takes a minute"]
 fn contact_of_a_large_block_of_hexahedra() {

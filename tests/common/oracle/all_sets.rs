@@ -8,7 +8,7 @@ use signorini::quasistatic::{Load, State};
 pub const ALL_SETS: usize = 5_000;
 pub const FEW_UNKNOWNS: usize = 300;
 /// Springs that make K regular, relative to it; they hang on the displacement before, so that little is left in
-/// them after so many turns where the bodies are balanced.
+/// them after this many turns where the bodies are balanced.
 pub const SPRINGS: f64 = 1e-7;
 pub const TURNS: usize = 20;
 /// What they leave of the conditions, in parts of what an answer of the solver may be off by.

@@ -119,7 +119,7 @@ obstacle = { half_space = { point = [0, 0, -0.05], normal = [0, 0, 1] } }
 friction = { coulomb = 0.5 }
 "#;
 
-/// Solved with so many products and V-cycles, or not, for this reason.
+/// Solved with this many products and V-cycles, or not, for this reason.
 type Outcome = Result<[usize; 2], &'static str>;
 /// A problem with its loads, to be solved with other settings.
 type Solve = Box<dyn Fn(Stiffness, &StepSettings) -> Outcome>;

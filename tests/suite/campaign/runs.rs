@@ -61,7 +61,7 @@ pub fn tight<const D: usize>(
         .filter(|solution| solution.status == Status::Converged)
 }
 
-/// Tries so many problems on some paths: a tally for each.
+/// Tries this many problems on some paths: a tally for each.
 ///
 /// Each worker has a pool of its own with a single thread, so that no solve waits for parts of another one.
 pub fn campaign<const D: usize>(
@@ -133,19 +133,20 @@ pub fn one<const D: usize>(
     // Both paths, as long as their histories are the same.
     if let ([a, b], [_, tally]) = (&runs[..], &mut tallies[..]) {
         // Each step starts from the end of the one before, with its errors.
-        let (mut pressure, mut dust) = (0.0_f64, vec![0.0_f64; D * oracle.m]);
+        let (mut pressure, mut noise) = (0.0_f64, vec![0.0_f64; D * oracle.m]);
         for (number, (a, b)) in a.steps.iter().zip(&b.steps).enumerate() {
             if a.status != Status::Converged || b.status != Status::Converged {
                 break;
             }
             let load = &problem.trial.loads[number];
             let start = runs[0].start(&problem.trial, number);
-            let now = oracle.dust(load, &start, &a.u);
-            dust.iter_mut()
+            let now = oracle.noise(load, &start, &a.u);
+            noise
+                .iter_mut()
                 .zip(now)
                 .for_each(|(d, now)| *d = d.max(now));
-            pressure = pressure.max(oracle.largest_pressure(&a.lambda, &dust));
-            let apart = oracle.apart(&b.lambda, &a.lambda, &dust, pressure);
+            pressure = pressure.max(oracle.largest_pressure(&a.lambda, &noise));
+            let apart = oracle.apart(&b.lambda, &a.lambda, &noise, pressure);
             let place = format!("step {} [{}]", number + 1, problem.trial.name);
             let allowed = 2.0 * NODAL * (number + 1) as f64;
             if oracle.has_coulomb() {
@@ -195,15 +196,15 @@ pub fn tell<const D: usize>(problem: &Problem<D>, seed: u64, ways: &[Way]) {
             if blind {
                 println!("  blind: rounding hides the forces");
             }
-            let dust = oracle.dust(load, &start, &step.u);
+            let noise = oracle.noise(load, &start, &step.u);
             if let Some(known) = &problem.known {
                 println!(
                     "  from the known answer {:.2e}; rounding {:?}, condition of A {:.2e}; largest {:.2e}",
                     oracle.apart(
                         &step.lambda,
                         &known.lambda,
-                        &dust,
-                        oracle.largest_pressure(&known.lambda, &dust)
+                        &noise,
+                        oracle.largest_pressure(&known.lambda, &noise)
                     ),
                     known.blur,
                     known.loose,
@@ -219,8 +220,8 @@ pub fn tell<const D: usize>(problem: &Problem<D>, seed: u64, ways: &[Way]) {
                     oracle.apart(
                         &step.lambda,
                         &fine.lambda,
-                        &dust,
-                        oracle.largest_pressure(&fine.lambda, &dust)
+                        &noise,
+                        oracle.largest_pressure(&fine.lambda, &noise)
                     )
                 );
                 if trial.problem.m() <= 8 {

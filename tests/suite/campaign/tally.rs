@@ -13,13 +13,13 @@ use std::collections::BTreeMap;
 /// What is told of forces that are off by more, where the condition of A explains it or may explain it.
 pub const CONDITIONED: &str = "forces of matrices off by more than 3000 ε, as A is conditioned";
 
-/// Nodal forces are estimated from the gradient: no more than one comparison in so many may be off by more in the plane …
+/// Nodal forces are estimated from the gradient: no more than one comparison in this many may be off by more in the plane …
 pub const RARE: usize = 1000;
 
 /// … and in space, where blocks hang over others with slivers of facets, and their moduli differ by 10⁴.
 pub const RARE_IN_SPACE: usize = 200;
 
-/// Two load steps in so many at most may be without the answer that there is, and a few of them in all.
+/// Two load steps in this many at most may be without the answer that there is, and a few of them in all.
 pub const ANSWERED: usize = 1000;
 
 /// More Newton steps of a convex problem are worth a look.
@@ -173,9 +173,9 @@ impl Tally {
                 self.fail("converged where nothing holds", seed, line);
             }
         }
-        let dust = oracle.dust(load, start, &step.u);
+        let noise = oracle.noise(load, start, &step.u);
         if let Some(known) = &problem.known {
-            let pressure = oracle.largest_pressure(&known.lambda, &dust);
+            let pressure = oracle.largest_pressure(&known.lambda, &noise);
             match known.blur {
                 _ if blind || pressure == 0.0 => {}
                 None => {}
@@ -187,7 +187,7 @@ impl Tally {
                     );
                 }
                 Some(blur) => {
-                    let apart = oracle.apart(&step.lambda, &known.lambda, &dust, pressure);
+                    let apart = oracle.apart(&step.lambda, &known.lambda, &noise, pressure);
                     let line = format!(
                         "rounding explains {:.1e}, the condition of A {:.1e}, {place}",
                         blur / pressure,
@@ -208,8 +208,8 @@ impl Tally {
             && oracle.n <= 600
             && let Some(fine) = tight(&problem.trial, load, start)
         {
-            let pressure = oracle.largest_pressure(&fine.lambda, &dust);
-            let apart = oracle.apart(&step.lambda, &fine.lambda, &dust, pressure);
+            let pressure = oracle.largest_pressure(&fine.lambda, &noise);
+            let apart = oracle.apart(&step.lambda, &fine.lambda, &noise, pressure);
             let explained = match &problem.known {
                 Some(known) => apart <= NODAL + known.loose / pressure,
                 None => problem.family == "matrices",

@@ -230,7 +230,7 @@ pub fn compare_levels<const D: usize, const M: usize>(
 #[test]
 fn kernels_of_the_levels_at_awkward_sizes() {
     for precision in PRECISIONS {
-        // 1344 unknowns a segment, and slices of so many columns, in the small one.
+        // 1344 unknowns a segment, and slices of this many columns, in the small one.
         for (max_binding, longest) in [(None, usize::MAX), (Some(32 << 10), 6)] {
             let context = context(precision, max_binding);
             for rows in [1, 2, 31, 32, 33, 64, 127, 128, 129, 257, 1001] {

@@ -55,7 +55,7 @@ fn lame() -> f64 {
     OVERLAP / FIT / (hub + shaft)
 }
 
-/// A quarter of the fit with so many cells around each of them and a tenth as many or more along it; in the second step
+/// A quarter of the fit with this many cells around each of them and a tenth as many or more along it; in the second step
 /// the shaft is pushed along its axis, if there is friction to hold it.
 fn press_fit(around: [usize; 2], sides: [&str; 2], mu: f64) -> Model<3> {
     let ring = |name: &str, [from, to]: [f64; 2], cells: [usize; 3]| {

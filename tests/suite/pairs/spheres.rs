@@ -37,7 +37,7 @@ struct Extent {
     rings: bool,
 }
 
-/// The block of a sphere above (1) or below (−1) the plane z = 0, with so many elements across the radius of contact;
+/// The block of a sphere above (1) or below (−1) the plane z = 0, with this many elements across the radius of contact;
 /// faces within 1.2 a √2 of the axis are "name-contact", those inside the sphere "name-far".
 fn part(name: &str, side: f64, across: usize, shape: SolidShape, extent: Extent) -> Mesh<3> {
     let h = A / across as f64;

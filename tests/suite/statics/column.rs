@@ -22,7 +22,7 @@ fn mean_lever() -> f64 {
     sum / (n * n) as f64
 }
 
-/// With so many facets along each side of the plate; the torque is that of a traction on its top.
+/// With this many facets along each side of the plate; the torque is that of a traction on its top.
 fn twisted(
     cells: usize,
     plate_first: bool,
@@ -33,7 +33,7 @@ fn twisted(
     twisted_on(cells, 3, plate_first, shape, turn, torque)
 }
 
-/// The same with so many facets along each side of the column, too.
+/// The same with this many facets along each side of the column, too.
 fn twisted_on(
     cells: usize,
     across: usize,

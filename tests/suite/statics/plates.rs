@@ -104,8 +104,8 @@ fn near_the_border<const D: usize>(
     }
 }
 
-/// Over an edge, which cuts facets of the plate that are this large at this part of them; its other end lies within facets of the
-/// table.
+/// Over an edge, which cuts facets of the plate of size `cell` at the fraction `cut` of them; its other end lies within facets of
+/// the table.
 fn over_an_edge(cell: f64, cut: f64, random: &mut Random, tally: &mut Tally) {
     let length = 3.0;
     let table = Body::new("table", [-4.0, -0.5], [4.0, 0.5], 0.73 * cell);
