@@ -64,7 +64,7 @@ pub enum BackendError {
     Lost {
         /// The device.
         adapter: String,
-        /// What the driver says.
+        /// The driver's message.
         reason: String,
     },
     /// The driver has reported an error.
@@ -72,7 +72,7 @@ pub enum BackendError {
     Fault {
         /// The device.
         adapter: String,
-        /// What the driver says.
+        /// The driver's message.
         reason: String,
     },
 }
@@ -117,7 +117,7 @@ pub struct GpuOptions {
     pub precision: Option<Precision>,
     /// Bytes of one storage binding to use at most, below what the adapter allows.
     pub max_binding: Option<u64>,
-    /// Bytes of its memory to use at most, below what the adapter tells.
+    /// Bytes of its memory to use at most, if less than the adapter reports.
     pub max_memory: Option<u64>,
     /// Runs the kernels with wgpu's own checks of every index and loop.
     pub checked: bool,
@@ -187,7 +187,7 @@ impl Default for Run {
 /// The estimate of eᵀKe is made from the block before the last and what there is of the last. Up to nine
 /// iterations each term is a block, which leaves the last one; from then on a block is a fifth of all
 /// iterations, so that the two are at least that. Where PCG is slow, α rᵀz falls and rises again by orders
-/// of magnitude, and a single one tells nothing. Sums over blocks need neither a history nor differences,
+/// of magnitude, and a single one means nothing. Sums over blocks need neither a history nor differences,
 /// in which f32 would lose all digits.
 fn block_is_full(terms: usize, iterations: usize) -> bool {
     terms >= (iterations / 5).max(1)

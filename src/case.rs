@@ -1,4 +1,4 @@
-//! Case files: the TOML that says what to solve, checked with the line at fault.
+//! Case files: TOML, checked, with errors that name the line at fault.
 //!
 //! A case is either *elastic* (`[mesh]`, `[[material]]`, `[[support]]`, `[[traction]]`, `[[contact]]` …): its tables
 //! are the parts of a [`crate::model::Model`]. Or it is *algebraic* (`[algebraic]`: matrices in Matrix Market files).
@@ -54,7 +54,7 @@ pub enum CaseError {
         /// What is wrong, with the line and its text.
         message: String,
     },
-    /// What it says cannot be meant.
+    /// Its content makes no sense.
     #[error("{}, line {line}: {message}", path.display())]
     Invalid {
         /// The case file.

@@ -66,7 +66,7 @@ pub enum Accuracy {
 pub struct Correction {
     /// What it has moved by.
     pub change: f64,
-    /// What it is off by now, as far as PCG can tell.
+    /// Its present error, as PCG estimates it.
     pub remaining: f64,
     /// PCG is slow: what is left is smoother than what it has moved by.
     pub slow: bool,

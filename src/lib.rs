@@ -134,11 +134,11 @@
 //!
 //! # Load steps, watched
 //!
-//! [`model::Analysis::solve_on`] makes the load steps of a model, tells an observer of each, and stops when that says so;
+//! [`model::Analysis::solve_on`] makes the load steps of a model, calls an observer for each, and stops when that asks it to;
 //! [`output::Results`] writes what `signorini solve` writes.
 
 #![warn(missing_docs)]
-// docs.rs tells which feature an item needs.
+// docs.rs shows which feature an item needs.
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub mod backend;

@@ -18,7 +18,7 @@ pub enum MatrixMarketError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's message.
         source: std::io::Error,
     },
     /// A line is not what it should be.

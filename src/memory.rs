@@ -1,6 +1,6 @@
 //! What memory there is.
 
-/// The memory of this machine in bytes, or of the container it runs in; None if nobody says.
+/// The memory of this machine in bytes, or of the container it runs in; None if unknown.
 pub(crate) fn total_bytes() -> Option<usize> {
     let mut system = sysinfo::System::new();
     system.refresh_memory();

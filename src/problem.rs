@@ -161,7 +161,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         }
     }
 
-    /// Gives contact nodes Coulomb's law, or other coefficients than before: where μᵢ > 0 the slip bound is μᵢλν,i and `slip_bound` says nothing.
+    /// Gives contact nodes Coulomb's law, or other coefficients than before: where μᵢ > 0 the slip bound is μᵢλν,i and the entry of `slip_bound` is ignored.
     ///
     /// # Errors
     /// If the length is not m (or 0: no Coulomb friction), an entry is negative or not finite, or is above 0 on a

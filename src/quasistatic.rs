@@ -6,7 +6,7 @@
 //! the load or the gap of a small one.
 //!
 //! **Coulomb friction** is part of the Newton steps (`ssnm`). As no function falls along them, they may fail.
-//! Then bodies that only contact holds are put on weak springs (`springs`), which tell whether anything holds them, and
+//! Then bodies that only contact holds are put on weak springs (`springs`), which show whether anything holds them, and
 //! rounds with frozen slip bounds (`rounds`) go on from the best point, and the monolithic step is tried once more where
 //! they converge.
 
@@ -161,7 +161,7 @@ pub struct Round {
     pub info: Info,
 }
 
-/// What an observer hears.
+/// What is reported to an observer.
 pub enum Event<'a> {
     /// An outer step of the Newton method.
     Newton(&'a Step),

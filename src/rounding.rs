@@ -1,4 +1,4 @@
-//! What f64 tells of sums, of small decompositions and of directions: the limits that algorithms share.
+//! How accurate sums, small decompositions and directions are in f64: the limits that algorithms share.
 
 /// Rounding of a sum relative to its terms.
 pub(crate) const ROUNDING: f64 = 32.0 * f64::EPSILON;

@@ -54,7 +54,7 @@ pub struct Failed<const D: usize = 2> {
     pub finished: Vec<StepSolution<D>>,
 }
 
-/// What an observer of load steps hears.
+/// What is reported to an observer of load steps.
 pub enum Event<'a, const D: usize = 2> {
     /// A load step begins.
     Begins {

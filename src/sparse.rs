@@ -40,7 +40,7 @@ impl<T, F: FnMut() -> T> WithSimd for Vectorised<F> {
     }
 }
 
-/// Does what a block says with all that the processor's vectors offer, its sums in the order that is written down.
+/// Runs a block with the vector instructions of the processor; its sums keep the order that is written down.
 ///
 /// A closure is compiled for them only where it becomes a part of the function that has them switched on: it has to be
 /// inlined, and no `FnOnce`, which would get a function of its own in between.

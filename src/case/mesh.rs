@@ -10,7 +10,7 @@ use toml::Spanned;
 
 /// Where a mesh comes from.
 enum Source<'a> {
-    /// A file, the factor for its coordinates, and the cell array that tells its regions.
+    /// A file, the factor for its coordinates, and the cell array that names its regions.
     File(&'a Path, f64, Option<&'a str>),
     Rectangle(&'a RectangleTable),
     Box(&'a BoxTable),

@@ -58,7 +58,7 @@ pub struct MeshTable {
     pub file: Option<PathBuf>,
     /// Factor for the coordinates, e.g. 1e-3 for a drawing in millimetres.
     pub scale: Option<f64>,
-    /// The cell array of a VTK file that tells its regions and boundaries.
+    /// The cell array of a VTK file whose values distinguish its regions and boundaries.
     pub cell_data: Option<String>,
     /// A structured rectangle: region `body`, boundaries `left`, `right`, `bottom`, `top`.
     pub rectangle: Option<RectangleTable>,
@@ -81,7 +81,7 @@ pub struct PartTable {
     pub file: Option<PathBuf>,
     /// Factor for the coordinates of the file.
     pub scale: Option<f64>,
-    /// The cell array of a VTK file that tells its regions and boundaries.
+    /// The cell array of a VTK file whose values distinguish its regions and boundaries.
     pub cell_data: Option<String>,
     /// A structured rectangle.
     pub rectangle: Option<RectangleTable>,

@@ -1,4 +1,4 @@
-//! The text of a case file: entries that are replaced before it is read, and what the parser says of it.
+//! The text of a case file: entries that are replaced before it is read, and the parser's errors.
 
 use crate::model::nearest;
 

@@ -6,7 +6,7 @@ use std::io::{Result, Write};
 /// diagonal and on it. They are gone through twice: their number stands first.
 ///
 /// # Errors
-/// What the writer says.
+/// The error of the writer.
 pub fn write_matrix<I>(
     to: &mut impl Write,
     [rows, cols]: [usize; 2],
@@ -30,7 +30,7 @@ where
 /// Writes a matrix in array form, column by column: a vector, or points with a column for each coordinate.
 ///
 /// # Errors
-/// What the writer says.
+/// The error of the writer.
 pub fn write_columns(to: &mut impl Write, columns: &[Vec<f64>]) -> Result<()> {
     let rows = columns.first().map_or(0, Vec::len);
     writeln!(to, "%%MatrixMarket matrix array real general")?;

@@ -79,10 +79,10 @@ pub fn prepare(directory: &Path, inputs: &[PathBuf]) -> Result<(), OutputError> 
     before.iter().try_for_each(|path| remove(path))
 }
 
-/// The files that tell how a run has ended, with what they begin with: no mesh and no matrix does.
+/// The files that say how a run has ended, with the text that they begin with: no mesh and no matrix begins so.
 const REPORTS: [(&str, &[u8]); 2] = [("report.json", b"{"), ("report.html", b"<!")];
 
-/// Removes what tells how the run before has ended, so that nobody takes it for the end of a run that fails before it
+/// Removes the files that say how the run before has ended, so that nobody takes it for the end of a run that fails before it
 /// has results. These stay, up to [`prepare`]: a slip in the new case shall not cost them. `inputs` is what the run reads,
 /// as far as that is known.
 ///
@@ -122,7 +122,7 @@ pub(super) fn refuse_inputs(
 ) -> Result<Vec<PathBuf>, OutputError> {
     // The dot is for the directory "".
     let entries = match std::fs::read_dir(directory.join(".")) {
-        // Where there is none yet, there is nothing in it; what is in its place is told when it is made.
+        // A directory that does not exist yet is empty; a file in its place is an error when it is made.
         Err(error) if matches!(error.kind(), NotFound | NotADirectory) => return Ok(Vec::new()),
         entries => entries.map_err(OutputError::at(directory))?,
     };

@@ -1,4 +1,4 @@
-//! What `report.json` says.
+//! The content of `report.json`.
 
 use super::reactions::{ContactReport, SupportReport, contact_reports, support_reports};
 use super::{StepResults, hints, peak_memory_mib};
@@ -126,7 +126,7 @@ pub struct HistoryRow {
     pub step: ssnm::Step,
 }
 
-/// Everything `report.json` says; docs/case-file.md has the meaning of each entry.
+/// Everything in `report.json`; docs/case-file.md has the meaning of each entry.
 #[derive(Debug, Serialize)]
 pub struct Report {
     /// That of the case.
@@ -175,7 +175,7 @@ pub struct Report {
     pub steps: Vec<StepReport>,
     /// Where the time has gone.
     pub timings: Timings,
-    /// The largest resident size of the process, where the system tells.
+    /// The largest resident size of the process, where the system reports it.
     pub peak_memory_mib: Option<f64>,
     /// That of signorini.
     pub version: &'static str,

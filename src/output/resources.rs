@@ -1,6 +1,6 @@
 //! What a run has taken of the machine.
 
-/// The largest resident size of this process so far, in MiB, where the system tells.
+/// The largest resident size of this process so far, in MiB, where the system reports it.
 pub fn peak_memory_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;

@@ -49,7 +49,7 @@ impl Arrays {
         self.floats::<3>(name, vectors.iter().map(spatial));
     }
 
-    /// Integers that tell kinds apart.
+    /// Integers that stand for kinds.
     fn kinds(&mut self, name: &str, values: impl IntoIterator<Item = i32>) {
         self.array("Int32", name, 1, values, i32::to_le_bytes);
     }

@@ -61,7 +61,7 @@ pub(crate) struct Scales {
     pub deformation: f64,
     /// The forces that act.
     pub force: f64,
-    /// What a length may be off by for rounding alone.
+    /// The error of a length by rounding alone.
     pub rounding: f64,
 }
 

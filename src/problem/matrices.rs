@@ -57,7 +57,7 @@ impl<const D: usize> ContactProblem<D> {
     /// [`ContactProblem::new`], [`ContactProblem::with_friction_coefficient`] and [`ContactProblem::with_gap`] check.
     pub fn from_matrices(matrices: Matrices<'_, D>) -> Result<Self, ProblemError> {
         let k = matrices.stiffness;
-        // Blocks would hide these, or take memory for what a slip of the pen says.
+        // Blocks would hide these, or take memory for a typing error.
         if k.n_rows != k.n_cols {
             return Err(ProblemError::NotSquare {
                 rows: k.n_rows,

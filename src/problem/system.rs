@@ -120,7 +120,7 @@ impl<const D: usize> System<D> {
         &self.areas
     }
 
-    /// The bodies that can move as a whole, as far as K and the coordinates tell.
+    /// The bodies that can move as a whole, as far as K and the coordinates show.
     pub fn floating_bodies(&self) -> &FloatingBodies<D> {
         &self.floating
     }

@@ -8,7 +8,7 @@ use crate::control::Stop;
 use crate::dual::{DualError, DualOperator, conditions};
 use crate::problem::Kkt;
 
-/// What Step 1 says of a point.
+/// The outcome of Step 1 at a point.
 pub(super) enum Ended {
     /// It is the last one.
     With(Status),
@@ -43,7 +43,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         if let Some(status) = self.verify(&mut way.point, goal)? {
             return Ok(Ended::With(status));
         }
-        // r is fresh now; if it says something else than before, products were not accurate enough.
+        // r is fresh now; if it differs from the one before, products were not accurate enough.
         way.err = self.update_error(&mut way.point);
         if way.err > goal.err {
             self.products.tighten(self.tolerance);
@@ -54,7 +54,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         Ok(Ended::Again)
     }
 
-    /// What an error says that is too small to tell.
+    /// The value of an error that is too small to be measured.
     fn below_rounding(&mut self, way: &mut Way<D>, goal: &mut Goal) -> Result<Ended, DualError> {
         if way.err > self.rounding(&way.point) {
             return Ok(Ended::NotYet);
@@ -121,7 +121,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         } else if !(kkt.equilibrium <= MET * tolerance) || goal.checks >= self.numbers.checks {
             Status::Stagnated
         } else {
-            // An err that is not met was a matter of the accuracy of u: the next check has a better one.
+            // An err that is not met came from the accuracy of u: the next check has a better one.
             if err <= goal.err || self.check_accuracy <= EXACT {
                 goal.checks += 1;
             }

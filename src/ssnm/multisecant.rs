@@ -14,7 +14,7 @@ use std::ops::ControlFlow;
 
 /// What a subproblem proposes.
 struct Proposal {
-    /// Its solution y, with the r that the surrogate says.
+    /// Its solution y, with the r that the surrogate predicts.
     point: Point,
     /// d = y − λᵏ and Ãd.
     step: Vec<f64>,
@@ -180,7 +180,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         }
     }
 
-    /// Goes as far towards a proposal as one product with A tells.
+    /// Goes towards a proposal, as far as one product with A shows to be best.
     fn go_towards(&mut self, way: &mut Way<D>, proposal: &Proposal) -> Result<(), DualError> {
         let before = way.point.clone();
         let mut end = proposal.point.clone();

@@ -127,7 +127,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         norm(&own)
     }
 
-    /// What r may be off by for rounding alone: f64 tells no smaller error.
+    /// The error of r by rounding alone: no smaller error can be measured in f64.
     pub fn rounding(&self, point: &Point) -> f64 {
         let terms: Vec<f64> = (self.offsets.iter().zip(&point.r))
             .map(|(c, r)| c.abs().max((c - r).abs()))
@@ -176,7 +176,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         Ok(())
     }
 
-    /// Takes a pair (v, Av) into the surrogate, and what it tells of σ_max.
+    /// Takes a pair (v, Av) into the surrogate, and updates the estimate of σ_max.
     pub fn learn(&mut self, direction: &[f64], image: &[f64]) {
         let flat = DEPENDENT * self.sigma;
         let clear = (self.surrogate).add(direction, image, self.products.part(), flat);
@@ -261,7 +261,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         Ok(())
     }
 
-    /// Replaces r by what the displacement says: c − Bu.
+    /// Replaces r by c − Bu.
     pub fn take_from(&mut self, u: &[f64], point: &mut Point) {
         let problem = self.problem;
         self.reach = norm_max(u);

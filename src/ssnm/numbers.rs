@@ -70,7 +70,7 @@ numbers! {
     /// Pairs kept in the surrogate at most. Most problems end with fewer than 60 in a load step; a bar of 600 by 1, whose slip
     /// creeps from end to end, takes 209 products, and some 30 more with half as many pairs.
     pairs: usize = 240;
-    /// A problem on the surrogate is solved to this part of the present error: products tell no more.
+    /// A problem on the surrogate is solved to this part of the present error: products are no more accurate.
     solved: f64 = 0.03;
     /// Newton steps for it at most; most take 1 to 6, bodies that have to find their place up to 30.
     newton_steps: usize = 60;
@@ -81,7 +81,7 @@ numbers! {
     memory: usize = 4;
     /// A step is halved at most this many times: where 1/64 of it leads nowhere, another direction has to be found.
     halvings: usize = 6;
-    /// Where q does not tell, under Coulomb's law above all, an error may grow by this much in a step before a point nearer by
+    /// Where q is no measure, under Coulomb's law above all, an error may grow by this factor in a step before a shorter step
     /// is taken: sets that change make it go up and down.
     growth: f64 = 2.0;
     /// An error below this part of the least so far is progress.
@@ -89,14 +89,14 @@ numbers! {
     /// Steps without progress before steps are made shorter, under Coulomb's law. Bodies that find their place take up to 12 of
     /// them.
     fruitless: usize = 15;
-    /// Steps without progress under Coulomb's law before the best point is gone back to.
+    /// Steps without progress under Coulomb's law before the method returns to the best point.
     patience: usize = 45;
     /// Steps in a row that do not lower the error, and pairs that errors of products have hidden, before products by PCG are made
-    /// more accurate; under given bounds also steps before the best point is gone back to, if the last one has not lowered q
+    /// more accurate; under given bounds also steps before the method returns to the best point, if the last one has not lowered q
     /// either.
     denied: usize = 4;
-    /// What the rest of the gradient could still move a pressure by at the end, in ε times the largest pressure, if nothing
-    /// but the unknowns under the contact moved: a third of what is promised, as other unknowns move as well.
+    /// The most that the rest of the gradient may still change a pressure by at the end, in ε times the largest pressure, estimated
+    /// as if nothing but the unknowns under the contact moved: a third of what is promised, as other unknowns move as well.
     forces: f64 = 1000.0;
     /// Steps of conjugate gradients for what the gradient could still move: 100 of them find the same in all cases measured.
     force_steps: usize = 10;

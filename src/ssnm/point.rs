@@ -25,7 +25,7 @@ impl Point {
     }
 
     /// What of [`Point::q_change`] is rounding of the multipliers: on a circle, where r does not vanish, it hides changes
-    /// below about the square root of what f64 tells.
+    /// below about the square root of the rounding unit of f64.
     pub fn q_rounding(&self, to: &Self) -> f64 {
         let mut sum = 0.0;
         for i in 0..self.r.len() {

@@ -160,7 +160,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         self.gain * self.correction.remaining <= 2.0 * self.relaxed() * err
     }
 
-    /// The part of the present error that r may be off by.
+    /// The error that r may have, as a part of the present error err.
     ///
     /// An error e of u falsifies r by B e, at most √σ_max · √(eᵀKe) in length. That bound is 25 to 140 times too large for all
     /// but the smoothest e, so the ratio ‖Be‖ / √(eᵀKe) is taken from what the last change of u has brought.

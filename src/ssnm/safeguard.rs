@@ -108,7 +108,7 @@ impl Safeguard {
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Judges the step that was made, and goes back to the best point where it has led nowhere; the status where that
-    /// is the end. `stopped` says that the observer has asked for one.
+    /// is the end. `stopped`: the observer has asked for it.
     pub fn judge(
         &mut self,
         safeguard: &mut Safeguard,

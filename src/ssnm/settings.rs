@@ -23,7 +23,7 @@ pub enum Method {
 /// Settings of the method; the defaults are those of the case file.
 #[derive(Clone, Debug)]
 pub struct NewtonSettings {
-    /// ε, in (0, 1): what the answer may be off by. The error err = ‖r̃_ρ(P_Λ(λ))‖ is reached relative to err⁰, that at
+    /// ε, in (0, 1): the tolerance. The error err = ‖r̃_ρ(P_Λ(λ))‖ is reached relative to err⁰, that at
     /// λ = 0 (or, where bodies can move as a whole, at the least forces that balance them); beside it what the rest of
     /// the gradient could still move is made so small that nodal pressures are right to 3000 ε of the largest.
     pub tolerance: f64,

@@ -111,7 +111,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         dual.times(&mut offsets);
         let mut before = problem.load_case().before.clone();
         dual.divide(&mut before);
-        // A guess of the entries of diag(A), as if nothing but their own unknowns moved: the first product tells more.
+        // A guess of the entries of diag(A), as if nothing but their own unknowns moved: the first product replaces it.
         let mean = mean(problem.compliance().iter().enumerate().map(|(i, c)| {
             let factor = dual.factor(i);
             c * factor * factor

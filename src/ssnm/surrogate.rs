@@ -20,7 +20,7 @@ pub(super) struct Surrogate {
     directions: Vec<Vec<f64>>,
     images: Vec<Vec<f64>>,
     basis: Vec<Vec<f64>>,
-    /// What each image may be off by, in the norm of A⁻¹, in which the image itself is one long.
+    /// A bound of the error of each image, in the norm of A⁻¹, in which the image itself has length one.
     errors: Vec<f64>,
     /// WᵀW up to the diagonal, row by row.
     gram: Vec<Vec<f64>>,
@@ -39,7 +39,7 @@ impl Surrogate {
         self.directions.iter().all(|d| d.len() == len)
     }
 
-    /// Takes c for the first step, before any product has told, and how many pairs to keep.
+    /// Sets c for the first step, before there is any product, and how many pairs to keep.
     pub fn prepare(&mut self, base: f64, most: usize) {
         self.most = most;
         if self.len() == 0 {
@@ -270,7 +270,7 @@ mod tests {
         surrogate.add(&sum, &times_a(&sum), 0.01, 0.0);
         let (count, now) = (surrogate.len(), missed(&surrogate, &sum));
         assert!(count < 7 && now < 0.01 && missed(&surrogate, directions[5]) < 0.06);
-        // What is told worse changes nothing.
+        // A worse product of a known direction changes nothing.
         surrogate.add(&sum, &off(&sum, 0.3), 0.5, 0.0);
         assert_eq!((surrogate.len(), missed(&surrogate, &sum)), (count, now));
     }

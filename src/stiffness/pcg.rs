@@ -55,10 +55,10 @@ pub enum PcgError {
 const CHUNK: usize = 16;
 /// Iterations before the first look at least.
 const LEAST_CHUNK: usize = 2;
-/// At most this many, so that a request to stop is heard.
+/// At most this many, so that a request to stop is answered soon.
 const MAX_CHUNK: usize = 256;
 
-/// By what factor α rᵀz falls in an iteration of multigrid, before the first run has told, and the range in
+/// By what factor α rᵀz falls in an iteration of multigrid, before the first run has measured it, and the range in
 /// which it is believed.
 const FALL: f64 = 0.25;
 const FALLS: (f64, f64) = (0.02, 0.98);
@@ -118,7 +118,7 @@ pub struct Pcg<B: Backend> {
     pub counts: SolveCounts,
 }
 
-/// What tells whether a run makes progress.
+/// What shows whether a run makes progress.
 struct Watch {
     /// The factor by which the energy has to grow to be called so.
     noticeable: f64,

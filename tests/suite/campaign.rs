@@ -26,11 +26,11 @@
 //! - node by node: forces to 3000 ε of the largest pressure: a node that is pressed *and* apart, or that slips without
 //!   its full friction, is wrong by the force that would close the gap if it were the only one, at least;
 //! - where these are missed after unloading, nodal forces are looked at again relative to the largest pressure before
-//!   the load step, which slip is counted from, and told as a remark;
+//!   the load step, which slip is counted from, and reported as a remark;
 //! - where the answer is the only one (no Coulomb friction) and known, or found again at a tolerance of 10⁻¹⁰:
 //!   multipliers to 3000 ε of the largest pressure. For the known answer, what rounding of f and, of matrices with
 //!   contrasts of stiffness, what the condition of A makes of violations as small as promised come on top. Without a known
-//!   answer that is not known, and such matrices are only told. So are they where the paths
+//!   answer that is not known, and such matrices are only reported. So are they where the paths
 //!   differ by more than twice that. As the solver estimates these errors, one comparison in a thousand may be off by
 //!   more.
 //!

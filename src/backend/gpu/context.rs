@@ -25,7 +25,7 @@ pub enum GpuError {
     NoDevice {
         /// Its name.
         adapter: String,
-        /// What the driver says.
+        /// The driver's message.
         reason: String,
     },
     /// It failed at once.
@@ -56,7 +56,7 @@ pub struct AdapterSummary {
     pub max_binding: u64,
     /// Bytes of one buffer.
     pub max_buffer: u64,
-    /// Bytes of its own (or shared) memory, where the driver tells.
+    /// Bytes of its own (or shared) memory, where the driver reports them.
     pub memory: Option<u64>,
     /// Why it cannot be used, if so.
     pub unsuitable: Option<String>,
@@ -156,7 +156,7 @@ fn summary(adapter: &wgpu::Adapter) -> AdapterSummary {
     }
 }
 
-/// The largest device-local heap, which wgpu itself does not tell.
+/// The largest device-local heap, which wgpu itself does not report.
 #[cfg(not(any(target_vendor = "apple", target_family = "wasm")))]
 fn memory(adapter: &wgpu::Adapter) -> Option<u64> {
     const DEVICE_LOCAL: u32 = 1;
@@ -242,7 +242,7 @@ impl Context {
                 adapter: lost_name.clone(),
                 reason: message,
             };
-            // The loss explains whatever else has been reported.
+            // The loss explains every other error reported.
             *lock(&on_lost) = Some(lost);
         });
         let (on_error, error_name) = (Arc::clone(&fault), name.clone());

@@ -264,7 +264,7 @@ impl Scene<'_> {
         self.close(developed, panel);
     }
 
-    /// The tangential tractions on the body, not more of them than are told apart.
+    /// The tangential tractions on the body, no more of them than can be distinguished.
     fn arrows(&mut self, developed: &Developed, panel: &Panel) {
         if !(self.rubbed > 0.0) {
             return;

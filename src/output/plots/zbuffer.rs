@@ -14,7 +14,7 @@ const BESIDE: f32 = 0.62;
 /// How far the best lit faces are brightened, and those without light darkened.
 const BRIGHT: f32 = 0.2;
 const DARK: f32 = 0.33;
-/// Colours between the first and the last: two beside each other differ by less than a byte tells.
+/// Colours between the first and the last: neighbouring ones differ by less than the step of a byte.
 const LEVELS: usize = 1000;
 
 /// What is seen at a sample.

@@ -14,7 +14,7 @@ const LEAST_CORRECTION: f64 = 0.05;
 const AT_ROUNDING: f64 = 1e-8;
 /// Corrections that must not fail to halve the residual.
 const MAX_CORRECTIONS: usize = 60;
-/// The relative error in energy that rounding leaves of a correction in f32, before the first has told.
+/// The relative error in energy that rounding leaves of a correction in f32, before the first has measured it.
 pub(super) const ROUNDING: f64 = 0.1;
 
 impl<B: Backend> Pcg<B> {

@@ -10,7 +10,7 @@ use signorini::quasistatic::{Load, State, StepSolution};
 use signorini::ssnm::Status;
 use std::collections::BTreeMap;
 
-/// What is told of forces that are off by more, where the condition of A explains it or may explain it.
+/// The remark about forces that are off by more, where the condition of A explains it or may explain it.
 pub const CONDITIONED: &str = "forces of matrices off by more than 3000 ε, as A is conditioned";
 
 /// Nodal forces are estimated from the gradient: no more than one comparison in this many may be off by more in the plane …
