@@ -10,6 +10,7 @@ mod element;
 mod file;
 pub mod gmsh;
 mod groups;
+mod order;
 mod plane;
 mod read;
 pub(crate) mod shape;
@@ -27,7 +28,7 @@ pub use element::{Element, ElementKind, Facet, Topology, facet, facet_corners, f
 pub use file::FileError;
 pub use gmsh::write::msh;
 pub(crate) use groups::Groups;
-pub use read::{has_cell_arrays, read};
+pub use read::{has_cell_arrays, read, read_linear};
 use shape::determinant;
 pub use shape::{FacetPoint, Point, ShapeFunctions, Visit};
 pub(crate) use vector::bounds;
@@ -202,6 +203,42 @@ pub enum MeshError {
         /// Whether it would not fold if its nodes were listed as another program does.
         other_order: bool,
     },
+    /// An edge has a node in its middle in one element, and none in another.
+    #[error(
+        "element {quadratic} has a node in the middle of the edge near {place}, and its neighbour {linear} has none there: mesh \
+         a body with elements of one order, or leave these nodes out (order = 1)"
+    )]
+    Hanging {
+        /// The element without it.
+        linear: usize,
+        /// The element with it.
+        quadratic: usize,
+        /// The middle of the edge.
+        place: Location,
+    },
+    /// Two neighbours have a node each in the middle of what they share.
+    #[error(
+        "elements {} and {} share the edge or face near {place}, but not the node in its middle: merge nodes that lie in one \
+         place in the mesher, or leave these nodes out (order = 1)",
+        elements[0], elements[1]
+    )]
+    TwoMiddles {
+        /// The elements.
+        elements: [usize; 2],
+        /// The middle of the edge or face.
+        place: Location,
+    },
+    /// There is no element of second order to make of one of first.
+    #[error(
+        "element {element} near {place} is a pyramid, of which there are none of second order: leave out order = 2, or use \
+         tetrahedra alone, or hexahedra and wedges"
+    )]
+    NotRaised {
+        /// The element.
+        element: usize,
+        /// Its first node.
+        place: Location,
+    },
     /// An element names a region that does not exist.
     #[error("element {element} is in region {region}, but there are only {n_regions} regions")]
     NoSuchRegion {
@@ -228,8 +265,8 @@ impl<const D: usize> Mesh<D>
 where
     ElementKind: Topology<D>,
 {
-    /// A mesh from its parts: checks them, turns elements around whose nodes go the wrong way round, drops nodes that
-    /// no element uses, and directs the facets of boundaries so that the body lies behind them. Boundaries may have
+    /// A mesh from its parts: checks them, turns elements around whose nodes go the wrong way round, gives serendipity
+    /// elements nodes in the middle of faces where neighbours have them, drops nodes that no element uses, and directs the facets of boundaries so that the body lies behind them. Boundaries may have
     /// facets that do not lie on the outside: they are noted in [`Self::faults`]. Every region is a group of its own.
     pub fn new(
         nodes: Vec<[f64; D]>,
@@ -252,6 +289,7 @@ where
         if let Some(first) = faults.find_first(|_| true) {
             return Err(first);
         }
+        mesh.match_neighbours()?;
         mesh.direct_boundaries();
         mesh.group_regions();
         mesh.drop_unused_nodes();

@@ -140,12 +140,22 @@ fn check_cells<const D: usize>(
 }
 
 impl Case {
+    /// The order of elements that a table asks for, checked.
+    fn order(&self, order: &Option<Spanned<usize>>) -> Result<Option<usize>, CaseError> {
+        match order {
+            None => Ok(None),
+            Some(order) if matches!(order.get_ref(), 1 | 2) => Ok(Some(*order.get_ref())),
+            Some(order) => self.invalid(order.span(), "order is that of the elements: 1 or 2"),
+        }
+    }
+
     /// `[mesh]` and its tables, as far as that can be checked without the files; its dimension, if it shows.
     pub(super) fn check_mesh(&self) -> Result<Option<usize>, CaseError> {
         let Some(table) = &self.tables.mesh else {
             return Ok(None);
         };
         let (span, mesh) = (table.span(), table.get_ref());
+        self.order(&mesh.order)?;
         if mesh.part.is_empty() {
             return match mesh.source() {
                 Ok(source) => Ok(source.dimension()),
@@ -167,6 +177,7 @@ impl Case {
         let mut dimension = None;
         for part in &mesh.part {
             let (span, part) = (part.span(), part.get_ref());
+            self.order(&part.order)?;
             let here = match part.source() {
                 Ok(source) => source.dimension(),
                 Err(problem) => return self.invalid(span, problem),
@@ -200,13 +211,15 @@ impl Case {
             return Ok(self.invalid(0..0, "the case has no [mesh]")?);
         };
         let (span, table) = (table.span(), table.get_ref());
+        let order = self.order(&table.order)?;
         if table.part.is_empty() {
-            return self.part(span, table.source());
+            return self.part(span, table.source(), order);
         }
         let mut whole: Option<AnyMesh> = None;
         for part in &table.part {
             let (span, part) = (part.span(), part.get_ref());
-            let mesh = self.part(span.clone(), part.source())?;
+            let order = self.order(&part.order)?.or(order);
+            let mesh = self.part(span.clone(), part.source(), order)?;
             whole = Some(match (whole, mesh) {
                 (None, AnyMesh::Plane(mesh)) => AnyMesh::Plane(self.placed(part, mesh)?),
                 (None, AnyMesh::Space(mesh)) => AnyMesh::Space(self.placed(part, mesh)?),
@@ -272,19 +285,48 @@ impl Case {
         &self,
         span: Range<usize>,
         source: Result<Source, String>,
+        order: Option<usize>,
     ) -> Result<AnyMesh, BuildError> {
         Ok(match source {
-            Ok(Source::File(file, scale, groups)) => mesh::read(&self.beside(file), scale, groups)?,
+            Ok(Source::File(file, scale, groups)) => {
+                let path = self.beside(file);
+                match order {
+                    Some(1) => mesh::read_linear(&path, scale, groups)?,
+                    _ => match mesh::read(&path, scale, groups)? {
+                        AnyMesh::Plane(mesh) => AnyMesh::Plane(self.raised(span, mesh, order)?),
+                        AnyMesh::Space(mesh) => AnyMesh::Space(self.raised(span, mesh, order)?),
+                    },
+                }
+            }
+            // Where a map bends the sides, it bends the nodes in their middle, too.
             Ok(Source::Rectangle(r)) => {
                 let mesh = structured::rectangle(r.origin, r.size, r.cells, r.shape, "body", "");
+                let mesh = self.raised(span.clone(), mesh, order)?;
                 AnyMesh::Plane(self.mapped(span, "rectangle", mesh, &r.map)?)
             }
             Ok(Source::Box(b)) => {
                 let mesh = structured::block(b.origin, b.size, b.cells, b.shape, "body", "");
+                let mesh = self.raised(span.clone(), mesh, order)?;
                 AnyMesh::Space(self.mapped(span, "box", mesh, &b.map)?)
             }
             Err(problem) => self.invalid(span, problem)?,
         })
+    }
+
+    /// The mesh with elements of second order, if these are wanted.
+    fn raised<const D: usize>(
+        &self,
+        span: Range<usize>,
+        mesh: Mesh<D>,
+        order: Option<usize>,
+    ) -> Result<Mesh<D>, CaseError>
+    where
+        ElementKind: Topology<D>,
+    {
+        match order {
+            Some(2) => (mesh.raised()).or_else(|error| self.invalid(span, error.to_string())),
+            _ => Ok(mesh),
+        }
     }
 
     /// A structured mesh, bent as its table says.

@@ -65,6 +65,8 @@ pub struct MeshTable {
     /// A structured box in space: besides boundaries `front` and `back`.
     #[serde(rename = "box")]
     pub block: Option<BoxTable>,
+    /// 2: elements of first order get nodes in the middle of their sides; 1: these are left out. As they are if left out.
+    pub order: Option<Spanned<usize>>,
     /// Several meshes side by side.
     #[serde(default)]
     pub part: Vec<Spanned<PartTable>>,
@@ -88,6 +90,8 @@ pub struct PartTable {
     /// A structured box.
     #[serde(rename = "box")]
     pub block: Option<BoxTable>,
+    /// As in `[mesh]`, for this part alone.
+    pub order: Option<Spanned<usize>>,
     /// Where its origin is moved to, after scaling: a number for each coordinate.
     pub shift: Option<Spanned<Vec<f64>>>,
 }

@@ -10,22 +10,22 @@ mod parts;
 mod text;
 mod types;
 
-use super::AnyMesh;
+use super::file::raw::Raw;
 use super::file::{self, Failure, FileError, Result};
 use std::path::Path;
 
-/// Reads a mesh, of the dimension that its elements have; coordinates are multiplied by `scale`.
+/// What stands in a file.
 ///
 /// # Errors
-/// If the file cannot be read, or has something that no mesh here has: with its line.
-pub(super) fn read(path: &Path, scale: f64) -> std::result::Result<AnyMesh, FileError> {
+/// If it cannot be read, or has something that no mesh here has: with its line.
+pub(super) fn raw(path: &Path) -> std::result::Result<Raw, FileError> {
     let bytes = file::bytes(path)?;
     let text = text::Text::new(path, &String::from_utf8_lossy(&bytes))?;
     drop(bytes);
-    parse(&text.text, scale).map_err(|failure| text.locate(failure))
+    parse(&text.text).map_err(|failure| text.locate(failure))
 }
 
-fn parse(text: &str, scale: f64) -> Result<AnyMesh> {
+fn parse(text: &str) -> Result<Raw> {
     if !text.lines().any(|line| keyword::is_keyword(line.trim())) {
         return Err(Failure::NoMesh(
             "there is no keyword in it (*NODE, *ELEMENT): is this an Abaqus input file?".to_owned(),
@@ -45,5 +45,5 @@ fn parse(text: &str, scale: f64) -> Result<AnyMesh> {
                 .to_owned(),
         ));
     }
-    file::build::build(raw, scale)
+    Ok(raw)
 }

@@ -160,6 +160,25 @@ impl ElementKind {
         &all[..self.n_nodes() - self.n_corners()]
     }
 
+    /// Its edges, by the places of their ends, and of the node in the middle where there is one.
+    pub(super) fn edges(self) -> impl Iterator<Item = (&'static [usize], Option<usize>)> {
+        const OF_PYRAMID: &[&[usize]] = &[
+            &[0, 1],
+            &[1, 2],
+            &[2, 3],
+            &[3, 0],
+            &[0, 4],
+            &[1, 4],
+            &[2, 4],
+            &[3, 4],
+        ];
+        let middles = (self.quadratic()).map_or(OF_PYRAMID, Self::middles);
+        let edges = middles.iter().filter(|of| of.len() == 2);
+        (self.n_corners()..)
+            .zip(edges)
+            .map(move |(place, ends)| (*ends, (self.order() == 2).then_some(place)))
+    }
+
     /// Its facets, by the places of their nodes among its own, corners first, then midsides, the first between the first two
     /// corners, then the middle: in the plane edges with the element on their left, in space faces that go round
     /// counter-clockwise as seen from outside.
@@ -409,6 +428,12 @@ where
 
     pub(super) fn nodes_mut(&mut self) -> &mut [u32] {
         &mut self.nodes.as_mut()[..self.kind.n_nodes()]
+    }
+
+    /// The element of first order at its corners.
+    pub(super) fn linear(&self) -> Self {
+        let corners = &self.nodes()[..self.kind.n_corners()];
+        Self::new(self.kind.linear(), corners, self.region)
     }
 
     pub(super) fn turn(&mut self) {

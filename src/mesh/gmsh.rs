@@ -2,8 +2,9 @@
 //!
 //! A file with volume elements is a mesh of space, one without a mesh of the plane. Physical groups become groups of
 //! regions (surfaces; in space volumes) and boundaries (curves; in space surfaces) under their names, or under their
-//! numbers where they have none. Elements in the same groups are a region, named after these. Linear triangles and
-//! quadrilaterals in the plane z = const, linear tetrahedra, hexahedra and wedges in space.
+//! numbers where they have none. Elements in the same groups are a region, named after these. Triangles and
+//! quadrilaterals in the plane z = const, tetrahedra, hexahedra and wedges in space, of first and of second order, and
+//! pyramids.
 
 mod foreign;
 mod reader;
@@ -23,15 +24,20 @@ use std::path::Path;
 /// # Errors
 /// If the file cannot be read, is of another kind, or has something that no mesh here has: with its line.
 pub fn read(path: &Path, scale: f64) -> std::result::Result<AnyMesh, FileError> {
+    build(raw(path)?, scale).map_err(|failure| failure.of(path))
+}
+
+/// What stands in a file.
+pub(super) fn raw(path: &Path) -> std::result::Result<Raw, FileError> {
     let bytes = file::bytes(path)?;
     if let Some(what) = foreign::foreign(path, &bytes) {
         let path = path.to_owned();
         return Err(FileError::Foreign { path, what });
     }
-    parse(&bytes, scale).map_err(|failure| failure.of(path))
+    parse(&bytes).map_err(|failure| failure.of(path))
 }
 
-fn parse(bytes: &[u8], scale: f64) -> Result<AnyMesh> {
+fn parse(bytes: &[u8]) -> Result<Raw> {
     let mut reader = Reader::new(bytes);
     let mut raw = Raw::default();
     let mut version = None;
@@ -85,33 +91,70 @@ fn parse(bytes: &[u8], scale: f64) -> Result<AnyMesh> {
             "the file names physical groups, but no element is in one: save it with Mesh.SaveAll = 0, or as MSH 4.1",
         );
     }
-    build(raw, scale)
+    Ok(raw)
 }
 
 const NOT_PLANE: &str = "the mesh is not plane: its z coordinates differ; for a solid body the file needs volume \
                          elements: mesh it with gmsh -3, with a physical group for its volumes";
 
-/// The kind of a type of element of Gmsh that may stand in a mesh of first order.
+/// The kinds of elements that bodies and their boundaries consist of, with Gmsh's numbers.
+const TYPES: [(i64, Cell); 17] = [
+    (15, Cell::Point),
+    (1, Cell::Line),
+    (8, Cell::Line3),
+    (2, Cell::Element(ElementKind::Triangle)),
+    (9, Cell::Element(ElementKind::Triangle6)),
+    (3, Cell::Element(ElementKind::Quad)),
+    (16, Cell::Element(ElementKind::Quad8)),
+    (10, Cell::Element(ElementKind::Quad9)),
+    (4, Cell::Element(ElementKind::Tetrahedron)),
+    (11, Cell::Element(ElementKind::Tetrahedron10)),
+    (5, Cell::Element(ElementKind::Hexahedron)),
+    (17, Cell::Element(ElementKind::Hexahedron20)),
+    (12, Cell::Element(ElementKind::Hexahedron27)),
+    (6, Cell::Element(ElementKind::Wedge)),
+    (18, Cell::Element(ElementKind::Wedge15)),
+    (13, Cell::Element(ElementKind::Wedge18)),
+    (7, Cell::Element(ElementKind::Pyramid)),
+];
+
+/// The kind of a type of element of Gmsh.
 fn cell(reader: &Reader, kind: i64) -> Result<Cell> {
+    if let Some(&(_, cell)) = TYPES.iter().find(|known| known.0 == kind) {
+        return Ok(cell);
+    }
     match kind {
-        15 => Ok(Cell::Point),
-        1 => Ok(Cell::Line),
-        2 => Ok(Cell::Triangle),
-        3 => Ok(Cell::Quad),
-        4 => Ok(Cell::Tetrahedron),
-        5 => Ok(Cell::Hexahedron),
-        6 => Ok(Cell::Wedge),
-        8..=14 | 16..=28 => reader
-            .fail("elements of higher order are not supported: set Mesh.ElementOrder = 1 in Gmsh"),
-        7 => reader.fail(
-            "pyramids are not supported: use tetrahedra alone, or hexahedra and wedges of extruded or transfinite \
-             volumes",
+        14 | 19 => reader.fail(
+            "pyramids of second order are not supported: set Mesh.ElementOrder = 1 in Gmsh (or use tetrahedra alone, or \
+             hexahedra and wedges of extruded or transfinite volumes)",
+        ),
+        20..=33 | 36..=66 | 71..=131 | 137 => reader.fail(
+            "elements of an order above 2 are not supported: set Mesh.ElementOrder = 1 or 2 in Gmsh",
         ),
         _ => reader.fail(format!(
-            "element type {kind} is not supported: use triangles and quadrilaterals, in space tetrahedra, hexahedra \
-             and wedges"
+            "element type {kind} is not supported: use triangles and quadrilaterals, in space tetrahedra, hexahedra, \
+             wedges and pyramids"
         )),
     }
+}
+
+/// The nodes of an element that has them in Gmsh's order, in ours.
+fn in_our_order<T: Copy>(cell: Cell, nodes: &mut [T]) {
+    if let Cell::Element(kind) = cell
+        && let Some(order) = order(kind)
+    {
+        let listed = nodes.to_vec();
+        (nodes.iter_mut().zip(order)).for_each(|(node, &place)| *node = listed[place]);
+    }
+}
+
+/// The nodes of an element, in the order in which Gmsh lists them.
+fn in_gmshs_order(kind: ElementKind, nodes: &[u32]) -> Vec<u32> {
+    let mut listed = nodes.to_vec();
+    if let Some(order) = order(kind) {
+        (nodes.iter().zip(order)).for_each(|(&node, &place)| listed[place] = node);
+    }
+    listed
 }
 
 /// Where the nodes of an element of second order stand in Gmsh's list of them, where that is not our order, which is VTK's.

@@ -1,6 +1,8 @@
 //! Which reader a mesh file goes to.
 
 use super::file::FileError;
+use super::file::build::build;
+use super::file::raw::Raw;
 #[cfg(feature = "files")]
 use super::vtu;
 use super::{AnyMesh, abaqus, gmsh};
@@ -23,10 +25,26 @@ fn extension(path: &Path) -> String {
 /// # Errors
 /// If the file cannot be read: with the line at fault, as far as it has lines.
 pub fn read(path: &Path, scale: f64, groups: Option<&str>) -> Result<AnyMesh, FileError> {
+    build(raw(path, groups)?, scale).map_err(|failure| failure.of(path))
+}
+
+/// As [`read`], with elements of first order at the corners of those in the file: nodes in the middle of sides are left out,
+/// wherever they lie.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_linear(path: &Path, scale: f64, groups: Option<&str>) -> Result<AnyMesh, FileError> {
+    let mut raw = raw(path, groups)?;
+    raw.drop_middles();
+    build(raw, scale).map_err(|failure| failure.of(path))
+}
+
+/// What stands in a file.
+fn raw(path: &Path, groups: Option<&str>) -> Result<Raw, FileError> {
     match extension(path).as_str() {
-        "inp" => abaqus::read(path, scale),
+        "inp" => abaqus::raw(path),
         #[cfg(feature = "files")]
-        "vtu" => vtu::read(path, scale, groups),
+        "vtu" => vtu::raw(path, groups),
         #[cfg(not(feature = "files"))]
         "vtu" => {
             let _ = groups;
@@ -36,6 +54,6 @@ pub fn read(path: &Path, scale: f64, groups: Option<&str>) -> Result<AnyMesh, Fi
                     .to_owned(),
             })
         }
-        _ => gmsh::read(path, scale),
+        _ => gmsh::raw(path),
     }
 }

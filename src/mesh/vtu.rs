@@ -7,8 +7,8 @@
 mod data;
 mod xml;
 
-use super::AnyMesh;
-use super::file::raw::{Cell, Raw};
+use super::ElementKind;
+use super::file::raw::{Cell, MOST_NODES, Raw};
 use super::file::{self, Failure, FileError, Result};
 use data::{File, Values};
 use std::path::Path;
@@ -27,28 +27,24 @@ const ARRAYS: [&str; 10] = [
     "GroupIds",
 ];
 
-/// Reads a mesh, of the dimension that its cells have; coordinates are multiplied by `scale`. `groups` names the cell
-/// array that tells regions and boundaries; else it is the first of those that programs call so.
+/// What stands in a file. `groups` names the cell array that tells regions and boundaries; else it is the first of those
+/// that programs call so.
 ///
 /// # Errors
-/// If the file cannot be read, or has something that no mesh here has: with its line.
-pub(super) fn read(
-    path: &Path,
-    scale: f64,
-    groups: Option<&str>,
-) -> std::result::Result<AnyMesh, FileError> {
+/// If it cannot be read, or has something that no mesh here has: with its line.
+pub(super) fn raw(path: &Path, groups: Option<&str>) -> std::result::Result<Raw, FileError> {
     let bytes = file::bytes(path)?;
-    parse(&bytes, scale, groups).map_err(|failure| failure.of(path))
+    parse(&bytes, groups).map_err(|failure| failure.of(path))
 }
 
-fn parse(bytes: &[u8], scale: f64, groups: Option<&str>) -> Result<AnyMesh> {
+fn parse(bytes: &[u8], groups: Option<&str>) -> Result<Raw> {
     let file = File::new(bytes)?;
     let mut raw = Raw::default();
-    let points = file.needed("Points", None)?.floats()?;
-    if points.len() % 3 != 0 {
+    let coordinates = file.needed("Points", None)?.floats()?;
+    if coordinates.len() % 3 != 0 {
         return no_mesh("the points of a grid have three coordinates each");
     }
-    for x in points.as_chunks::<3>().0 {
+    for x in coordinates.as_chunks::<3>().0 {
         if !x.iter().all(|v| v.is_finite()) {
             let number = raw.nodes.len();
             return no_mesh(format!(
@@ -67,33 +63,33 @@ fn parse(bytes: &[u8], scale: f64, groups: Option<&str>) -> Result<AnyMesh> {
     let mut begin = 0;
     for (number, (&kind, &end)) in types.iter().zip(&offsets).enumerate() {
         let end = usize::try_from(end).unwrap_or(usize::MAX);
-        let Some(corners) = connectivity.get(begin..end) else {
+        let Some(points) = connectivity.get(begin..end) else {
             return no_mesh(format!("cell {number} has offsets beyond its connectivity"));
         };
         begin = end;
         let (cell, order) = cell(kind, number)?;
-        if corners.len() != cell.n_nodes() {
+        if points.len() != cell.n_nodes() {
             let message = format!(
                 "cell {number} of type {kind} has {} nodes instead of {}",
-                corners.len(),
+                points.len(),
                 cell.n_nodes()
             );
             return no_mesh(message);
         }
-        let mut nodes = [0; 8];
-        for (node, &place) in nodes.iter_mut().zip(order) {
-            *node = match u32::try_from(corners[place]) {
-                Ok(corner) if (corner as usize) < raw.nodes.len() => corner,
+        let nodes = &mut [0; MOST_NODES][..cell.n_nodes()];
+        for (node, place) in nodes.iter_mut().zip(0..) {
+            let point = points[order.map_or(place, |order| order[place])];
+            *node = match u32::try_from(point) {
+                Ok(point) if (point as usize) < raw.nodes.len() => point,
                 _ => {
-                    let corner = corners[place];
                     return no_mesh(format!(
-                        "cell {number} names point {corner}, which does not exist"
+                        "cell {number} names point {point}, which does not exist"
                     ));
                 }
             };
         }
         let set = raw.groups.number(groups.tag(number));
-        raw.push(cell, set, &nodes);
+        raw.push(cell, set, nodes);
     }
     for (tag, name) in groups.names() {
         for dimension in 1..4 {
@@ -102,7 +98,7 @@ fn parse(bytes: &[u8], scale: f64, groups: Option<&str>) -> Result<AnyMesh> {
     }
     if raw.solids.is_empty() && raw.faces.is_empty() {
         return no_mesh(
-            "there are no triangles, quadrilaterals, tetrahedra, hexahedra or wedges in it",
+            "there are no triangles, quadrilaterals, tetrahedra, hexahedra, wedges or pyramids in it",
         );
     }
     if raw.solids.is_empty() && !raw.is_level() {
@@ -110,37 +106,51 @@ fn parse(bytes: &[u8], scale: f64, groups: Option<&str>) -> Result<AnyMesh> {
             "the mesh is not plane: its z coordinates differ; a solid body needs volume cells",
         );
     }
-    file::build::build(raw, scale)
+    Ok(raw)
 }
 
 fn no_mesh<T>(message: impl Into<String>) -> Result<T> {
     Err(Failure::NoMesh(message.into()))
 }
 
-/// The cell of a type of VTK, and where its corners stand in the file.
-fn cell(kind: i64, number: usize) -> Result<(Cell, &'static [usize])> {
-    const AS_THEY_ARE: [usize; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
-    let plain = |cell: Cell| Ok((cell, &AS_THEY_ARE[..cell.n_nodes()]));
+/// The cell of a type of VTK, and where its nodes stand in the file, if not as they do here.
+fn cell(kind: i64, number: usize) -> Result<(Cell, Option<&'static [usize]>)> {
+    let plain = |kind: ElementKind| Ok((Cell::Element(kind), None));
     match kind {
-        1 => plain(Cell::Point),
-        3 => plain(Cell::Line),
-        5 => plain(Cell::Triangle),
+        1 => Ok((Cell::Point, None)),
+        3 => Ok((Cell::Line, None)),
+        5 => plain(ElementKind::Triangle),
         // VTK_PIXEL and VTK_VOXEL count along the axes.
-        8 => Ok((Cell::Quad, &[0, 1, 3, 2])),
-        9 => plain(Cell::Quad),
-        10 => plain(Cell::Tetrahedron),
-        11 => Ok((Cell::Hexahedron, &[0, 1, 3, 2, 4, 5, 7, 6])),
-        12 => plain(Cell::Hexahedron),
-        13 => plain(Cell::Wedge),
-        14 => no_mesh(format!(
-            "cell {number} is a pyramid, which is not supported: use tetrahedra alone, or hexahedra and wedges"
+        8 => Ok((Cell::Element(ElementKind::Quad), Some(&[0, 1, 3, 2]))),
+        9 => plain(ElementKind::Quad),
+        10 => plain(ElementKind::Tetrahedron),
+        11 => Ok((
+            Cell::Element(ElementKind::Hexahedron),
+            Some(&[0, 1, 3, 2, 4, 5, 7, 6]),
         )),
-        21..=37 | 60..=81 => no_mesh(format!(
-            "cell {number} (type {kind}) is of higher order, which is not supported: save the mesh with linear cells"
+        12 => plain(ElementKind::Hexahedron),
+        13 => plain(ElementKind::Wedge),
+        14 => plain(ElementKind::Pyramid),
+        21 => Ok((Cell::Line3, None)),
+        22 => plain(ElementKind::Triangle6),
+        23 => plain(ElementKind::Quad8),
+        24 => plain(ElementKind::Tetrahedron10),
+        25 => plain(ElementKind::Hexahedron20),
+        26 => plain(ElementKind::Wedge15),
+        28 => plain(ElementKind::Quad9),
+        29 => plain(ElementKind::Hexahedron27),
+        32 => plain(ElementKind::Wedge18),
+        27 | 37 => no_mesh(format!(
+            "cell {number} (type {kind}) is a pyramid of second order, which is not supported: save the mesh with linear \
+             cells, or use tetrahedra alone, or hexahedra and wedges"
+        )),
+        30..=36 | 60..=81 => no_mesh(format!(
+            "cell {number} (type {kind}) is none of the linear and quadratic cells that are supported: save the mesh with \
+             those of type 5, 9, 10, 12, 13, 14, 22 to 26, 28, 29 or 32"
         )),
         _ => no_mesh(format!(
             "cell {number} is of type {kind}, which is not supported: use triangles and quadrilaterals, in space \
-             tetrahedra, hexahedra and wedges"
+             tetrahedra, hexahedra, wedges and pyramids"
         )),
     }
 }
@@ -220,6 +230,8 @@ impl Groups {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::AnyMesh;
+    use crate::mesh::file::build::build;
 
     /// A grid of one tetrahedron and one of its sides, with the region array given; values in ASCII.
     fn grid(kind: &str, nodes: &str, ends: &str, array: &str) -> String {
@@ -241,7 +253,8 @@ mod tests {
     #[test]
     fn cells_and_their_groups_are_read() {
         let text = grid("10 5", "0 1 2 3 2 1 0", "4 7", ARRAY);
-        let Ok(AnyMesh::Space(mesh)) = parse(text.as_bytes(), 2.0, None) else {
+        let raw = parse(text.as_bytes(), None);
+        let Ok(AnyMesh::Space(mesh)) = raw.and_then(|raw| build(raw, 2.0)) else {
             panic!("no solid");
         };
         assert_eq!(mesh.nodes[3], [0.0, 0.0, 2.0]);
@@ -256,7 +269,7 @@ mod tests {
     #[test]
     fn what_is_no_mesh_is_told() {
         let told = |text: String, groups: Option<&str>| {
-            let failure = parse(text.as_bytes(), 1.0, groups).err();
+            let failure = parse(text.as_bytes(), groups).err();
             let failure = failure.unwrap_or_else(|| panic!("accepted:\n{text}"));
             failure.of(Path::new("a.vtu")).to_string()
         };
@@ -265,12 +278,17 @@ mod tests {
             (
                 grid("24 5", "0 1 2 3 2 1 0", "4 7", ARRAY),
                 None,
-                "a.vtu: cell 0 (type 24) is of higher order",
+                "a.vtu: cell 0 of type 24 has 4 nodes instead of 10",
             ),
             (
-                grid("14 5", "0 1 2 3 2 1 0", "4 7", ARRAY),
+                grid("71 5", "0 1 2 3 2 1 0", "4 7", ARRAY),
                 None,
-                "cell 0 is a pyramid",
+                "a.vtu: cell 0 (type 71) is none of the linear and quadratic cells",
+            ),
+            (
+                grid("27 5", "0 1 2 3 2 1 0", "4 7", ARRAY),
+                None,
+                "cell 0 (type 27) is a pyramid of second order",
             ),
             (
                 grid("10 5", "0 1 2 9 2 1 0", "4 7", ARRAY),

@@ -269,7 +269,7 @@ fn broken_gmsh_files_say_where() {
             .contains("line 7: \"zero\" is not a number")
     );
     assert!(message(
-        format!("{head}$Nodes\n1\n1 0 0 0\n$EndNodes\n$Elements\n1\n1 9 2 1 1 1 1 1 1 1 1\n$EndElements\n")
+        format!("{head}$Nodes\n1\n1 0 0 0\n$EndNodes\n$Elements\n1\n1 21 2 1 1 1 1 1 1 1 1\n$EndElements\n")
             .as_bytes()
     )
     .contains("Mesh.ElementOrder = 1"));

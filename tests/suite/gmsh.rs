@@ -1,6 +1,6 @@
 //! Gmsh files as they come: elements in several groups, reversed and inner curves, older formats, other files.
 
-mod drawing;
+pub mod drawing;
 mod groups;
 mod refused;
 

@@ -183,7 +183,11 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
     let cases = [
         (
             flat.replace("C3D4", "C3D10"),
-            "a.inp, line 6: C3D10 is an element of higher order, which is not supported: choose linear elements",
+            "a.inp, line 7: an element of this type has 10 nodes, here are 4",
+        ),
+        (
+            flat.replace("C3D4", "C3D15V"),
+            "a.inp, line 6: elements of type C3D15V are not supported: use CPE3",
         ),
         (
             flat.replace("C3D4", "CAX3"),

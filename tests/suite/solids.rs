@@ -175,6 +175,9 @@ fn kinds_groups_and_what_is_refused() {
         assert_eq!((n, regions), (1, unnamed()));
         near(volumes[0], 1.0 / 6.0);
     }
+    let (n, volumes, regions) = volume_of(&["7 2 0 1 1 2 3 4 5"]);
+    assert_eq!((n, regions), (1, unnamed()));
+    near(volumes[0], 1.0 / 3.0);
     let twice = ["5 2 7 1 1 2 3 4 5 6 7 8", "5 2 9 1 1 2 3 4 5 6 7 8"];
     assert_eq!(volume_of(&twice), (1, vec![1.0], vec!["7 & 9".to_owned()]));
 
@@ -183,9 +186,13 @@ fn kinds_groups_and_what_is_refused() {
         Err(error) => error,
     };
     for (elements, what) in [
-        ("7 2 0 1 1 2 3 4 5", "pyramids are not supported"),
-        ("11 2 0 1 1 2 3 4 5 6 7 8 1 2", "Mesh.ElementOrder = 1"),
-        ("17 2 0 1 1 2 3 4 5 6 7 8", "Mesh.ElementOrder = 1"),
+        (
+            "14 2 0 1 1 2 3 4 5 6 7 8 1 2 3 4 5 6",
+            "pyramids of second order are not supported: set Mesh.ElementOrder = 1",
+        ),
+        ("19 2 0 1 1 2 3 4 5", "pyramids of second order"),
+        ("29 2 0 1 1 2 3 4 5", "Mesh.ElementOrder = 1 or 2"),
+        ("92 2 0 1 1 2 3 4 5 6 7 8", "Mesh.ElementOrder = 1 or 2"),
         ("99 2 0 1 1 2 3", "element type 99 is not supported"),
         (
             "4 2 0 1 1 2 3 4",

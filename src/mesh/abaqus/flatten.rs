@@ -7,7 +7,7 @@ use super::{Failure, Result};
 use crate::mesh::element::unsided;
 use crate::mesh::file::raw::{Cell, Raw};
 use crate::mesh::vector::{cross, dot, minus, unit};
-use crate::mesh::{Element, ElementKind, Facet, Topology, facet_corners};
+use crate::mesh::{Element, ElementKind, Facet, Topology, facet_corners, facet_nodes};
 use std::collections::{BTreeSet, HashMap};
 
 /// A part in its place; all of a flat file is one.
@@ -39,7 +39,9 @@ const DEEPEST: usize = 50;
 struct Flat<'a> {
     placed: Vec<Placed<'a>>,
     raw: Raw,
-    cells: Vec<(Cell, [u32; 8])>,
+    /// What the elements are, and where their nodes begin.
+    cells: Vec<(Cell, usize)>,
+    nodes_of_cells: Vec<u32>,
     tags: HashMap<String, i64>,
     /// Element and tag.
     regions: Vec<(u32, i64)>,
@@ -74,6 +76,7 @@ impl<'a> Flat<'a> {
             placed: Vec::new(),
             raw: Raw::default(),
             cells: Vec::new(),
+            nodes_of_cells: Vec::new(),
             tags: HashMap::new(),
             regions: Vec::new(),
             boundaries: Vec::new(),
@@ -121,21 +124,24 @@ impl<'a> Flat<'a> {
             first_element: self.cells.len() as u32,
         };
         self.raw.nodes.extend(part.nodes.iter().map(|&x| moved(x)));
-        for ((cell, labels), &line) in part.elements.iter().zip(&part.lines) {
-            let mut nodes = [0; 8];
-            for (node, label) in nodes.iter_mut().zip(&labels[..cell.n_nodes()]) {
-                *node = match part.node_of.get(label) {
-                    Some(node) => placed.first_node + node,
-                    None => {
-                        let text = format!("an element names node {label}, which does not exist");
-                        return Err(Failure::line(line, text));
-                    }
+        for (&(cell, begin), &line) in part.elements.iter().zip(&part.lines) {
+            self.cells.push((cell, self.nodes_of_cells.len()));
+            for label in &part.labels[begin..][..cell.n_nodes()] {
+                let Some(node) = part.node_of.get(label) else {
+                    let text = format!("an element names node {label}, which does not exist");
+                    return Err(Failure::line(line, text));
                 };
+                self.nodes_of_cells.push(placed.first_node + node);
             }
-            self.cells.push((*cell, nodes));
         }
         self.placed.push(placed);
         Ok(())
+    }
+
+    /// An element and its nodes.
+    fn cell(&self, number: usize) -> (Cell, &[u32]) {
+        let (cell, begin) = self.cells[number];
+        (cell, &self.nodes_of_cells[begin..][..cell.n_nodes()])
     }
 
     /// The number of a name.
@@ -185,13 +191,13 @@ impl<'a> Flat<'a> {
         let mut whole = BTreeSet::new();
         for (line, what, side) in &surface.faces {
             for element in self.named(number, false, *line, what)? {
-                let (cell, nodes) = self.cells[element as usize];
+                let (cell, nodes) = self.cell(element as usize);
                 let is_surface = cell.is_surface();
                 let sided = side.strip_prefix('S').or(side.strip_prefix('E'));
                 if side.is_empty() {
                     whole.insert(element);
                 } else if matches!(side.as_str(), "SPOS" | "SNEG") && is_surface {
-                    let corners = nodes[..cell.n_nodes()].to_vec();
+                    let corners = nodes[..cell.n_corners()].to_vec();
                     self.boundaries.push((tag, corners));
                 } else if let Some(corners) = sided
                     .and_then(|number| number.parse().ok())
@@ -210,17 +216,20 @@ impl<'a> Flat<'a> {
         }
         // Without a side: those of its faces that no other element has.
         let mut times: HashMap<Vec<u32>, (usize, Vec<u32>)> = HashMap::new();
-        for (number, (cell, nodes)) in (0..).zip(&self.cells) {
-            for corners in (1..).map_while(|number| face(*cell, number)) {
-                if whole.is_empty() {
-                    break;
-                }
+        let all = if whole.is_empty() {
+            0
+        } else {
+            self.cells.len()
+        };
+        for number in 0..all {
+            let (cell, nodes) = self.cell(number);
+            for corners in (1..).map_while(|number| face(cell, number)) {
                 let corners: Vec<u32> = corners.iter().map(|&corner| nodes[corner]).collect();
                 let mut key = corners.clone();
                 key.sort_unstable();
                 let found = times.entry(key).or_default();
                 found.0 += 1;
-                if whole.contains(&number) {
+                if whole.contains(&(number as u32)) {
                     found.1 = corners;
                 }
             }
@@ -354,7 +363,7 @@ impl<'a> Flat<'a> {
         let mut regions = self.regions.iter().peekable();
         let mut tags = Vec::new();
         let (mut last, mut set) = (Vec::new(), 0);
-        for (number, (cell, nodes)) in (0..).zip(&self.cells) {
+        for (number, &(cell, begin)) in (0..).zip(&self.cells) {
             tags.clear();
             while let Some((_, tag)) = regions.next_if(|region| region.0 == number) {
                 tags.push(*tag);
@@ -363,7 +372,8 @@ impl<'a> Flat<'a> {
                 set = self.raw.groups.number(tags.iter().copied());
                 last.clone_from(&tags);
             }
-            self.raw.push(*cell, set, nodes);
+            let nodes = &self.nodes_of_cells[begin..][..cell.n_nodes()];
+            self.raw.push(cell, set, nodes);
         }
     }
 
@@ -371,10 +381,10 @@ impl<'a> Flat<'a> {
     fn add_boundaries(&mut self) {
         let is_solid = !self.raw.solids.is_empty();
         let mut all = std::mem::take(&mut self.boundaries);
-        let outside: Vec<Vec<u32>> = if is_solid {
-            outer(&self.raw.solids)
+        let (outside, is_middle) = if is_solid {
+            outer(&self.raw.solids, self.raw.nodes.len())
         } else {
-            outer(&self.raw.faces)
+            outer(&self.raw.faces, self.raw.nodes.len())
         };
         let mut inside = vec![false; self.raw.nodes.len()];
         let names: HashMap<i64, &String> =
@@ -382,9 +392,14 @@ impl<'a> Flat<'a> {
         for (tag, nodes) in &self.node_sets {
             let before = all.len();
             nodes.iter().for_each(|&node| inside[node as usize] = true);
-            let facets = outside.iter();
-            let facets = facets.filter(|facet| facet.iter().all(|&node| inside[node as usize]));
-            all.extend(facets.map(|facet| (*tag, facet.clone())));
+            // A set without nodes in the middle of sides names facets by their corners.
+            let whole = nodes.iter().any(|&node| is_middle[node as usize]);
+            for (facet, corners) in &outside {
+                let wanted = if whole { facet.len() } else { *corners };
+                if (facet[..wanted].iter()).all(|&node| inside[node as usize]) {
+                    all.push((*tag, facet[..*corners].to_vec()));
+                }
+            }
             nodes.iter().for_each(|&node| inside[node as usize] = false);
             if let (Some(&node), true) = (nodes.first(), all.len() == before) {
                 let none = (names[tag].clone(), self.raw.nodes[node as usize]);
@@ -394,21 +409,23 @@ impl<'a> Flat<'a> {
         for (tag, corners) in all {
             let cell = match (is_solid, corners.len()) {
                 (false, 2) => Cell::Line,
-                (true, 3) => Cell::Triangle,
-                (true, 4) => Cell::Quad,
+                (true, 3) => Cell::Element(ElementKind::Triangle),
+                (true, 4) => Cell::Element(ElementKind::Quad),
                 // An edge of a shell in space, or a shell in the plane, bounds nothing.
                 _ => continue,
             };
-            let mut nodes = [0; 8];
-            nodes[..corners.len()].copy_from_slice(&corners);
             let set = self.raw.groups.number([tag]);
-            self.raw.push(cell, set, &nodes);
+            self.raw.push(cell, set, &corners);
         }
     }
 }
 
-/// The corners of the facets that one element has.
-fn outer<const D: usize>(elements: &[Element<D>]) -> Vec<Vec<u32>>
+/// The nodes of the facets that one element has, with how many of them are corners, which come first; and which of so many
+/// nodes lie in the middle of sides.
+fn outer<const D: usize>(
+    elements: &[Element<D>],
+    n_nodes: usize,
+) -> (Vec<(Vec<u32>, usize)>, Vec<bool>)
 where
     ElementKind: Topology<D>,
 {
@@ -416,12 +433,18 @@ where
     for facet in elements.iter().flat_map(Element::facets) {
         times.entry(unsided(&facet)).or_insert((0, facet)).0 += 1;
     }
-    let mut outside: Vec<Vec<u32>> = (times.into_values())
+    let mut outside: Vec<(Vec<u32>, usize)> = (times.into_values())
         .filter(|(times, _)| *times == 1)
-        .map(|(_, facet)| facet_corners(&facet).to_vec())
+        .map(|(_, facet)| (facet_nodes(&facet).to_vec(), facet_corners(&facet).len()))
         .collect();
     outside.sort_unstable();
-    outside
+    let mut is_middle = vec![false; n_nodes];
+    for element in elements {
+        for &node in &element.nodes()[element.kind().n_corners()..] {
+            is_middle[node as usize] = true;
+        }
+    }
+    (outside, is_middle)
 }
 
 /// A point of a part where its instance puts it: shifted, then turned about an axis.

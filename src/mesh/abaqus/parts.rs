@@ -1,7 +1,7 @@
 //! What stands in a file: parts, where they are placed, and their nodes, elements, sets and surfaces.
 
 use super::keyword::{Keyword, entries, key, label, number, plain};
-use super::types::cell;
+use super::types::{cell, order};
 use super::{Failure, Result};
 use crate::mesh::file::raw::Cell;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -11,7 +11,10 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 pub(super) struct Part {
     pub nodes: Vec<[f64; 3]>,
     pub node_of: HashMap<u64, u32>,
-    pub elements: Vec<(Cell, [u64; 8])>,
+    /// What they are, and where the numbers of their nodes begin.
+    pub elements: Vec<(Cell, usize)>,
+    /// The numbers of the nodes of all elements, in our order.
+    pub labels: Vec<u64>,
     /// The lines that the elements stand in.
     pub lines: Vec<usize>,
     pub element_of: HashMap<u64, u32>,
@@ -344,7 +347,7 @@ impl<'a> Reader<'a> {
             all.pop();
         }
         // A beam may have one more, which says how its section lies.
-        let most = wanted + usize::from(cell == Cell::Line);
+        let most = wanted + usize::from(matches!(cell, Cell::Line | Cell::Line3));
         if !(wanted..=most).contains(&all.len()) {
             return Err(Failure::line(
                 line,
@@ -356,10 +359,8 @@ impl<'a> Reader<'a> {
             ));
         }
         let element = label(line, all[0])?;
-        let mut nodes = [0; 8];
-        for (node, entry) in nodes.iter_mut().zip(&all[1..wanted]) {
-            *node = label(line, entry)?;
-        }
+        let listed = (all[1..wanted].iter()).map(|entry| label(line, entry));
+        let listed = listed.collect::<Result<Vec<_>>>()?;
         let part = self.current();
         let next = part.elements.len() as u32;
         if part.element_of.insert(element, next).is_some() {
@@ -368,7 +369,11 @@ impl<'a> Reader<'a> {
                 format!("element {element} stands twice"),
             ));
         }
-        part.elements.push((cell, nodes));
+        part.elements.push((cell, part.labels.len()));
+        match order(cell) {
+            Some(order) => (part.labels).extend(order.iter().map(|&place| listed[place])),
+            None => part.labels.extend(listed),
+        }
         part.lines.push(line);
         if let Some(name) = set {
             add(&mut part.element_sets, name, line, element);

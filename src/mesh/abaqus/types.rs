@@ -1,85 +1,128 @@
 //! Types of elements, and the faces that surfaces name.
 
+use crate::mesh::ElementKind;
 use crate::mesh::file::raw::Cell;
 
 /// What to write instead of a type that is not known.
-pub(super) const KNOWN: &str = "CPE3, CPE4, CPS3 or CPS4 in the plane, C3D4, C3D6 or C3D8 in space";
+pub(super) const KNOWN: &str = "CPE3, CPE4, CPE6, CPE8 (or CPS) in the plane, C3D4, C3D5, C3D6, C3D8, C3D10, C3D15 or \
+                                C3D20 in space";
+
+/// The cells of the types of bodies, without their variants.
+const BODIES: [(&str, ElementKind); 17] = [
+    ("C3D4", ElementKind::Tetrahedron),
+    ("C3D5", ElementKind::Pyramid),
+    ("C3D6", ElementKind::Wedge),
+    ("C3D8", ElementKind::Hexahedron),
+    ("C3D10", ElementKind::Tetrahedron10),
+    ("C3D15", ElementKind::Wedge15),
+    ("C3D20", ElementKind::Hexahedron20),
+    ("C3D27", ElementKind::Hexahedron27),
+    ("CPS3", ElementKind::Triangle),
+    ("CPE3", ElementKind::Triangle),
+    ("CPS4", ElementKind::Quad),
+    ("CPE4", ElementKind::Quad),
+    ("CPS6", ElementKind::Triangle6),
+    ("CPE6", ElementKind::Triangle6),
+    ("CPS8", ElementKind::Quad8),
+    ("CPE8", ElementKind::Quad8),
+    ("CPE9", ElementKind::Quad9),
+];
+
+/// Reduced integration, hybrid, modified and incompatible modes, temperatures: a matter of the element, not of its nodes.
+const VARIANTS: [&str; 17] = [
+    "", "R", "I", "H", "M", "RH", "IH", "MH", "T", "RT", "HT", "MT", "RHT", "MHT", "S", "HS", "E",
+];
+
+/// The cells of shells, membranes, rigid faces, beams and trusses, which bound bodies, and of what stands at a node.
+const BOUNDS: [(&[&str], &[&str], Cell); 8] = [
+    (
+        &["S3", "R3D3", "M3D3", "SFM3D3", "STRI3"],
+        &["", "R", "S"],
+        Cell::Element(ElementKind::Triangle),
+    ),
+    (
+        &["S4", "R3D4", "M3D4", "SFM3D4"],
+        &["", "R", "R5", "S"],
+        Cell::Element(ElementKind::Quad),
+    ),
+    (
+        &["S6", "STRI65", "M3D6", "SFM3D6"],
+        &["", "R"],
+        Cell::Element(ElementKind::Triangle6),
+    ),
+    (
+        &["S8", "M3D8", "SFM3D8"],
+        &["", "R", "R5"],
+        Cell::Element(ElementKind::Quad8),
+    ),
+    (
+        &["S9", "M3D9", "SFM3D9"],
+        &["", "R", "R5"],
+        Cell::Element(ElementKind::Quad9),
+    ),
+    (
+        &["T2D2", "T3D2", "B21", "B31", "R2D2", "SFM2D2"],
+        &["", "H"],
+        Cell::Line,
+    ),
+    (
+        &["T2D3", "T3D3", "B22", "B32"],
+        &["", "H", "R"],
+        Cell::Line3,
+    ),
+    (&["MASS", "ROTARYI"], &[""], Cell::Point),
+];
 
 /// The cell of a type of element; if there is none here, why not and what to do.
 pub(super) fn cell(name: &str) -> Result<Cell, String> {
     let name = name.to_uppercase();
-    let is = |begins: &[&str], rest: &[&str]| {
-        (begins.iter()).any(|begin| {
-            name.strip_prefix(begin)
-                .is_some_and(|end| rest.contains(&end))
-        })
+    let is = |begin: &str, rest: &[&str]| {
+        (name.strip_prefix(begin)).is_some_and(|end| rest.contains(&end))
     };
-    // Reduced integration, hybrid and incompatible modes are a matter of the element, not of its nodes.
-    const VARIANTS: [&str; 9] = ["", "R", "I", "H", "RH", "IH", "HT", "T", "S"];
-    Ok(if is(&["C3D4"], &VARIANTS) {
-        Cell::Tetrahedron
-    } else if is(&["C3D6"], &VARIANTS) {
-        Cell::Wedge
-    } else if is(&["C3D8"], &VARIANTS) {
-        Cell::Hexahedron
-    } else if is(&["CPS3", "CPE3"], &VARIANTS)
-        || is(&["S3", "R3D3", "M3D3", "SFM3D3", "STRI3"], &["", "R", "S"])
-    {
-        Cell::Triangle
-    } else if is(&["CPS4", "CPE4"], &VARIANTS)
-        || is(&["S4", "R3D4", "M3D4", "SFM3D4"], &["", "R", "R5", "S"])
-    {
-        Cell::Quad
-    } else if is(
-        &["T2D2", "T3D2", "B21", "B31", "R2D2", "SFM2D2"],
-        &["", "H"],
-    ) {
-        Cell::Line
-    } else if is(&["MASS", "ROTARYI"], &[""]) {
-        Cell::Point
-    } else if is(
-        &["C3D10", "C3D15", "C3D20", "C3D27"],
-        &["", "R", "H", "RH", "M", "MH", "I", "HS"],
-    ) || is(
-        &["CPS6", "CPE6", "CPS8", "CPE8", "CAX6", "CAX8"],
-        &["", "R", "H", "RH", "M", "MH"],
-    ) || is(&["S8", "STRI65", "S6"], &["", "R", "R5"])
-    {
-        return Err(format!(
-            "{name} is an element of higher order, which is not supported: choose linear elements in the mesher (in \
-             Abaqus/CAE: Mesh, Element Type, Geometric Order Linear; in Gmsh Mesh.ElementOrder = 1)"
-        ));
-    } else if name.starts_with("CAX") || name.starts_with("CGAX") {
-        return Err(format!(
+    if let Some(&(_, kind)) = BODIES.iter().find(|known| is(known.0, &VARIANTS)) {
+        return Ok(Cell::Element(kind));
+    }
+    let bounds = |known: &&(&[&str], &[&str], Cell)| known.0.iter().any(|begin| is(begin, known.1));
+    if let Some(&(.., cell)) = BOUNDS.iter().find(bounds) {
+        return Ok(cell);
+    }
+    Err(if name.starts_with("CAX") || name.starts_with("CGAX") {
+        format!(
             "{name} is an axisymmetric element: a body of revolution is a sector of a solid here (C3D4, C3D6, C3D8) \
              between planes of symmetry"
-        ));
-    } else if name.starts_with("C3D5") {
-        return Err(
-            "C3D5 is a pyramid, which is not supported: use tetrahedra alone, or hexahedra and wedges"
-                .to_owned(),
-        );
+        )
     } else {
-        return Err(format!(
-            "elements of type {name} are not supported: use {KNOWN}"
-        ));
+        format!("elements of type {name} are not supported: use {KNOWN}")
     })
+}
+
+/// Where the nodes of an element of a kind stand in the file, if not as they do here: the middle of the element before those
+/// of its faces, in the order of [`face`].
+pub(super) fn order(cell: Cell) -> Option<&'static [usize]> {
+    const HEXAHEDRON: [usize; 27] = [
+        0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 26, 24, 23, 25, 21,
+        22, 20,
+    ];
+    (cell == Cell::Element(ElementKind::Hexahedron27)).then_some(&HEXAHEDRON)
 }
 
 /// The corners of face `number`, from 1, as surfaces count them.
 pub(super) fn face(cell: Cell, number: usize) -> Option<&'static [usize]> {
-    let faces: &[&[usize]] = match cell {
-        Cell::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
-        Cell::Quad => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
-        Cell::Tetrahedron => &[&[0, 1, 2], &[0, 3, 1], &[1, 3, 2], &[2, 3, 0]],
-        Cell::Wedge => &[
+    let Cell::Element(kind) = cell else {
+        return None;
+    };
+    let faces: &[&[usize]] = match kind.linear() {
+        ElementKind::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
+        ElementKind::Quad => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
+        ElementKind::Tetrahedron => &[&[0, 1, 2], &[0, 3, 1], &[1, 3, 2], &[2, 3, 0]],
+        ElementKind::Wedge => &[
             &[0, 1, 2],
             &[3, 5, 4],
             &[0, 3, 4, 1],
             &[1, 4, 5, 2],
             &[2, 5, 3, 0],
         ],
-        Cell::Hexahedron => &[
+        ElementKind::Hexahedron => &[
             &[0, 1, 2, 3],
             &[4, 7, 6, 5],
             &[0, 4, 5, 1],
@@ -87,7 +130,14 @@ pub(super) fn face(cell: Cell, number: usize) -> Option<&'static [usize]> {
             &[2, 6, 7, 3],
             &[3, 7, 4, 0],
         ],
-        Cell::Point | Cell::Line => &[],
+        ElementKind::Pyramid => &[
+            &[0, 1, 2, 3],
+            &[0, 4, 1],
+            &[1, 4, 2],
+            &[2, 4, 3],
+            &[3, 4, 0],
+        ],
+        _ => unreachable!("kinds of first order"),
     };
     faces.get(number.checked_sub(1)?).copied()
 }
@@ -95,26 +145,38 @@ pub(super) fn face(cell: Cell, number: usize) -> Option<&'static [usize]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::ElementKind;
 
     #[test]
     fn variants_are_the_same_cells() {
         for (name, expected) in [
-            ("C3D8R", Cell::Hexahedron),
-            ("c3d8i", Cell::Hexahedron),
-            ("C3D4H", Cell::Tetrahedron),
-            ("CPE4RH", Cell::Quad),
-            ("CPS3", Cell::Triangle),
-            ("S4R", Cell::Quad),
-            ("T3D2", Cell::Line),
+            ("C3D8R", ElementKind::Hexahedron),
+            ("c3d8i", ElementKind::Hexahedron),
+            ("C3D4H", ElementKind::Tetrahedron),
+            ("C3D5", ElementKind::Pyramid),
+            ("CPE4RH", ElementKind::Quad),
+            ("CPS3", ElementKind::Triangle),
+            ("S4R", ElementKind::Quad),
+            ("C3D10", ElementKind::Tetrahedron10),
+            ("C3D10M", ElementKind::Tetrahedron10),
+            ("C3D10T", ElementKind::Tetrahedron10),
+            ("C3D10HS", ElementKind::Tetrahedron10),
+            ("C3D15H", ElementKind::Wedge15),
+            ("C3D20", ElementKind::Hexahedron20),
+            ("C3D20RH", ElementKind::Hexahedron20),
+            ("C3D20RT", ElementKind::Hexahedron20),
+            ("CPE8R", ElementKind::Quad8),
+            ("CPS6M", ElementKind::Triangle6),
+            ("S8R5", ElementKind::Quad8),
+            ("STRI65", ElementKind::Triangle6),
         ] {
-            assert_eq!(cell(name), Ok(expected), "{name}");
+            assert_eq!(cell(name), Ok(Cell::Element(expected)), "{name}");
         }
+        assert_eq!(cell("T3D2"), Ok(Cell::Line));
+        assert_eq!(cell("B32R"), Ok(Cell::Line3));
         for (name, expected) in [
-            ("C3D10M", "higher order"),
-            ("CPE8R", "higher order"),
             ("CAX4R", "axisymmetric"),
-            ("C3D5", "pyramid"),
+            ("CAX8", "axisymmetric"),
+            ("C3D15V", "are not supported: use CPE3"),
             ("SPRINGA", "are not supported: use CPE3"),
         ] {
             assert!(
@@ -127,26 +189,38 @@ mod tests {
     /// Every face of a surface is one of the element.
     #[test]
     fn faces_are_those_of_the_elements() {
-        for (cell, kind) in [
-            (Cell::Triangle, ElementKind::Triangle),
-            (Cell::Quad, ElementKind::Quad),
-            (Cell::Tetrahedron, ElementKind::Tetrahedron),
-            (Cell::Hexahedron, ElementKind::Hexahedron),
-            (Cell::Wedge, ElementKind::Wedge),
-        ] {
+        for kind in ElementKind::ALL {
             let sorted = |face: &[usize]| {
                 let mut face = face.to_vec();
                 face.sort_unstable();
                 face
             };
-            let mut known: Vec<Vec<usize>> = kind.facets().iter().map(|f| sorted(f)).collect();
+            let facets = kind.linear().facets();
+            let mut known: Vec<Vec<usize>> = facets.iter().map(|f| sorted(f)).collect();
             let mut found: Vec<Vec<usize>> = (1..)
-                .map_while(|number| face(cell, number))
+                .map_while(|number| face(Cell::Element(kind), number))
                 .map(sorted)
                 .collect();
             known.sort();
             found.sort();
-            assert_eq!(found, known, "{cell:?}");
+            assert_eq!(found, known, "{kind:?}");
         }
+    }
+
+    /// The nodes of a C3D27: 21 in the middle, 22 to 27 in that of faces 1 to 6.
+    #[test]
+    fn middles_of_faces_stand_in_the_order_of_faces() {
+        let cell = Cell::Element(ElementKind::Hexahedron27);
+        let order = order(cell).expect("another order");
+        let middles = ElementKind::Hexahedron27.middles();
+        for number in 1..=6 {
+            let place = order.iter().position(|&at| at == 20 + number).expect("all");
+            let mut of = middles[place - 8].to_vec();
+            let mut corners = face(cell, number).expect("a face").to_vec();
+            of.sort_unstable();
+            corners.sort_unstable();
+            assert_eq!(of, corners, "face {number}");
+        }
+        assert_eq!(order[26], 20);
     }
 }

@@ -1,18 +1,16 @@
 //! What a file adds up to, before it is a mesh.
 
-use crate::mesh::{Element, ElementKind, Facet, Topology};
+use crate::mesh::{Element, ElementKind, Facet, Topology, facet, facet_corners};
 use std::collections::HashMap;
 
-/// What stands in files: elements and facets of first order.
+/// What stands in files: elements of bodies, and what bounds them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mesh) enum Cell {
     Point,
     Line,
-    Triangle,
-    Quad,
-    Tetrahedron,
-    Hexahedron,
-    Wedge,
+    /// A line with a node in its middle.
+    Line3,
+    Element(ElementKind),
 }
 
 impl Cell {
@@ -20,18 +18,33 @@ impl Cell {
         match self {
             Self::Point => 1,
             Self::Line => 2,
-            Self::Triangle => 3,
-            Self::Quad | Self::Tetrahedron => 4,
-            Self::Hexahedron => 8,
-            Self::Wedge => 6,
+            Self::Line3 => 3,
+            Self::Element(kind) => kind.n_nodes(),
+        }
+    }
+
+    /// How many corners it has, which are the first of its nodes.
+    pub const fn n_corners(self) -> usize {
+        match self {
+            Self::Point => 1,
+            Self::Line | Self::Line3 => 2,
+            Self::Element(kind) => kind.n_corners(),
         }
     }
 
     /// Whether it bounds a solid, or is an element of the plane.
     pub const fn is_surface(self) -> bool {
-        matches!(self, Self::Triangle | Self::Quad)
+        match self {
+            Self::Element(kind) => {
+                matches!(kind.linear(), ElementKind::Triangle | ElementKind::Quad)
+            }
+            _ => false,
+        }
     }
 }
+
+/// No element has more nodes.
+pub(in crate::mesh) const MOST_NODES: usize = ElementKind::Hexahedron27.n_nodes();
 
 /// More groups of one element are nonsense, and no reason to keep long sets for each.
 pub(in crate::mesh) const MOST_GROUPS: usize = 255;
@@ -114,7 +127,7 @@ pub(in crate::mesh) struct Raw {
     pub lines: Vec<(u32, Facet)>,
     /// Triangles and quadrilaterals; the region is the number of the set of physical groups.
     pub faces: Vec<Element>,
-    /// Tetrahedra, hexahedra and wedges, likewise.
+    /// Tetrahedra, hexahedra, wedges and pyramids, likewise.
     pub solids: Vec<Element<3>>,
     /// Sets of nodes that were to be boundaries, but have no facet; each with a place of it.
     pub without_facets: Vec<(String, [f64; 3])>,
@@ -134,10 +147,10 @@ impl Raw {
         Ok(())
     }
 
-    /// Adds an element with the numbers of its nodes in the file, first in `tags`; if it cannot be one, why not.
-    pub fn add_element(&mut self, cell: Cell, set: u32, tags: &[usize; 8]) -> Result<(), String> {
-        let mut nodes = [0; 8];
-        for (node, tag) in nodes.iter_mut().zip(&tags[..cell.n_nodes()]) {
+    /// Adds an element with the numbers of its nodes in the file; if it cannot be one, why not.
+    pub fn add_element(&mut self, cell: Cell, set: u32, tags: &[usize]) -> Result<(), String> {
+        let mut nodes = [0; MOST_NODES];
+        for (node, tag) in nodes.iter_mut().zip(tags) {
             *node = match self.numbers.get(*tag) {
                 Some(node) => node,
                 None => {
@@ -145,21 +158,36 @@ impl Raw {
                 }
             }
         }
-        self.push(cell, set, &nodes);
+        self.push(cell, set, &nodes[..tags.len()]);
         Ok(())
     }
 
-    /// Adds an element with our numbers of its nodes, first in `nodes`.
-    pub fn push(&mut self, cell: Cell, set: u32, nodes: &[u32; 8]) {
-        let [a, b, c, d, e, f, ..] = *nodes;
+    /// Adds an element with our numbers of its nodes, as many as it has.
+    pub fn push(&mut self, cell: Cell, set: u32, nodes: &[u32]) {
         match cell {
             Cell::Point => {}
-            Cell::Line => self.lines.push((set, [a, b, b])),
-            Cell::Triangle => self.faces.push(Element::triangle([a, b, c], set)),
-            Cell::Quad => self.faces.push(Element::quad([a, b, c, d], set)),
-            Cell::Tetrahedron => (self.solids).push(Element::tetrahedron([a, b, c, d], set)),
-            Cell::Hexahedron => self.solids.push(Element::hexahedron(*nodes, set)),
-            Cell::Wedge => (self.solids).push(Element::wedge([a, b, c, d, e, f], set)),
+            Cell::Line | Cell::Line3 => self.lines.push((set, facet::<2>(nodes))),
+            Cell::Element(kind) if cell.is_surface() => {
+                self.faces.push(Element::new(kind, nodes, set));
+            }
+            Cell::Element(kind) => self.solids.push(Element::new(kind, nodes, set)),
+        }
+    }
+
+    /// Leaves out the nodes in the middle of sides, faces and elements.
+    pub fn drop_middles(&mut self) {
+        fn corners<const D: usize>(elements: &mut [Element<D>])
+        where
+            ElementKind: Topology<D>,
+        {
+            for element in elements {
+                *element = element.linear();
+            }
+        }
+        corners(&mut self.faces);
+        corners(&mut self.solids);
+        for (_, line) in &mut self.lines {
+            *line = facet::<2>(facet_corners(line));
         }
     }
 }
@@ -193,7 +221,7 @@ impl GroupSets {
             *place += 1;
         }
         let key = |element: &Element<D>| {
-            let mut nodes = [u32::MAX; 27];
+            let mut nodes = [u32::MAX; MOST_NODES];
             nodes[..element.nodes().len()].copy_from_slice(element.nodes());
             nodes.sort_unstable();
             nodes

@@ -1,8 +1,8 @@
 //! The sections of MSH 2.0 to 2.2.
 
 use super::reader::Reader;
-use super::{Result, cell};
-use crate::mesh::file::raw::Raw;
+use super::{Result, cell, in_our_order};
+use crate::mesh::file::raw::{MOST_NODES, Raw};
 
 /// $Nodes; `parametric` ones also say where they lie on which curve or surface.
 pub(super) fn nodes(reader: &mut Reader, raw: &mut Raw, parametric: bool) -> Result<()> {
@@ -51,11 +51,12 @@ pub(super) fn elements(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
             if group != last {
                 (last, set) = (group, raw.groups.number([group]));
             }
-            let mut nodes = [0; 8];
-            for node in &mut nodes[..cell.n_nodes()] {
+            let nodes = &mut [0; MOST_NODES][..cell.n_nodes()];
+            for node in &mut *nodes {
                 *node = reader.tag()?;
             }
-            (raw.add_element(cell, set, &nodes)).or_else(|message| reader.fail(message))?;
+            in_our_order(cell, nodes);
+            (raw.add_element(cell, set, nodes)).or_else(|message| reader.fail(message))?;
         }
         read += count as usize;
     }

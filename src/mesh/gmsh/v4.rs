@@ -1,8 +1,8 @@
 //! The sections of MSH 4.1.
 
 use super::reader::Reader;
-use super::{Result, cell};
-use crate::mesh::file::raw::{MOST_GROUPS, Raw};
+use super::{Result, cell, in_our_order};
+use crate::mesh::file::raw::{MOST_GROUPS, MOST_NODES, Raw};
 
 pub(super) fn entities(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
     let mut counts = [0; 4];
@@ -73,13 +73,14 @@ pub(super) fn elements(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
         let count = reader.size()?;
         let cell = cell(reader, kind)?;
         let set = raw.entities.get(&(dim, tag)).copied().unwrap_or(0);
-        let mut tags = [0; 8];
+        let tags = &mut [0; MOST_NODES][..cell.n_nodes()];
         for _ in 0..count {
             reader.size()?;
-            for tag in &mut tags[..cell.n_nodes()] {
+            for tag in &mut *tags {
                 *tag = reader.size()?;
             }
-            (raw.add_element(cell, set, &tags)).or_else(|message| reader.fail(message))?;
+            in_our_order(cell, tags);
+            (raw.add_element(cell, set, tags)).or_else(|message| reader.fail(message))?;
         }
     }
     Ok(())

@@ -1,5 +1,8 @@
 //! Meshes as files of Gmsh, MSH 2.2 in ASCII: to look at what was read from others.
 
+use super::{TYPES, in_gmshs_order};
+use crate::mesh::file::raw::Cell;
+use crate::mesh::shape::face_kind;
 use crate::mesh::{AnyMesh, ElementKind, Mesh, Topology, facet_nodes};
 use std::fmt::Write as _;
 
@@ -11,15 +14,18 @@ pub fn msh(mesh: &AnyMesh) -> String {
     }
 }
 
-/// Gmsh's number for an element or a facet.
-fn number(dimension: usize, corners: usize) -> u32 {
-    match (dimension, corners) {
-        (1, _) => 1,
-        (2, 3) => 2,
-        (2, _) => 3,
-        (_, 4) => 4,
-        (_, 6) => 6,
-        _ => 5,
+/// Gmsh's number for a kind of element.
+fn number(kind: ElementKind) -> i64 {
+    let of = |known: &&(i64, Cell)| known.1 == Cell::Element(kind);
+    TYPES.iter().find(of).expect("every kind is known").0
+}
+
+/// Gmsh's number for a facet with so many nodes.
+fn facet_number<const D: usize>(n_nodes: usize) -> i64 {
+    match (D, n_nodes) {
+        (2, 2) => 1,
+        (2, _) => 8,
+        _ => number(face_kind(n_nodes)),
     }
 }
 
@@ -69,15 +75,16 @@ where
             .iter()
             .for_each(|&region| tags_of[region as usize].push(tag));
     }
-    let mut rows: Vec<(u32, usize, &[u32])> = Vec::new();
+    let mut rows: Vec<(i64, usize, Vec<u32>)> = Vec::new();
     for (tag, (_, facets)) in (1..).zip(&boundaries) {
         let facets = facets.iter().map(facet_nodes);
-        rows.extend(facets.map(|nodes| (number(D - 1, nodes.len()), tag, nodes)));
+        rows.extend(facets.map(|nodes| (facet_number::<D>(nodes.len()), tag, nodes.to_vec())));
     }
     for element in &mesh.elements {
-        let kind = number(D, element.nodes().len());
+        let kind = element.kind();
         for &tag in &tags_of[element.region as usize] {
-            rows.push((kind, tag, element.nodes()));
+            let nodes = in_gmshs_order(kind, element.nodes());
+            rows.push((number(kind), tag, nodes));
         }
     }
     put(format_args!("$EndNodes\n$Elements\n{}", rows.len()));

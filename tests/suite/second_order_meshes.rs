@@ -1,0 +1,682 @@
+//! Meshes of second order: in every format, raised from those of first order, and beside those.
+//!
+//! Files are written here by the lists of nodes that the manuals of Gmsh, VTK and Abaqus give: each node by the corners that
+//! it lies in the middle of. They are bent, so that a node at another edge than its own shows.
+
+use crate::common::or_panic::OrPanic as _;
+use crate::gmsh::drawing::{CODINGS, Coding, Out};
+use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
+use signorini::mesh::{
+    AnyMesh, Element, ElementKind, Facet, Mesh, MeshError, Topology, facet_corners, facet_nodes,
+    msh, read, read_linear,
+};
+use std::collections::{BTreeMap, HashMap};
+use std::fmt::Write as _;
+
+/// Whose lists of nodes.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Lists {
+    Gmsh,
+    Vtk,
+    Abaqus,
+}
+
+/// Which corners each node behind the corners lies in the middle of.
+fn middles(kind: ElementKind, lists: Lists) -> &'static [&'static [usize]] {
+    let all: &'static [&'static [usize]] = match (kind.linear(), lists) {
+        (ElementKind::Triangle, _) => &[&[0, 1], &[1, 2], &[2, 0]],
+        (ElementKind::Quad, _) => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0], &[0, 1, 2, 3]],
+        (ElementKind::Tetrahedron, Lists::Gmsh) => {
+            &[&[0, 1], &[1, 2], &[2, 0], &[3, 0], &[2, 3], &[1, 3]]
+        }
+        (ElementKind::Tetrahedron, _) => &[&[0, 1], &[1, 2], &[2, 0], &[3, 0], &[1, 3], &[2, 3]],
+        (ElementKind::Hexahedron, Lists::Gmsh) => &[
+            &[0, 1],
+            &[0, 3],
+            &[0, 4],
+            &[1, 2],
+            &[1, 5],
+            &[2, 3],
+            &[2, 6],
+            &[3, 7],
+            &[4, 5],
+            &[4, 7],
+            &[5, 6],
+            &[6, 7],
+            &[0, 3, 2, 1],
+            &[0, 1, 5, 4],
+            &[0, 4, 7, 3],
+            &[1, 2, 6, 5],
+            &[2, 3, 7, 6],
+            &[4, 5, 6, 7],
+            &[0, 1, 2, 3, 4, 5, 6, 7],
+        ],
+        (ElementKind::Hexahedron, Lists::Vtk) => &[
+            &[0, 1],
+            &[1, 2],
+            &[2, 3],
+            &[3, 0],
+            &[4, 5],
+            &[5, 6],
+            &[6, 7],
+            &[7, 4],
+            &[0, 4],
+            &[1, 5],
+            &[2, 6],
+            &[3, 7],
+            &[0, 4, 7, 3],
+            &[1, 2, 6, 5],
+            &[0, 1, 5, 4],
+            &[3, 7, 6, 2],
+            &[0, 3, 2, 1],
+            &[4, 5, 6, 7],
+            &[0, 1, 2, 3, 4, 5, 6, 7],
+        ],
+        (ElementKind::Hexahedron, Lists::Abaqus) => &[
+            &[0, 1],
+            &[1, 2],
+            &[2, 3],
+            &[3, 0],
+            &[4, 5],
+            &[5, 6],
+            &[6, 7],
+            &[7, 4],
+            &[0, 4],
+            &[1, 5],
+            &[2, 6],
+            &[3, 7],
+            &[0, 1, 2, 3, 4, 5, 6, 7],
+            &[0, 1, 2, 3],
+            &[4, 7, 6, 5],
+            &[0, 4, 5, 1],
+            &[1, 5, 6, 2],
+            &[2, 6, 7, 3],
+            &[3, 7, 4, 0],
+        ],
+        (ElementKind::Wedge, Lists::Gmsh) => &[
+            &[0, 1],
+            &[0, 2],
+            &[0, 3],
+            &[1, 2],
+            &[1, 4],
+            &[2, 5],
+            &[3, 4],
+            &[3, 5],
+            &[4, 5],
+            &[0, 1, 4, 3],
+            &[0, 3, 5, 2],
+            &[1, 2, 5, 4],
+        ],
+        (ElementKind::Wedge, _) => &[
+            &[0, 1],
+            &[1, 2],
+            &[2, 0],
+            &[3, 4],
+            &[4, 5],
+            &[5, 3],
+            &[0, 3],
+            &[1, 4],
+            &[2, 5],
+            &[0, 1, 4, 3],
+            &[1, 2, 5, 4],
+            &[2, 0, 3, 5],
+        ],
+        _ => &[],
+    };
+    &all[..kind.n_nodes() - kind.n_corners()]
+}
+
+/// Its number in Gmsh and in VTK, and its name in Abaqus.
+fn called(kind: ElementKind) -> (i64, i64, &'static str) {
+    match kind {
+        ElementKind::Triangle => (2, 5, "CPE3"),
+        ElementKind::Triangle6 => (9, 22, "CPE6"),
+        ElementKind::Quad => (3, 9, "CPS4"),
+        ElementKind::Quad8 => (16, 23, "CPS8R"),
+        ElementKind::Quad9 => (10, 28, "CPE9"),
+        ElementKind::Tetrahedron => (4, 10, "C3D4"),
+        ElementKind::Tetrahedron10 => (11, 24, "C3D10"),
+        ElementKind::Hexahedron => (5, 12, "C3D8"),
+        ElementKind::Hexahedron20 => (17, 25, "C3D20R"),
+        ElementKind::Hexahedron27 => (12, 29, "C3D27"),
+        ElementKind::Wedge => (6, 13, "C3D6"),
+        ElementKind::Wedge15 => (18, 26, "C3D15"),
+        ElementKind::Wedge18 => (13, 32, ""),
+        ElementKind::Pyramid => (7, 14, "C3D5"),
+    }
+}
+
+/// The same of facets with so many nodes.
+fn facet_called<const D: usize>(n_nodes: usize) -> (i64, i64, &'static str) {
+    match (D, n_nodes) {
+        (2, 2) => (1, 3, "T2D2"),
+        (2, _) => (8, 21, "T2D3"),
+        (_, 3) => (2, 5, "S3"),
+        (_, 4) => (3, 9, "S4R"),
+        (_, 6) => (9, 22, "STRI65"),
+        (_, 8) => (16, 23, "S8R"),
+        _ => (10, 28, "S9R5"),
+    }
+}
+
+/// A mesh with straight sides, and the same one bent.
+struct Bent<const D: usize>
+where
+    ElementKind: Topology<D>,
+{
+    straight: Mesh<D>,
+    bent: Mesh<D>,
+    at: HashMap<[i64; 3], u32>,
+}
+
+/// A place that a node may be found by.
+fn key<const D: usize>(x: [f64; D]) -> [i64; 3] {
+    std::array::from_fn(|c| x.get(c).map_or(0, |x| (x * 1e6).round() as i64))
+}
+
+fn bend<const D: usize>(x: [f64; D]) -> [f64; D] {
+    let z = x.get(2).copied().unwrap_or(0.0);
+    let whole = [
+        x[0] + 0.15 * x[1] * x[1] + 0.1 * z * z,
+        x[1] + 0.1 * x[0] * x[0] + 0.1 * x[0] * z,
+        z + 0.1 * x[0] * x[1],
+    ];
+    std::array::from_fn(|c| whole[c])
+}
+
+impl<const D: usize> Bent<D>
+where
+    ElementKind: Topology<D>,
+{
+    fn new(straight: Mesh<D>) -> Self {
+        let at: HashMap<_, _> = (straight.nodes.iter().map(|&x| key(x))).zip(0..).collect();
+        assert_eq!(at.len(), straight.nodes.len());
+        let nodes = straight.nodes.iter().map(|&x| bend(x)).collect();
+        let bent = Mesh::new(
+            nodes,
+            straight.elements.clone(),
+            straight.regions.clone(),
+            straight.boundaries.clone(),
+        );
+        Self {
+            bent: bent.or_panic(),
+            straight,
+            at,
+        }
+    }
+
+    fn middle(&self, corners: &[u32]) -> u32 {
+        let sum = |c: usize| {
+            let places = corners
+                .iter()
+                .map(|&node| self.straight.nodes[node as usize][c]);
+            places.sum::<f64>() / corners.len() as f64
+        };
+        self.at[&key::<D>(std::array::from_fn(sum))]
+    }
+
+    /// The nodes of an element as they are listed.
+    fn listed(&self, element: &Element<D>, lists: Lists) -> Vec<u32> {
+        let corners = &element.nodes()[..element.kind().n_corners()];
+        let middles = middles(element.kind(), lists).iter().map(|of| {
+            let of: Vec<u32> = of.iter().map(|&corner| corners[corner]).collect();
+            self.middle(&of)
+        });
+        corners.iter().copied().chain(middles).collect()
+    }
+
+    /// The nodes of a facet: corners, midsides, the middle, in any program.
+    fn listed_facet(&self, facet: &Facet<D>) -> Vec<u32> {
+        let corners = facet_corners(facet);
+        let mut nodes = corners.to_vec();
+        let ends = |a: usize| [corners[a], corners[(a + 1) % corners.len()]];
+        let edges = if D == 2 { 1 } else { corners.len() };
+        let more = facet_nodes(facet).len() - corners.len();
+        for a in 0..more.min(edges) {
+            nodes.push(self.middle(&ends(a)));
+        }
+        if more > edges {
+            nodes.push(self.middle(corners));
+        }
+        nodes
+    }
+
+    /// That what was read is the bent mesh, its nodes at their own edges.
+    #[track_caller]
+    fn is(&self, found: &Mesh<D>, name: impl Fn(&str) -> String, what: &str) {
+        assert_eq!(found.nodes, self.bent.nodes, "{what}");
+        assert_eq!(found.elements.len(), self.bent.elements.len(), "{what}");
+        for (element, own) in found.elements.iter().zip(&self.bent.elements) {
+            assert_eq!(element.kind(), own.kind(), "{what}");
+            let (corners, middles) = element.nodes().split_at(element.kind().n_corners());
+            for (&node, of) in middles.iter().zip(element.kind().middles()) {
+                let of: Vec<u32> = of.iter().map(|&corner| corners[corner]).collect();
+                assert_eq!(node, self.middle(&of), "{what}");
+            }
+        }
+        assert!(found.faults.is_empty(), "{what}: {:?}", found.faults);
+        assert_eq!(found.boundaries.len(), self.bent.boundaries.len(), "{what}");
+        for (boundary, own) in &self.bent.boundaries {
+            let named = name(boundary);
+            let facets = &found.boundaries[&named];
+            assert_eq!(facets.len(), own.len(), "{what}: {boundary}");
+            let area = |mesh: &Mesh<D>, facets: &[Facet<D>]| -> f64 {
+                facets.iter().map(|facet| mesh.facet_normal(facet).0).sum()
+            };
+            let ratio = area(found, facets) / area(&self.bent, own);
+            assert!((ratio - 1.0).abs() < 1e-14, "{what}: {boundary} {ratio}");
+            for facet in facets {
+                assert_eq!(
+                    facet_nodes(facet),
+                    self.listed_facet(facet),
+                    "{what}: {boundary}"
+                );
+            }
+        }
+        let volume = |mesh: &Mesh<D>| mesh.measures().iter().sum::<f64>();
+        let ratio = volume(found) / volume(&self.bent);
+        assert!((ratio - 1.0).abs() < 1e-14, "{what}: {ratio}");
+    }
+
+    /// The file of Gmsh: the region is group 1, the boundaries are 11 and on.
+    fn gmsh(&self, version: &str, coding: Coding) -> Vec<u8> {
+        let mut out = Out::new(version, coding);
+        let old = version != "4.1";
+        let boundaries = || (11i64..).zip(&self.bent.boundaries);
+        let mut names = format!(
+            "$PhysicalNames\n{}\n{D} 1 \"body\"\n",
+            1 + self.bent.boundaries.len()
+        );
+        for (tag, (name, _)) in boundaries() {
+            let _ = writeln!(names, "{} {tag} \"{name}\"", D - 1);
+        }
+        out.text(&(names + "$EndPhysicalNames\n"));
+        let n = self.bent.nodes.len();
+        // Entity, dimension, type, nodes; those of one entity and type together.
+        let mut rows: Vec<(i64, usize, i64, Vec<u32>)> = Vec::new();
+        for (tag, (_, facets)) in boundaries() {
+            for facet in facets {
+                let nodes = self.listed_facet(facet);
+                rows.push((tag, D - 1, facet_called::<D>(nodes.len()).0, nodes));
+            }
+        }
+        for element in &self.bent.elements {
+            rows.push((
+                1,
+                D,
+                called(element.kind()).0,
+                self.listed(element, Lists::Gmsh),
+            ));
+        }
+        let z = |x: &[f64; D]| x.get(2).copied().unwrap_or(0.0);
+        if old {
+            out.text(&format!("$Nodes\n{n}\n"));
+            for (number, x) in (1..).zip(&self.bent.nodes) {
+                out.int(number);
+                [x[0], x[1], z(x)].iter().for_each(|&v| out.float(v));
+            }
+            out.text(&format!("\n$EndNodes\n$Elements\n{}\n", rows.len()));
+            for (number, (tag, _, kind, nodes)) in (1..).zip(&rows) {
+                let head = match coding {
+                    Coding::Ascii => vec![number, *kind, 2, *tag, *tag],
+                    _ => vec![*kind, 1, 2, number, *tag, *tag],
+                };
+                head.iter().for_each(|&v| out.int(v));
+                nodes.iter().for_each(|&node| out.int(i64::from(node) + 1));
+            }
+            out.text("\n$EndElements\n");
+            return out.bytes;
+        }
+        out.text("$Entities\n");
+        for dim in 0..4 {
+            let of_facets = if dim == D - 1 {
+                self.bent.boundaries.len()
+            } else {
+                0
+            };
+            out.size((of_facets + usize::from(dim == D)) as u64);
+        }
+        let tags = boundaries().map(|boundary| boundary.0).chain([1]);
+        for tag in tags {
+            out.int(tag);
+            (0..6).for_each(|_| out.float(0.0));
+            out.size(1);
+            out.int(tag);
+            out.size(0);
+        }
+        out.text("\n$EndEntities\n$Nodes\n");
+        [1, n as u64, 1, n as u64].iter().for_each(|&v| out.size(v));
+        [D as i64, 1, 0].iter().for_each(|&v| out.int(v));
+        out.size(n as u64);
+        (1..=n as u64).for_each(|tag| out.size(tag));
+        for x in &self.bent.nodes {
+            [x[0], x[1], z(x)].iter().for_each(|&v| out.float(v));
+        }
+        out.text("\n$EndNodes\n$Elements\n");
+        let blocks: Vec<_> = rows.chunk_by(|a, b| (a.0, a.2) == (b.0, b.2)).collect();
+        [blocks.len(), rows.len(), 1, rows.len()]
+            .iter()
+            .for_each(|&v| out.size(v as u64));
+        let mut number = 0;
+        for rows in blocks {
+            let (tag, dim, kind, _) = &rows[0];
+            [*dim as i64, *tag, *kind].iter().for_each(|&v| out.int(v));
+            out.size(rows.len() as u64);
+            for (.., nodes) in rows {
+                number += 1;
+                out.size(number);
+                nodes.iter().for_each(|&node| out.size(u64::from(node) + 1));
+            }
+        }
+        out.text("\n$EndElements\n");
+        out.bytes
+    }
+
+    /// The grid of VTK: the region is 1, the boundaries are 11 and on.
+    fn vtu(&self) -> String {
+        let mut cells: Vec<(i64, i64, Vec<u32>)> = Vec::new();
+        for (value, (_, facets)) in (11..).zip(&self.bent.boundaries) {
+            for facet in facets {
+                let nodes = self.listed_facet(facet);
+                cells.push((value, facet_called::<D>(nodes.len()).1, nodes));
+            }
+        }
+        for element in &self.bent.elements {
+            cells.push((
+                1,
+                called(element.kind()).1,
+                self.listed(element, Lists::Vtk),
+            ));
+        }
+        let array = |name: &str, more: &str, values: Vec<String>| {
+            format!(
+                "<DataArray type=\"{}\" Name=\"{name}\"{more} format=\"ascii\">{}</DataArray>\n",
+                if name == "Points" { "Float64" } else { "Int64" },
+                values.join(" ")
+            )
+        };
+        let coordinates =
+            self.bent.nodes.iter().flat_map(|x| {
+                [x[0], x[1], x.get(2).copied().unwrap_or(0.0)].map(|v| format!("{v:?}"))
+            });
+        let ends = cells.iter().scan(0, |end, cell| {
+            *end += cell.2.len();
+            Some(end.to_string())
+        });
+        let nodes = cells.iter().flat_map(|cell| &cell.2).map(u32::to_string);
+        format!(
+            "<VTKFile type=\"UnstructuredGrid\" version=\"0.1\" byte_order=\"LittleEndian\">\n<UnstructuredGrid>\n\
+             <Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n<Points>\n{}</Points>\n<Cells>\n{}{}{}</Cells>\n\
+             <CellData>\n{}</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n",
+            self.bent.nodes.len(),
+            cells.len(),
+            array("Points", " NumberOfComponents=\"3\"", coordinates.collect()),
+            array("connectivity", "", nodes.collect()),
+            array("offsets", "", ends.collect()),
+            array(
+                "types",
+                "",
+                cells.iter().map(|cell| cell.1.to_string()).collect()
+            ),
+            array(
+                "region",
+                "",
+                cells.iter().map(|cell| cell.0.to_string()).collect()
+            ),
+        )
+    }
+
+    /// The input file of Abaqus: a boundary is a surface, a set of all nodes, a set of corners or shells, by turns.
+    fn inp(&self) -> String {
+        let mut text = "*NODE\n".to_owned();
+        let mut put = |line: std::fmt::Arguments| {
+            let _ = text.write_fmt(line);
+            text.push('\n');
+        };
+        for (number, x) in (1..).zip(&self.bent.nodes) {
+            let x: Vec<String> = x.iter().map(|v| format!("{v:?}")).collect();
+            put(format_args!("{number}, {}", x.join(", ")));
+        }
+        let numbers = |nodes: &[u32]| -> Vec<String> {
+            let mut lines: Vec<String> = nodes.iter().map(|node| (node + 1).to_string()).collect();
+            // At most 16 entries a line.
+            for place in (10..lines.len()).step_by(10) {
+                lines[place].insert(0, '\n');
+            }
+            lines
+        };
+        for (number, element) in (1..).zip(&self.bent.elements) {
+            let name = called(element.kind()).2;
+            put(format_args!("*ELEMENT, TYPE={name}, ELSET=body"));
+            let nodes = numbers(&self.listed(element, Lists::Abaqus));
+            put(format_args!("{number}, {}", nodes.join(", ")));
+        }
+        let mut number = self.bent.elements.len();
+        for (turn, (name, facets)) in self.bent.boundaries.iter().enumerate() {
+            if turn % 4 == 0 {
+                put(format_args!("*SURFACE, NAME={name}"));
+                for facet in facets {
+                    let (element, side) = self.side(facet);
+                    put(format_args!("{}, S{side}", element + 1));
+                }
+                continue;
+            }
+            if turn % 4 == 3 && D == 3 {
+                for facet in facets {
+                    number += 1;
+                    let nodes = self.listed_facet(facet);
+                    let kind = facet_called::<D>(nodes.len()).2;
+                    put(format_args!("*ELEMENT, TYPE={kind}, ELSET={name}"));
+                    put(format_args!("{number}, {}", numbers(&nodes).join(", ")));
+                }
+                continue;
+            }
+            put(format_args!("*NSET, NSET={name}"));
+            for facet in facets {
+                let nodes = if turn % 4 == 1 {
+                    facet_nodes(facet)
+                } else {
+                    facet_corners(facet)
+                };
+                put(format_args!("{}", numbers(nodes).join(", ")));
+            }
+        }
+        text
+    }
+
+    /// The element of a facet, and which of its faces that is, from 1.
+    fn side(&self, facet: &Facet<D>) -> (usize, usize) {
+        let corners = facet_corners(facet);
+        let sides = |kind: ElementKind| -> &'static [&'static [usize]] {
+            match kind.linear() {
+                ElementKind::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
+                ElementKind::Quad => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
+                ElementKind::Tetrahedron => &[&[0, 1, 2], &[0, 3, 1], &[1, 3, 2], &[2, 3, 0]],
+                ElementKind::Wedge => &[
+                    &[0, 1, 2],
+                    &[3, 5, 4],
+                    &[0, 3, 4, 1],
+                    &[1, 4, 5, 2],
+                    &[2, 5, 3, 0],
+                ],
+                _ => &[
+                    &[0, 1, 2, 3],
+                    &[4, 7, 6, 5],
+                    &[0, 4, 5, 1],
+                    &[1, 5, 6, 2],
+                    &[2, 6, 7, 3],
+                    &[3, 7, 4, 0],
+                ],
+            }
+        };
+        for (number, element) in self.bent.elements.iter().enumerate() {
+            for (side, places) in (1..).zip(sides(element.kind())) {
+                let there = |&place: &usize| corners.contains(&element.nodes()[place]);
+                if places.len() == corners.len() && places.iter().all(there) {
+                    return (number, side);
+                }
+            }
+        }
+        panic!("a facet of no element")
+    }
+}
+
+/// The kinds of second order without the nodes in the middle of faces.
+fn serendipity(kind: ElementKind) -> ElementKind {
+    match kind {
+        ElementKind::Quad9 => ElementKind::Quad8,
+        ElementKind::Hexahedron27 => ElementKind::Hexahedron20,
+        ElementKind::Wedge18 => ElementKind::Wedge15,
+        other => other,
+    }
+}
+
+fn without_middles<const D: usize>(mesh: &Mesh<D>, which: impl Fn(usize) -> bool) -> Mesh<D>
+where
+    ElementKind: Topology<D>,
+{
+    let elements = mesh.elements.iter().enumerate().map(|(number, element)| {
+        let kind = match which(number) {
+            true => serendipity(element.kind()),
+            false => element.kind(),
+        };
+        Element::new(kind, &element.nodes()[..kind.n_nodes()], element.region)
+    });
+    let (regions, boundaries) = (mesh.regions.clone(), mesh.boundaries.clone());
+    Mesh::new(mesh.nodes.clone(), elements.collect(), regions, boundaries).or_panic()
+}
+
+fn flat(shape: CellShape) -> Mesh {
+    rectangle([0.0; 2], [2.0, 1.0], [3, 2], shape, "body", "")
+}
+
+fn solid(shape: SolidShape) -> Mesh<3> {
+    block([0.0; 3], [1.0, 1.0, 0.5], [2, 2, 1], shape, "body", "")
+}
+
+/// Meshes of all kinds of the plane.
+fn flats() -> Vec<Mesh> {
+    let mut all = Vec::new();
+    for shape in [CellShape::Triangle, CellShape::Quad] {
+        let raised = flat(shape).raised().or_panic();
+        if shape == CellShape::Quad {
+            all.push(without_middles(&raised, |_| true));
+        }
+        all.extend([flat(shape), raised]);
+    }
+    all
+}
+
+/// Meshes of all kinds of space, but pyramids.
+fn solids() -> Vec<Mesh<3>> {
+    let mut all = Vec::new();
+    for shape in [
+        SolidShape::Tetrahedron,
+        SolidShape::Hexahedron,
+        SolidShape::Wedge,
+    ] {
+        let raised = solid(shape).raised().or_panic();
+        if shape != SolidShape::Tetrahedron {
+            all.push(without_middles(&raised, |_| true));
+        }
+        all.extend([solid(shape), raised]);
+    }
+    all
+}
+
+/// What comes of a file with this name and content.
+fn parsed(name: &str, bytes: &[u8], linear: bool) -> Result<AnyMesh, String> {
+    let place = tempfile::tempdir().or_panic();
+    let path = place.path().join(name);
+    std::fs::write(&path, bytes).or_panic();
+    let mesh = match linear {
+        true => read_linear(&path, 1.0, None),
+        false => read(&path, 1.0, None),
+    };
+    mesh.map_err(|error| error.to_string())
+}
+
+/// Meshes of either dimension, as one.
+trait Any: Sized {
+    fn of(mesh: AnyMesh) -> Self;
+    fn any(self) -> AnyMesh;
+}
+
+impl Any for Mesh {
+    fn of(mesh: AnyMesh) -> Self {
+        match mesh {
+            AnyMesh::Plane(mesh) => mesh,
+            AnyMesh::Space(_) => panic!("no mesh of the plane"),
+        }
+    }
+
+    fn any(self) -> AnyMesh {
+        AnyMesh::Plane(self)
+    }
+}
+
+impl Any for Mesh<3> {
+    fn of(mesh: AnyMesh) -> Self {
+        match mesh {
+            AnyMesh::Plane(_) => panic!("no solid"),
+            AnyMesh::Space(mesh) => mesh,
+        }
+    }
+
+    fn any(self) -> AnyMesh {
+        AnyMesh::Space(self)
+    }
+}
+
+fn every_format<const D: usize>(straight: Mesh<D>)
+where
+    ElementKind: Topology<D>,
+    Mesh<D>: Any,
+{
+    let kind = straight.elements[0].kind();
+    let order = kind.order();
+    let bent = Bent::new(straight);
+    let same = |name: &str| name.to_owned();
+    for version in ["2.2", "4.1"] {
+        for coding in CODINGS {
+            let what = format!("{kind:?}, MSH {version} {coding:?}");
+            let bytes = bent.gmsh(version, coding);
+            let mesh = Mesh::<D>::of(parsed("a.msh", &bytes, false).or_panic());
+            bent.is(&mesh, same, &what);
+        }
+    }
+    let mesh = Mesh::<D>::of(parsed("a.vtu", bent.vtu().as_bytes(), false).or_panic());
+    let values: BTreeMap<&String, String> = (bent.bent.boundaries.keys())
+        .zip((11..).map(|value: i32| value.to_string()))
+        .collect();
+    bent.is(
+        &mesh,
+        |name| values[&name.to_owned()].clone(),
+        &format!("{kind:?}, vtu"),
+    );
+    if !called(kind).2.is_empty() {
+        let mesh = Mesh::<D>::of(parsed("a.inp", bent.inp().as_bytes(), false).or_panic());
+        bent.is(&mesh, same, &format!("{kind:?}, inp"));
+    }
+    // What is written for Gmsh is read back.
+    let written = msh(&bent.bent.clone().any());
+    let again = Mesh::<D>::of(parsed("a.msh", written.as_bytes(), false).or_panic());
+    bent.is(&again, same, &format!("{kind:?}, written"));
+    assert_eq!(again.elements, bent.bent.elements);
+    // Without its midsides it is the linear mesh, by either way.
+    let corners = Mesh::<D>::of(parsed("a.msh", written.as_bytes(), true).or_panic());
+    let linear = bent.bent.linear().or_panic();
+    assert_eq!(linear.elements[0].kind(), kind.linear());
+    assert_eq!(
+        (corners.nodes, corners.elements),
+        (linear.nodes, linear.elements)
+    );
+    assert_eq!(corners.boundaries, linear.boundaries);
+    assert!(order == 1 || corners.groups == again.groups);
+}
+
+#[test]
+fn each_kind_is_read_from_each_format() {
+    flats().into_iter().for_each(every_format);
+    solids().into_iter().for_each(every_format);
+}
