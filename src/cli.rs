@@ -155,7 +155,11 @@ struct BenchArguments {
     /// 2 measures a rectangle of squares (reference case B), 3 a block of hexahedra (case C), both on a rigid plane
     #[arg(long, value_name = "D", default_value_t = 2, value_parser = clap::value_parser!(u8).range(2..=3))]
     dimension: u8,
-    /// Refinements k of the mesh: n ≈ 1200 k², in space cells per metre: n ≈ 9 k³ [default: 3,7,13; in space 8,16,24]
+    /// Order of the elements: 2 gives those of the same mesh nodes between their corners, on a rigid plane all the same
+    #[arg(long, value_name = "ORDER", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    order: u8,
+    /// Refinements k of the mesh: n ≈ 1200 k², in space cells per metre: n ≈ 9 k³ (of second order 4 and 8 times as many)
+    /// [default: 3,7,13; in space 8,16,24; of second order 2,4,7 and 4,8,12]
     #[arg(long, value_delimiter = ',', value_name = "K,…")]
     k: Vec<usize>,
     /// Unknowns up to which Cholesky is measured as well [default: 1000000, in space 150000]

@@ -11,9 +11,9 @@ pub use solid::{BEAM, CASE_C, Solid};
 
 use crate::contact::{ContactError, ContactPlace, Friction, Obstacle, PairOptions};
 use crate::contact::{contact_rows, mortar_contact, obstacle_contact};
-use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
+use crate::elasticity::{Body, Material, Plane, Unknowns, assemble, vertices};
 use crate::mesh::structured::{CellShape, join, rectangle};
-use crate::mesh::{ElementKind, Mesh, Topology};
+use crate::mesh::{ElementKind, Mesh, Topology, facet_nodes};
 use crate::problem::{ContactData, ContactProblem, ProblemError};
 
 /// The material of all reference problems.
@@ -110,7 +110,7 @@ pub fn problem(
     let mut prescribed = vec![[None; 2]; mesh.nodes.len()];
     for (name, edges) in &mesh.boundaries {
         if name.ends_with("left") {
-            for &node in edges.iter().flatten() {
+            for &node in edges.iter().flat_map(facet_nodes) {
                 prescribed[node as usize] = [Some(0.0); 2];
             }
         }
@@ -162,7 +162,7 @@ where
 {
     let (stiffness, load) = assemble(body, unknowns, forces);
     let rows = contact_rows(body, unknowns, candidates)?;
-    Ok(ContactProblem::new(ContactData {
+    let problem = ContactProblem::new(ContactData {
         stiffness,
         load,
         gap: rows.gap(unknowns),
@@ -171,5 +171,9 @@ where
         slip_bound: rows.slip_bound,
         coordinates: Some(unknowns.coordinates(body.mesh)),
     })?
-    .with_free_unknowns(unknowns.n_free()))
+    .with_free_unknowns(unknowns.n_free());
+    Ok(match vertices(body, unknowns) {
+        Some(vertices) => problem.with_vertices(vertices),
+        None => problem,
+    })
 }

@@ -6,6 +6,7 @@ use signorini::backend::gpu::Context;
 use signorini::backend::{GpuOptions, Precision};
 use signorini::bench::{self, Path, Row, Speeds};
 use signorini::mesh::structured::SolidShape;
+use signorini::mesh::{ElementKind, Mesh, Topology};
 use signorini::output::write_whole;
 use signorini::problem::ContactProblem;
 use signorini::reference::{self, CASE_B, CASE_C, Geometry, ReferenceError};
@@ -26,8 +27,16 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
     print(&device(contexts.first().map(|context| &**context)))?;
     let (case, (speeds, rows)) = match arguments.dimension {
         3 => {
-            let case_c = |q| CASE_C.problem(q, SolidShape::Hexahedron);
-            let sizes = Sizes::new(arguments, [8, 16, 24], 150_000);
+            let case_c = |q| {
+                let mesh = of_order(CASE_C.mesh(q, SolidShape::Hexahedron), arguments.order);
+                CASE_C.problem_on(&mesh)
+            };
+            let k = if arguments.order == 2 {
+                [4, 8, 12]
+            } else {
+                [8, 16, 24]
+            };
+            let sizes = Sizes::new(arguments, k, 150_000);
             (
                 "a block in space, reference case C",
                 measure(&sizes, &contexts, case_c)?,
@@ -35,10 +44,15 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
         }
         _ => {
             let case_b = |k| {
-                let mesh = reference::mesh(Geometry::OneBody, k);
+                let mesh = of_order(reference::mesh(Geometry::OneBody, k), arguments.order);
                 reference::problem(Geometry::OneBody, &mesh, &CASE_B)
             };
-            let sizes = Sizes::new(arguments, [3, 7, 13], 1_000_000);
+            let k = if arguments.order == 2 {
+                [2, 4, 7]
+            } else {
+                [3, 7, 13]
+            };
+            let sizes = Sizes::new(arguments, k, 1_000_000);
             (
                 "one body, reference case B",
                 measure(&sizes, &contexts, case_b)?,
@@ -64,6 +78,7 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
             "version": env!("CARGO_PKG_VERSION"),
             "case": case,
             "dimension": arguments.dimension,
+            "order": arguments.order,
             "tolerance": TOLERANCE,
             "threads": threads,
             "adapter": contexts.first().map(|c| c.adapter.to_string()),
@@ -83,6 +98,19 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
         print("NOT all paths agree: see the columns status and difference.\n")?;
         NOT_CONVERGED
     })
+}
+
+/// The mesh with elements of this order, from one with those of first order.
+fn of_order<const D: usize>(mesh: Mesh<D>, order: u8) -> Mesh<D>
+where
+    ElementKind: Topology<D>,
+{
+    match order {
+        1 => mesh,
+        _ => mesh
+            .raised()
+            .expect("rectangles and blocks have no pyramids"),
+    }
 }
 
 /// What is measured beside the CPU.

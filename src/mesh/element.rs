@@ -430,12 +430,6 @@ where
         &mut self.nodes.as_mut()[..self.kind.n_nodes()]
     }
 
-    /// The element of first order at its corners.
-    pub(super) fn linear(&self) -> Self {
-        let corners = &self.nodes()[..self.kind.n_corners()];
-        Self::new(self.kind.linear(), corners, self.region)
-    }
-
     pub(super) fn turn(&mut self) {
         let kind = self.kind;
         kind.turn(self.nodes_mut());

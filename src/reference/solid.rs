@@ -3,6 +3,7 @@
 use super::{MATERIAL, ReferenceError, contact_problem};
 use crate::contact::{Friction, Obstacle, PairOptions, obstacle_contact};
 use crate::elasticity::{Body, Plane, Unknowns};
+use crate::mesh::Mesh;
 use crate::mesh::structured::{SolidShape, block};
 use crate::problem::ContactProblem;
 
@@ -50,10 +51,22 @@ impl Solid {
         q: usize,
         shape: SolidShape,
     ) -> Result<ContactProblem<3>, ReferenceError> {
+        self.problem_on(&self.mesh(q, shape))
+    }
+
+    /// Its mesh of q cells per metre.
+    ///
+    /// # Panics
+    /// If q is 0.
+    pub fn mesh(&self, q: usize, shape: SolidShape) -> Mesh<3> {
         let cells = self.size.map(|edge| (edge * q as f64).round() as usize);
-        let mesh = block([0.0; 3], self.size, cells, shape, "body", "");
+        block([0.0; 3], self.size, cells, shape, "body", "")
+    }
+
+    /// The problem on a mesh, which may be made of [`Self::mesh`].
+    pub fn problem_on(&self, mesh: &Mesh<3>) -> Result<ContactProblem<3>, ReferenceError> {
         let body = Body {
-            mesh: &mesh,
+            mesh,
             materials: &[MATERIAL],
             plane: Plane::PlaneStrain,
             thickness: 1.0,

@@ -8,6 +8,7 @@ pub mod manufactured;
 pub mod models;
 pub mod or_panic;
 pub mod oracle;
+pub mod order;
 pub mod published;
 pub mod random;
 pub mod runs;

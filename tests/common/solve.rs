@@ -39,10 +39,10 @@ pub fn solve(problem: &ContactProblem, settings: &NewtonSettings) -> Solution {
 }
 
 /// Solves with PCG on the CPU; also returns what that has cost, and the iterations of one K x = f to 1e-8.
-pub fn solve_nested(
-    problem: &ContactProblem,
+pub fn solve_nested<const D: usize>(
+    problem: &ContactProblem<D>,
     settings: &NewtonSettings,
-) -> (Solution, Costs, usize) {
+) -> (Solution<D>, Costs, usize) {
     let mut dual =
         NestedDual::new(problem, Cpu::<f32>::default(), Preconditioner::Multigrid).or_panic();
     let solution =

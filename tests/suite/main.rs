@@ -23,6 +23,7 @@ mod nested;
 mod other_meshes;
 mod pairs;
 mod quasistatic;
+mod second_order;
 mod second_order_meshes;
 mod solid_cases;
 mod solids;

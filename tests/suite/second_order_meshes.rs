@@ -7,8 +7,8 @@ use crate::common::or_panic::OrPanic as _;
 use crate::gmsh::drawing::{CODINGS, Coding, Out};
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::mesh::{
-    AnyMesh, Element, ElementKind, Facet, Mesh, MeshError, Topology, facet_corners, facet_nodes,
-    msh, read, read_linear,
+    AnyMesh, Element, ElementKind, Facet, Mesh, Topology, facet_corners, facet_nodes, msh, read,
+    read_linear,
 };
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;

@@ -8,10 +8,10 @@ use signorini::backend::cpu::Cpu;
 use signorini::backend::gpu::{Context, Gpu};
 use signorini::backend::{Backend, BackendError, GpuOptions, Precision, Product};
 use signorini::control::Stop;
-use signorini::elasticity::{Body, Material, Plane, Unknowns, assemble};
+use signorini::elasticity::{Body, Material, Plane, Unknowns, assemble, vertices};
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::mesh::{ElementKind, Mesh, Topology};
-use signorini::problem::FloatingBodies;
+use signorini::problem::{FloatingBodies, Vertices};
 use signorini::reference;
 use signorini::sparse::stored::{BlockMatrix, Dense};
 use signorini::sparse::{BlockCsr, dot, norm};
@@ -265,6 +265,18 @@ where
     (Arc::new(k), f, unknowns.coordinates(mesh))
 }
 
+/// The corners of the elements of second order of [`clamped`].
+fn corners(mesh: &Mesh<3>) -> Option<Vertices<3>> {
+    let body = Body {
+        mesh,
+        materials: &[reference::MATERIAL],
+        plane: Plane::PlaneStrain,
+        thickness: 1.0,
+    };
+    let held = |x: &[f64; 3]| [(x[0] == 0.0).then_some(0.0); 3];
+    vertices(&body, &Unknowns::new(mesh.nodes.iter().map(held).collect()))
+}
+
 /// Multigrid whose vectors exceed a binding gives what it gives in one piece, with patches as well.
 #[test]
 fn multigrid_on_vectors_in_pieces() {
@@ -327,13 +339,34 @@ fn a_body_in_space_is_solved() {
         "body",
         "",
     );
-    let systems = [(Arc::new(k), b, points), clamped(&flat)];
+    // Elements of second order, whose corners are the second level: blocks of 3 between both.
+    let cells = [9, 3, 3];
+    let long = block(
+        [0.0; 3],
+        [3.0, 1.0, 1.0],
+        cells,
+        SolidShape::Tetrahedron,
+        "body",
+        "",
+    );
+    let second = long.raised().or_panic();
+    let of_second = corners(&second);
+    assert!(of_second.is_some());
+    let systems = [(Arc::new(k), b, points), clamped(&flat), clamped(&second)];
+    let vertices = [None, None, of_second.as_ref()];
+    type InSpace<'a> = (
+        &'a Arc<BlockCsr<3>>,
+        &'a [[f64; 3]],
+        &'a [f64],
+        Option<&'a Vertices<3>>,
+    );
     fn solved<B: Backend>(
         backend: B,
-        (k, points, b): (&Arc<BlockCsr<3>>, &[[f64; 3]], &[f64]),
+        (k, points, b, vertices): InSpace,
         preconditioner: Preconditioner,
     ) -> usize {
-        let mut pcg = Pcg::new(backend, k, Some(points), preconditioner).or_panic();
+        let mut pcg =
+            Pcg::of_second_order(backend, k, Some(points), vertices, preconditioner).or_panic();
         let mut x = vec![0.0; b.len()];
         pcg.solve(b, &mut x, 1e-9, &Stop::default()).or_panic();
         let mut r = vec![0.0; b.len()];
@@ -343,10 +376,10 @@ fn a_body_in_space_is_solved() {
         pcg.counts.iterations
     }
     let all = [Preconditioner::Multigrid, Preconditioner::BlockJacobi];
-    for ((k, b, points), preconditioner) in
-        (systems.iter()).flat_map(|system| all.map(|preconditioner| (system, preconditioner)))
+    for (((k, b, points), vertices), preconditioner) in (systems.iter().zip(vertices))
+        .flat_map(|system| all.map(|preconditioner| (system, preconditioner)))
     {
-        let system = (k, &points[..], &b[..]);
+        let system = (k, &points[..], &b[..], vertices);
         let on_cpu = solved(Cpu::<f32>::default(), system, preconditioner);
         for precision in PRECISIONS {
             let gpu = Gpu::new(&context(precision, None)).or_panic();
