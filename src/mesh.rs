@@ -22,9 +22,9 @@ pub(crate) mod vector;
 #[cfg(feature = "files")]
 mod vtu;
 
-#[cfg(feature = "plots")]
-pub(crate) use element::edge_parts;
 pub use element::{Element, ElementKind, Facet, Topology, facet, facet_corners, facet_nodes};
+#[cfg(feature = "plots")]
+pub(crate) use element::{edge_parts, face_parts, face_ring};
 pub use file::FileError;
 pub use gmsh::write::msh;
 pub(crate) use groups::Groups;
@@ -427,6 +427,13 @@ where
             measures[element.region as usize] += self.measure(element);
         }
         measures
+    }
+
+    /// How many elements it has of each kind that there are any of.
+    pub fn kinds(&self) -> Vec<(ElementKind, usize)> {
+        let count = |kind| self.elements.iter().filter(|e| e.kind() == kind).count();
+        let all = ElementKind::ALL.map(|kind| (kind, count(kind)));
+        all.into_iter().filter(|&(_, count)| count > 0).collect()
     }
 
     /// Smallest and largest corner of the box around the mesh.

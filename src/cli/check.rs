@@ -8,6 +8,7 @@ use signorini::engine::factor_bytes;
 use signorini::mesh::{ElementKind, FaultKind, Mesh, Topology};
 use signorini::model::{Analysis, AnyAnalysis, Elastic, PairData};
 use signorini::problem::ContactProblem;
+use std::collections::BTreeSet;
 use std::path::Path;
 use toml::Spanned;
 
@@ -57,29 +58,46 @@ where
     Ok(lines)
 }
 
-/// How many elements of each kind a mesh has; in space of those that it has any of.
+/// How many elements of each kind a mesh has, and of which order where that is not the first; in the plane triangles and
+/// quadrilaterals of first order even where there are none.
 fn elements<const D: usize>(mesh: &Mesh<D>) -> String
 where
     ElementKind: Topology<D>,
 {
-    let count = |kind: ElementKind| mesh.elements.iter().filter(|e| e.kind() == kind).count();
-    let kinds: &[(ElementKind, &str)] = match D {
-        2 => &[
-            (ElementKind::Triangle, "triangles"),
-            (ElementKind::Quad, "quadrilaterals"),
-        ],
-        _ => &[
-            (ElementKind::Tetrahedron, "tetrahedra"),
-            (ElementKind::Hexahedron, "hexahedra"),
-            (ElementKind::Wedge, "wedges"),
-        ],
-    };
-    let counted: Vec<String> = (kinds.iter())
-        .map(|&(kind, name)| (count(kind), name))
-        .filter(|&(count, _)| D == 2 || count > 0)
-        .map(|(count, name)| format!("{count} {name}"))
+    let mut kinds = mesh.kinds();
+    let orders: BTreeSet<usize> = kinds.iter().map(|(kind, _)| kind.order()).collect();
+    if D == 2 && !orders.contains(&2) {
+        kinds = [ElementKind::Triangle, ElementKind::Quad]
+            .map(|kind| {
+                (
+                    kind,
+                    mesh.elements.iter().filter(|e| e.kind() == kind).count(),
+                )
+            })
+            .to_vec();
+    }
+    let counted: Vec<String> = (kinds.into_iter())
+        .map(|(kind, count)| {
+            let name = match kind.linear() {
+                ElementKind::Triangle => "triangles",
+                ElementKind::Quad => "quadrilaterals",
+                ElementKind::Tetrahedron => "tetrahedra",
+                ElementKind::Hexahedron => "hexahedra",
+                ElementKind::Wedge => "wedges",
+                _ => "pyramids",
+            };
+            match kind.order() {
+                1 => format!("{count} {name}"),
+                _ => format!("{count} {name} with {} nodes", kind.n_nodes()),
+            }
+        })
         .collect();
-    counted.join(", ")
+    let order = match (orders.contains(&1), orders.contains(&2)) {
+        (_, false) => "",
+        (false, true) => " (order 2)",
+        (true, true) => " (orders 1 and 2)",
+    };
+    counted.join(", ") + order
 }
 
 /// How large a mesh is: nodes, elements, bodies, the box around it.

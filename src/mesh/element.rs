@@ -75,6 +75,26 @@ impl ElementKind {
         }
     }
 
+    /// What it is called in short: its shape and its nodes.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Triangle => "tri3",
+            Self::Triangle6 => "tri6",
+            Self::Quad => "quad4",
+            Self::Quad8 => "quad8",
+            Self::Quad9 => "quad9",
+            Self::Tetrahedron => "tet4",
+            Self::Tetrahedron10 => "tet10",
+            Self::Hexahedron => "hex8",
+            Self::Hexahedron20 => "hex20",
+            Self::Hexahedron27 => "hex27",
+            Self::Wedge => "wedge6",
+            Self::Wedge15 => "wedge15",
+            Self::Wedge18 => "wedge18",
+            Self::Pyramid => "pyramid5",
+        }
+    }
+
     /// The kind of first order with the same corners.
     pub const fn linear(self) -> Self {
         match self {
@@ -346,6 +366,36 @@ pub(crate) fn edge_parts(edge: &Facet) -> impl Iterator<Item = [u32; 2]> + use<>
         [Some([a, middle]), Some([middle, b])]
     };
     parts.into_iter().flatten()
+}
+
+/// The border of a face or of an element of the plane with so many nodes, by the places of those: corners and midsides in
+/// turn.
+#[cfg(feature = "plots")]
+pub(crate) fn face_ring(n_nodes: usize) -> &'static [usize] {
+    match n_nodes {
+        3 => &[0, 1, 2],
+        6 => &[0, 3, 1, 4, 2, 5],
+        8 | 9 => &[0, 4, 1, 5, 2, 6, 3, 7],
+        _ => &[0, 1, 2, 3],
+    }
+}
+
+/// The triangles and quadrilaterals between the nodes of a face or of an element of the plane, by the places of those.
+#[cfg(feature = "plots")]
+pub(crate) fn face_parts(n_nodes: usize) -> &'static [&'static [usize]] {
+    match n_nodes {
+        3 => &[&[0, 1, 2]],
+        6 => &[&[0, 3, 5], &[3, 1, 4], &[5, 4, 2], &[3, 4, 5]],
+        8 => &[
+            &[0, 4, 7],
+            &[4, 1, 5],
+            &[5, 2, 6],
+            &[6, 3, 7],
+            &[4, 5, 6, 7],
+        ],
+        9 => &[&[0, 4, 8, 7], &[4, 1, 5, 8], &[8, 5, 2, 6], &[7, 8, 6, 3]],
+        _ => &[&[0, 1, 2, 3]],
+    }
 }
 
 /// The facet with these nodes.

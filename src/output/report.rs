@@ -14,6 +14,7 @@ use crate::problem::Kkt;
 use crate::quasistatic::Round;
 use crate::ssnm::{self, SetSizes, SlipSizes, Status};
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// Seconds of the phases of a solve.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
@@ -140,6 +141,10 @@ pub struct Report {
     pub error: Option<String>,
     /// What the figures suggest to look at.
     pub hints: Vec<String>,
+    /// How many elements the mesh has of each kind, under the [short names](ElementKind::name); none in an algebraic case.
+    pub elements: BTreeMap<&'static str, usize>,
+    /// The highest order of elements: 1 or 2; null in an algebraic case.
+    pub order: Option<usize>,
     /// Unknowns that are not prescribed.
     pub n: usize,
     /// Contact nodes.
@@ -208,12 +213,17 @@ impl Report {
         ElementKind: Topology<D>,
     {
         let Analysis { problem, elastic } = analysis.into();
+        let kinds = elastic.map_or_else(Vec::new, |elastic| elastic.mesh.kinds());
         Self {
             title: title.to_owned(),
             units: elastic.map_or_else(Units::default, |e| e.units.clone()),
             status: Some(Status::Interrupted),
             error: None,
             hints: Vec::new(),
+            elements: (kinds.iter())
+                .map(|&(kind, count)| (kind.name(), count))
+                .collect(),
+            order: kinds.iter().map(|(kind, _)| kind.order()).max(),
             n: problem.n_free(),
             m: problem.m(),
             iter: 0,

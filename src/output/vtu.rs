@@ -62,15 +62,23 @@ impl Arrays {
     }
 }
 
-/// VTK's number for a linear cell in D dimensions.
-fn cell_type<const D: usize>(corners: usize) -> u8 {
-    match (D, corners) {
-        (2, 3) => 5,  // VTK_TRIANGLE
-        (2, _) => 9,  // VTK_QUAD
-        (_, 4) => 10, // VTK_TETRA
-        (_, 5) => 14, // VTK_PYRAMID
-        (_, 6) => 13, // VTK_WEDGE
-        _ => 12,      // VTK_HEXAHEDRON
+/// VTK's number for a cell with so many nodes in D dimensions.
+fn cell_type<const D: usize>(n_nodes: usize) -> u8 {
+    match (D, n_nodes) {
+        (2, 3) => 5,   // VTK_TRIANGLE
+        (2, 4) => 9,   // VTK_QUAD
+        (2, 6) => 22,  // VTK_QUADRATIC_TRIANGLE
+        (2, 8) => 23,  // VTK_QUADRATIC_QUAD
+        (2, _) => 28,  // VTK_BIQUADRATIC_QUAD
+        (_, 4) => 10,  // VTK_TETRA
+        (_, 5) => 14,  // VTK_PYRAMID
+        (_, 6) => 13,  // VTK_WEDGE
+        (_, 8) => 12,  // VTK_HEXAHEDRON
+        (_, 10) => 24, // VTK_QUADRATIC_TETRA
+        (_, 15) => 26, // VTK_QUADRATIC_WEDGE
+        (_, 18) => 32, // VTK_BIQUADRATIC_QUADRATIC_WEDGE
+        (_, 20) => 25, // VTK_QUADRATIC_HEXAHEDRON
+        _ => 29,       // VTK_TRIQUADRATIC_HEXAHEDRON
     }
 }
 
@@ -248,8 +256,10 @@ mod tests {
     }
 
     #[test]
-    fn corners_tell_the_kind_of_a_cell() {
-        assert_eq!([3, 4].map(cell_type::<2>), [5, 9]);
+    fn nodes_tell_the_kind_of_a_cell() {
+        assert_eq!([3, 4, 6, 8, 9].map(cell_type::<2>), [5, 9, 22, 23, 28]);
         assert_eq!([4, 5, 6, 8].map(cell_type::<3>), [10, 14, 13, 12]);
+        let second_order = [10, 15, 18, 20, 27].map(cell_type::<3>);
+        assert_eq!(second_order, [24, 26, 32, 25, 29]);
     }
 }

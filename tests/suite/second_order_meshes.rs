@@ -680,3 +680,381 @@ fn each_kind_is_read_from_each_format() {
     flats().into_iter().for_each(every_format);
     solids().into_iter().for_each(every_format);
 }
+
+#[test]
+fn raised_meshes_share_the_nodes_between_neighbours() {
+    fn of<const D: usize>(linear: &Mesh<D>, kind: ElementKind, nodes: usize)
+    where
+        ElementKind: Topology<D>,
+    {
+        let raised = linear.clone().raised().or_panic();
+        assert_eq!(raised.nodes.len(), nodes, "{kind:?}");
+        assert!(raised.elements.iter().all(|element| element.kind() == kind));
+        assert_eq!(raised.nodes[..linear.nodes.len()], linear.nodes);
+        for (element, before) in raised.elements.iter().zip(&linear.elements) {
+            assert_eq!(element.nodes()[..before.nodes().len()], *before.nodes());
+        }
+        let (measure, before) = (raised.measures()[0], linear.measures()[0]);
+        assert!((measure - before).abs() < 1e-14 * before);
+        for (name, facets) in &linear.boundaries {
+            // Facets of boundaries are those of elements.
+            let mut corners = Vec::new();
+            for facet in raised.outer_facets(name).or_panic() {
+                let nodes = facet_nodes(facet);
+                assert!(nodes.len() > facet_corners(facet).len());
+                assert!(
+                    raised
+                        .elements
+                        .iter()
+                        .any(|element| element.facets().any(|f| f == *facet))
+                );
+                corners.push(facet_corners(facet).to_vec());
+            }
+            let mut before: Vec<_> = facets.iter().map(|f| facet_corners(f).to_vec()).collect();
+            (corners.sort(), before.sort());
+            let turned = |mut nodes: Vec<u32>| {
+                let lowest = (0..nodes.len()).min_by_key(|&a| nodes[a]).unwrap_or(0);
+                nodes.rotate_left(lowest);
+                nodes
+            };
+            let corners: Vec<_> = corners.into_iter().map(turned).collect();
+            let before: Vec<_> = before.into_iter().map(turned).collect();
+            let all = |facets: &[Vec<u32>]| {
+                let mut facets = facets.to_vec();
+                facets.sort();
+                facets
+            };
+            assert_eq!(all(&corners), all(&before), "{name}");
+        }
+        // Nothing is left to raise, and nothing lost by going back.
+        assert_eq!(raised.clone().raised().or_panic().elements, raised.elements);
+        let back = raised.linear().or_panic();
+        assert_eq!(
+            (&back.nodes, &back.elements),
+            (&linear.nodes, &linear.elements)
+        );
+        assert_eq!(back.boundaries.len(), linear.boundaries.len());
+    }
+    of(&flat(CellShape::Triangle), ElementKind::Triangle6, 7 * 5);
+    of(&flat(CellShape::Quad), ElementKind::Quad9, 7 * 5);
+    of(
+        &solid(SolidShape::Tetrahedron),
+        ElementKind::Tetrahedron10,
+        5 * 5 * 3,
+    );
+    of(
+        &solid(SolidShape::Hexahedron),
+        ElementKind::Hexahedron27,
+        5 * 5 * 3,
+    );
+    // All nodes of the hexahedra, less those in the middle of cells, which lie in no face of four corners there.
+    of(&solid(SolidShape::Wedge), ElementKind::Wedge18, 5 * 5 * 3);
+}
+
+/// A mesh of these elements, with unit cells.
+fn cells(nodes: &[[f64; 3]], elements: &[(ElementKind, &[u32])]) -> Result<Mesh<3>, MeshError> {
+    let elements = elements
+        .iter()
+        .map(|(kind, nodes)| Element::new(*kind, nodes, 0));
+    Mesh::new(
+        nodes.to_vec(),
+        elements.collect(),
+        vec!["body".to_owned()],
+        BTreeMap::new(),
+    )
+}
+
+#[test]
+fn neighbours_of_two_orders_are_told_apart() {
+    // Two triangles, one with midsides.
+    let nodes = vec![
+        [0.0, 0.0],
+        [1.0, 0.0],
+        [1.0, 1.0],
+        [0.0, 1.0],
+        [0.5, 0.0],
+        [1.0, 0.5],
+        [0.5, 0.5],
+        [0.5, 0.5],
+    ];
+    let of = |elements: Vec<Element>| {
+        Mesh::new(
+            nodes.clone(),
+            elements,
+            vec!["body".to_owned()],
+            BTreeMap::new(),
+        )
+    };
+    let curved = || Element::new(ElementKind::Triangle6, &[0, 1, 2, 4, 5, 6], 0);
+    let told = of(vec![Element::triangle([0, 2, 3], 0), curved()])
+        .map(drop)
+        .unwrap_err();
+    assert!(
+        matches!(
+            told,
+            MeshError::Hanging {
+                linear: 0,
+                quadratic: 1,
+                ..
+            }
+        ),
+        "{told}"
+    );
+    let text = told.to_string();
+    assert!(
+        text.contains("element 1 has a node in the middle of the edge near (5.000000e-1, 5.000000e-1), and its neighbour 0 has none"),
+        "{text}"
+    );
+    // A node each in one place.
+    let mut all = nodes.clone();
+    all.extend([[0.5, 1.0], [0.0, 0.5]]);
+    let twin = Element::new(ElementKind::Triangle6, &[0, 2, 3, 7, 8, 9], 0);
+    let apart = Mesh::new(
+        all.clone(),
+        vec![curved(), twin],
+        vec!["body".to_owned()],
+        BTreeMap::new(),
+    );
+    let told = apart.map(drop).unwrap_err().to_string();
+    assert!(
+        told.contains("elements 0 and 1 share the edge or face near (5.000000e-1, 5.000000e-1), but not the node"),
+        "{told}"
+    );
+    let both = Element::new(ElementKind::Triangle6, &[0, 2, 3, 6, 8, 9], 0);
+    assert!(
+        Mesh::new(
+            all,
+            vec![curved(), both],
+            vec!["body".to_owned()],
+            BTreeMap::new()
+        )
+        .is_ok()
+    );
+    // Bodies of either order beside each other.
+    let apart = Element::triangle([4, 5, 3], 0);
+    assert!(of(vec![curved(), apart]).is_ok());
+
+    // A pyramid on a hexahedron of second order.
+    let mut raised = block(
+        [0.0; 3],
+        [1.0; 3],
+        [1; 3],
+        SolidShape::Hexahedron,
+        "body",
+        "",
+    )
+    .raised()
+    .or_panic();
+    raised.nodes.push([0.5, 0.5, 1.5]);
+    let tip = raised.nodes.len() as u32 - 1;
+    let [.., a, b, c, d] = *raised.elements[0]
+        .nodes()
+        .first_chunk::<8>()
+        .expect("27 nodes");
+    raised
+        .elements
+        .push(Element::new(ElementKind::Pyramid, &[a, b, c, d, tip], 0));
+    let mixed = Mesh::new(
+        raised.nodes,
+        raised.elements,
+        raised.regions,
+        BTreeMap::new(),
+    );
+    assert!(matches!(
+        mixed,
+        Err(MeshError::Hanging {
+            linear: 1,
+            quadratic: 0,
+            ..
+        })
+    ));
+}
+
+#[test]
+fn serendipity_elements_beside_others_get_their_middles() {
+    for shape in [SolidShape::Hexahedron, SolidShape::Wedge] {
+        let whole = solid(shape).raised().or_panic();
+        let volume = whole.measures()[0];
+        // The first of the elements are Lagrange ones: all become so, by the nodes that there are and new ones.
+        let mut bent = without_middles(&whole, |number| number > 0);
+        assert_eq!(bent.nodes.len(), whole.nodes.len());
+        assert!(
+            bent.elements
+                .iter()
+                .all(|element| element.kind() == whole.elements[0].kind())
+        );
+        assert!((bent.measures()[0] - volume).abs() < 1e-14);
+        let facets = bent.elements.iter().flat_map(Element::facets);
+        let nodes: std::collections::BTreeSet<u32> =
+            facets.flat_map(|f| facet_nodes(&f).to_vec()).collect();
+        let inside = if shape == SolidShape::Hexahedron {
+            bent.elements.len()
+        } else {
+            0
+        };
+        assert_eq!(nodes.len(), bent.nodes.len() - inside);
+        // On curved cells the new nodes lie where the map of the serendipity element has them.
+        let serendipity = without_middles(&whole, |_| true);
+        let curved = Bent::new(serendipity).bent;
+        let measure = curved.measures()[0];
+        let mut elements = curved.elements.clone();
+        let mut nodes = curved.nodes.clone();
+        let raised = bent.elements[0].kind();
+        // The first element by hand: its middles, new at serendipity places, from a mesh of it alone.
+        let alone = Mesh::new(
+            nodes.clone(),
+            vec![elements[0]],
+            curved.regions.clone(),
+            BTreeMap::new(),
+        )
+        .or_panic();
+        let mut own = elements[0].nodes().to_vec();
+        let x: Vec<[f64; 3]> = alone.elements[0]
+            .nodes()
+            .iter()
+            .map(|&node| alone.nodes[node as usize])
+            .collect();
+        for of in &raised.middles()[own.len() - raised.n_corners()..] {
+            own.push(nodes.len() as u32);
+            nodes.push(serendipity_middle(alone.elements[0].kind(), of, &x));
+        }
+        elements[0] = Element::new(raised, &own, 0);
+        bent = Mesh::new(nodes, elements, curved.regions, curved.boundaries).or_panic();
+        assert!(bent.elements.iter().all(|element| element.kind() == raised));
+        assert_eq!(bent.nodes.len(), whole.nodes.len());
+        assert!((bent.measures()[0] / measure - 1.0).abs() < 1e-14);
+    }
+}
+
+/// Where the map of a serendipity element has the middle of a face (a quarter less of the corners, half of the midsides) or of
+/// itself.
+fn serendipity_middle(kind: ElementKind, of: &[usize], x: &[[f64; 3]]) -> [f64; 3] {
+    let midside = if of.len() == 4 { 0.5 } else { 0.25 };
+    let mut at = [0.0; 3];
+    let mut add = |weight: f64, place: usize| (0..3).for_each(|c| at[c] += weight * x[place][c]);
+    of.iter().for_each(|&corner| add(-0.25, corner));
+    for (place, ends) in (kind.n_corners()..).zip(kind.middles()) {
+        if ends.iter().all(|end| of.contains(end)) {
+            add(midside, place);
+        }
+    }
+    at
+}
+
+#[test]
+fn elements_that_fold_are_told_with_the_order_that_was_meant() {
+    let bent = |shape, serendipity: bool| {
+        let raised = solid(shape).raised().or_panic();
+        Bent::new(without_middles(&raised, |_| serendipity)).bent
+    };
+    let of = |mesh: &Mesh<3>, orders: &dyn Fn(ElementKind) -> &'static [&'static [usize]]| {
+        // The nodes of every element as another program lists them.
+        let elements = mesh.elements.iter().map(|element| {
+            let kind = element.kind();
+            let (corners, own) = element.nodes().split_at(kind.n_corners());
+            let sorted = |of: &[usize]| {
+                let mut of = of.to_vec();
+                of.sort_unstable();
+                of
+            };
+            let node = |of: &&[usize]| {
+                let place = kind
+                    .middles()
+                    .iter()
+                    .position(|own| sorted(own) == sorted(of));
+                own[place.expect("the same corners")]
+            };
+            let nodes: Vec<u32> = corners
+                .iter()
+                .copied()
+                .chain(orders(kind).iter().map(node))
+                .collect();
+            Element::new(kind, &nodes, 0)
+        });
+        Mesh::new(
+            mesh.nodes.clone(),
+            elements.collect(),
+            mesh.regions.clone(),
+            BTreeMap::new(),
+        )
+    };
+    for shape in [
+        SolidShape::Tetrahedron,
+        SolidShape::Hexahedron,
+        SolidShape::Wedge,
+    ] {
+        for serendipity in [true, false] {
+            let mesh = bent(shape, serendipity);
+            let told = of(&mesh, &|kind| middles(kind, Lists::Gmsh))
+                .map(drop)
+                .unwrap_err();
+            assert!(
+                matches!(
+                    told,
+                    MeshError::Folded {
+                        other_order: true,
+                        ..
+                    }
+                ),
+                "{told}"
+            );
+            assert!(
+                told.to_string()
+                    .contains("order of another program (Gmsh and VTK differ)")
+            );
+            assert!(of(&mesh, &|kind| middles(kind, Lists::Vtk)).is_ok());
+        }
+    }
+    // One midside far off is no matter of order, and left out it does no harm.
+    let mesh = bent(SolidShape::Tetrahedron, true);
+    let node = mesh.elements[3].nodes()[5] as usize;
+    let mut nodes = mesh.nodes.clone();
+    nodes[node] = [9.0; 3];
+    let told = Mesh::new(
+        nodes,
+        mesh.elements.clone(),
+        mesh.regions.clone(),
+        BTreeMap::new(),
+    );
+    let told = told.map(drop).unwrap_err();
+    assert!(
+        matches!(
+            told,
+            MeshError::Folded {
+                other_order: false,
+                ..
+            }
+        ),
+        "{told}"
+    );
+    assert!(told.to_string().contains("(order = 1)"), "{told}");
+}
+
+#[test]
+fn pyramids_are_read_and_not_raised() {
+    let nodes = [
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.5, 0.5, 1.0],
+        [0.0, 0.0, 1.0],
+    ];
+    let mesh = cells(
+        &nodes,
+        &[
+            (ElementKind::Pyramid, &[0, 1, 2, 3, 4]),
+            (ElementKind::Tetrahedron, &[0, 3, 4, 5]),
+        ],
+    )
+    .or_panic();
+    let mut straight = mesh.clone();
+    let faces = straight.elements[0].facets().take(1).collect();
+    straight.boundaries = BTreeMap::from([("low".to_owned(), faces)]);
+    every_format(straight);
+    let told = mesh.raised().map(drop).unwrap_err().to_string();
+    assert!(
+        told.contains("element 0 near (0.000000e0, 0.000000e0, 0.000000e0) is a pyramid, of which there are none of second order"),
+        "{told}"
+    );
+}

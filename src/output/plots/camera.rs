@@ -38,7 +38,7 @@ impl Camera {
         let facets: Vec<([f64; 3], f64)> = (surface.facets.iter())
             .map(|facet| {
                 let nodes = facet_nodes(&facet.nodes);
-                let (area, normal) = mesh.facet_normal(&facet.nodes);
+                let (area, normal) = facet.normal(mesh);
                 let stress: f64 = nodes.iter().map(|&n| stresses[n as usize]).sum();
                 (normal, area * stress / nodes.len() as f64)
             })

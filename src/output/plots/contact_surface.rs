@@ -317,18 +317,21 @@ impl Scene<'_> {
     fn edges(&mut self, developed: &Developed, panel: &Panel) {
         let is_in_view = |x: &[f64; 2]| (0..2).all(|c| x[c] >= -1.0 && x[c] <= panel.size[c] + 1.0);
         let shown: Vec<_> = (developed.edges.iter())
-            .map(|&(ends, is_border)| (ends.map(|x| panel.place(x)), is_border))
-            .filter(|(ends, _)| ends.iter().any(is_in_view))
+            .map(|&(ends, is_border, share)| (ends.map(|x| panel.place(x)), is_border, share))
+            .filter(|(ends, ..)| ends.iter().any(is_in_view))
             .collect();
         let lengths = shown
             .iter()
-            .map(|([p, q], _)| (q[0] - p[0]).hypot(q[1] - p[1]));
+            .map(|([p, q], ..)| (q[0] - p[0]).hypot(q[1] - p[1]));
         let total: f64 = lengths.sum();
+        let count: f64 = shown.iter().map(|(.., share)| share).sum();
         let all = |border: bool| -> String {
-            let wanted = shown.iter().filter(|(_, is_border)| *is_border == border);
-            wanted.map(|&(ends, _)| line(ends)).collect()
+            let wanted = shown
+                .iter()
+                .filter(|(_, is_border, _)| *is_border == border);
+            wanted.map(|&(ends, ..)| line(ends)).collect()
         };
-        if total > VISIBLE_EDGE * shown.len() as f64 {
+        if total > VISIBLE_EDGE * count {
             let thin = "stroke=\"#000000\" stroke-opacity=\"0.14\" stroke-width=\"0.6\"";
             self.svg.path(&all(false), thin);
         }

@@ -6,7 +6,7 @@ use super::legend::short;
 use super::surface::{SMOOTH, borders, join, root};
 use crate::dense::symmetric_eigen;
 use crate::mesh::vector::{cross, dot, unit};
-use crate::mesh::{Facet, Mesh, facet_nodes};
+use crate::mesh::{Facet, Mesh, face_parts, facet_nodes};
 use circle::circle;
 use faer::Mat;
 use std::collections::{BTreeMap, BTreeSet};
@@ -29,10 +29,10 @@ const MOST: usize = 4;
 
 /// A surface, or a part of one, laid flat.
 pub(super) struct Developed {
-    /// Places of corners in the developed surface, and their nodes; what is nearer to the viewer later.
+    /// Places of nodes in the developed surface, and these, of facets or their parts; what is nearer to the viewer later.
     pub triangles: Vec<([[f64; 2]; 3], [u32; 3])>,
-    /// The edges of facets, and whether the developed surface ends there.
-    pub edges: Vec<([[f64; 2]; 2], bool)>,
+    /// The edges of facets (halves of curved ones), whether the developed surface ends there, and how much of an edge it is.
+    pub edges: Vec<([[f64; 2]; 2], bool, f64)>,
     /// What is seen, and from where.
     pub caption: String,
     /// What both coordinates measure.
@@ -325,7 +325,7 @@ impl Facets<'_> {
         let depth = |f: usize| dot(towards, place(self.facets[f][0]));
         order.sort_by(|&a, &b| depth(a).total_cmp(&depth(b)));
         let facets = || order.iter().map(|&f| facet_nodes(&self.facets[f]));
-        // The corners of each.
+        // The nodes of each.
         let places: Vec<Vec<[f64; 2]>> = facets()
             .map(|nodes| {
                 // All on the same side of the cut, that on which the middle lies.
@@ -341,7 +341,9 @@ impl Facets<'_> {
             })
             .collect();
         let triangles = facets().zip(&places).flat_map(|(nodes, at)| {
-            let corners = (1..nodes.len() - 1).map(|k| [0, k, k + 1]);
+            let parts = face_parts(nodes.len()).iter();
+            let corners =
+                parts.flat_map(|part| (1..part.len() - 1).map(|k| [0, k, k + 1].map(|k| part[k])));
             corners.map(|corners| (corners.map(|k| at[k]), corners.map(|k| nodes[k])))
         });
         let edges = borders(facets()).into_iter().map(|border| {
@@ -349,7 +351,8 @@ impl Facets<'_> {
             let nodes = facet_nodes(&self.facets[order[first]]);
             let corner = |node| nodes.iter().position(|&n| n == node).unwrap_or(0);
             let line = border.ends.map(|node| places[first][corner(node)]);
-            (line, border.count == 1)
+            let share = if nodes.len() > 4 { 0.5 } else { 1.0 };
+            (line, border.count == 1, share)
         });
         Developed {
             triangles: triangles.collect(),

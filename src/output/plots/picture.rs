@@ -6,7 +6,7 @@ use super::raster::{Raster, mean};
 use super::surface::{Border, borders};
 use super::svg::Svg;
 use crate::contact::Obstacle;
-use crate::mesh::bounds;
+use crate::mesh::{bounds, face_parts};
 
 /// Room for the field.
 const FIELD: [f64; 2] = [740.0, 560.0];
@@ -145,8 +145,11 @@ impl Scene<'_> {
         let mut raster = Raster::new(self.size);
         for element in &self.bodies.elastic.mesh.elements {
             let nodes = element.nodes();
-            for k in 1..nodes.len() - 1 {
-                let corners = [nodes[0], nodes[k], nodes[k + 1]].map(|node| node as usize);
+            let parts = face_parts(nodes.len()).iter();
+            for [a, b, c] in
+                parts.flat_map(|part| (1..part.len() - 1).map(|k| [part[0], part[k], part[k + 1]]))
+            {
+                let corners = [a, b, c].map(|place| nodes[place] as usize);
                 let values = corners.map(|i| self.bodies.von_mises[i] / self.top);
                 let places = corners.map(|i| self.place(self.bodies.moved[i]));
                 raster.fill(places, |weights| Raster::level(mean(weights, values)));

@@ -209,13 +209,15 @@ impl View<'_> {
             line.windows(2).map(|w| [w[0], w[1]]).collect::<Vec<_>>()
         });
         svg.path(&seen(&mut borders), "stroke=\"#9a9a9a\"");
-        let lengths = edges.iter().map(of_edge).map(|[p, q]| {
+        let of_elements = || edges.iter().filter(|edge| edge.share > 0.0);
+        let lengths = of_elements().map(of_edge).map(|[p, q]| {
             let [x, y, _] = minus(p, q);
             x.hypot(y) / FINE
         });
         // Only where they have room between them.
-        if lengths.sum::<f64>() > VISIBLE_EDGE * edges.len() as f64 {
-            let mut all = edges.iter().filter(|e| !e.sharp).map(of_edge);
+        let count: f64 = edges.iter().map(|edge| edge.share).sum();
+        if lengths.sum::<f64>() > VISIBLE_EDGE * count {
+            let mut all = of_elements().filter(|e| !e.sharp).map(of_edge);
             let thin = "stroke=\"#000000\" stroke-opacity=\"0.2\" stroke-width=\"0.6\"";
             svg.path(&seen(&mut all), thin);
         }

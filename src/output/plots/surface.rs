@@ -1,13 +1,14 @@
 //! The outer surface of solids: its facets, its edges, and where it is smooth.
 
 use crate::mesh::vector::{cross, dot, length, minus, unit};
-use crate::mesh::{Facet, Mesh, facet_corners, facet_nodes};
+use crate::mesh::{Facet, Mesh, face_parts, face_ring, facet, facet_corners, facet_nodes};
 use rayon::prelude::*;
 
 /// Facets that meet at a larger angle than the one with this cosine (40°) have an edge between them.
 pub(super) const SMOOTH: f64 = 0.766;
 
-/// The facets that belong to one element only, and what lies between them.
+/// The facets that belong to one element only, and what lies between them. A facet of second order is there in parts, with
+/// all of its nodes as corners of these.
 pub(super) struct Surface {
     /// Ordered by their region.
     pub facets: Vec<OuterFacet>,
@@ -17,11 +18,11 @@ pub(super) struct Surface {
     pub edges: Vec<Edge>,
 }
 
-/// A facet on the outside.
+/// A facet on the outside, or a part of one.
 #[derive(Clone, Copy)]
 pub(super) struct OuterFacet {
-    /// Its corners as nodes of the mesh.
-    pub nodes: Facet<3>,
+    /// Its corners as nodes of the mesh; the last twice where there are three.
+    pub nodes: [u32; 4],
     /// Its corners as numbers of vertices, in the same order.
     pub vertices: [u32; 4],
     pub region: u32,
@@ -31,6 +32,11 @@ impl OuterFacet {
     /// The numbers of its vertices, each once.
     pub fn corners(&self) -> &[u32] {
         &self.vertices[..facet_nodes(&self.nodes).len()]
+    }
+
+    /// Its area and its outward normal.
+    pub fn normal(&self, mesh: &Mesh<3>) -> (f64, [f64; 3]) {
+        mesh.facet_normal(&facet::<3>(facet_nodes(&self.nodes)))
     }
 }
 
@@ -51,24 +57,34 @@ pub(super) struct Edge {
     pub facets: [u32; 2],
     /// Whether the surface bends sharply there, or parts meet.
     pub sharp: bool,
+    /// How much of an edge of an element it is: all, a half, or nothing inside of a facet.
+    pub share: f64,
 }
 
 impl Surface {
     /// That of a mesh.
     pub fn new(mesh: &Mesh<3>) -> Self {
         let outer = outer_facets(mesh);
-        let normals: Vec<[f64; 3]> = (outer.par_iter())
-            .map(|(facet, _)| mesh.facet_normal(facet).1)
+        // The facet that each part belongs to.
+        let mut whole: Vec<u32> = Vec::with_capacity(outer.len());
+        let mut facets: Vec<OuterFacet> = Vec::with_capacity(outer.len());
+        for (number, (facet, region)) in (0..).zip(&outer) {
+            let nodes = facet_nodes(facet);
+            for places in face_parts(nodes.len()) {
+                let corner = |k: usize| nodes[places[k.min(places.len() - 1)]];
+                facets.push(OuterFacet {
+                    nodes: std::array::from_fn(corner),
+                    vertices: [0; 4],
+                    region: *region,
+                });
+                whole.push(number);
+            }
+        }
+        let normals: Vec<[f64; 3]> = (facets.par_iter())
+            .map(|facet| facet.normal(mesh).1)
             .collect();
-        let edges = edges(&outer, &normals);
-        let (vertices, corners) = vertices(mesh, &outer, &normals, &edges);
-        let facets = (outer.iter().zip(corners))
-            .map(|(&(nodes, region), vertices)| OuterFacet {
-                nodes,
-                vertices,
-                region,
-            })
-            .collect();
+        let edges = edges(&facets, &normals, &whole);
+        let vertices = vertices(mesh, &mut facets, &normals, &edges);
         Self {
             facets,
             vertices,
@@ -112,12 +128,13 @@ pub(super) struct Border {
     pub count: usize,
 }
 
-/// The edges of facets (of any dimension, by their nodes), each once.
+/// The edges of facets or elements of the plane, by their nodes, each once; those of second order in halves.
 pub(super) fn borders<'a>(facets: impl Iterator<Item = &'a [u32]>) -> Vec<Border> {
     let mut sides: Vec<([u32; 2], u32)> = Vec::new();
     for (number, nodes) in (0..).zip(facets) {
-        for (i, &a) in nodes.iter().enumerate() {
-            let b = nodes[(i + 1) % nodes.len()];
+        let ring = face_ring(nodes.len());
+        for (i, &a) in ring.iter().enumerate() {
+            let [a, b] = [a, ring[(i + 1) % ring.len()]].map(|place| nodes[place]);
             sides.push(([a.min(b), a.max(b)], number));
         }
     }
@@ -131,18 +148,30 @@ pub(super) fn borders<'a>(facets: impl Iterator<Item = &'a [u32]>) -> Vec<Border
     groups.map(border).collect()
 }
 
-/// The edges of the surface. Facets of several bodies, or more than two, have a sharp one.
-fn edges(facets: &[(Facet<3>, u32)], normals: &[[f64; 3]]) -> Vec<Edge> {
+/// The edges of the surface; `whole` tells which facet each is a part of. Facets of several bodies, or more than two, have a
+/// sharp one.
+fn edges(facets: &[OuterFacet], normals: &[[f64; 3]], whole: &[u32]) -> Vec<Edge> {
+    let is_part = |k: usize| {
+        let beside = |other: Option<&u32>| other == Some(&whole[k]);
+        beside(whole.get(k + 1)) || (k > 0 && beside(whole.get(k - 1)))
+    };
     let edge = |border: Border| {
         let [a, b] = border.facets.map(|k| k as usize);
+        let is_inner = border.count == 2 && whole[a] == whole[b];
         let bends = || dot(normals[a], normals[b]) < SMOOTH;
+        let meet = border.count != 2 || facets[a].region != facets[b].region;
         Edge {
             ends: border.ends,
             facets: border.facets,
-            sharp: border.count != 2 || facets[a].1 != facets[b].1 || bends(),
+            sharp: meet || (!is_inner && bends()),
+            share: match (is_inner, is_part(a)) {
+                (true, _) => 0.0,
+                (_, true) => 0.5,
+                _ => 1.0,
+            },
         }
     };
-    let all = borders(facets.iter().map(|(facet, _)| facet_nodes(facet)));
+    let all = borders(facets.iter().map(|facet| facet_nodes(&facet.nodes)));
     all.into_iter().map(edge).collect()
 }
 
@@ -161,17 +190,18 @@ pub(super) fn join(joined: &mut [u32], pair: [u32; 2]) {
     joined[a.max(b) as usize] = a.min(b);
 }
 
-/// The vertices, and those of each facet.
+/// The vertices; facets are told theirs.
 fn vertices(
     mesh: &Mesh<3>,
-    facets: &[(Facet<3>, u32)],
+    facets: &mut [OuterFacet],
     normals: &[[f64; 3]],
     edges: &[Edge],
-) -> (Vec<Vertex>, Vec<[u32; 4]>) {
+) -> Vec<Vertex> {
     // Corners of neighbours are joined along edges that are not sharp.
     let mut joined: Vec<u32> = (0..4 * facets.len() as u32).collect();
     let corner = |facet: u32, node: u32| {
-        let place = facets[facet as usize].0.iter().position(|&n| n == node);
+        let nodes = &facets[facet as usize].nodes;
+        let place = nodes.iter().position(|&n| n == node);
         4 * facet + place.unwrap_or(0) as u32
     };
     for edge in edges.iter().filter(|edge| !edge.sharp) {
@@ -181,9 +211,8 @@ fn vertices(
     }
     let mut number = vec![u32::MAX; joined.len()];
     let mut vertices: Vec<Vertex> = Vec::new();
-    let mut of_facets = Vec::with_capacity(facets.len());
-    for (f, (facet, _)) in facets.iter().enumerate() {
-        let nodes = facet_nodes(facet);
+    for (f, facet) in facets.iter_mut().enumerate() {
+        let nodes = facet_nodes(&facet.nodes);
         let mut corners = [0; 4];
         for (k, &node) in nodes.iter().enumerate() {
             let group = root(&mut joined, (4 * f + k) as u32) as usize;
@@ -203,14 +232,14 @@ fn vertices(
         }
         let last = corners[nodes.len() - 1];
         corners[nodes.len()..].fill(last);
-        of_facets.push(corners);
+        facet.vertices = corners;
     }
     for vertex in &mut vertices {
         let normal = unit(vertex.normal);
         let is_finite = normal.iter().all(|v| v.is_finite());
         vertex.normal = if is_finite { normal } else { [0.0, 0.0, 1.0] };
     }
-    (vertices, of_facets)
+    vertices
 }
 
 /// The angle of a facet at one of its corners.
@@ -237,13 +266,42 @@ mod tests {
         // Corners of the box have three vertices, its edges two.
         let inner = 2 * (3 + 3 * 2 + 2);
         assert_eq!(surface.vertices.len(), inner + 2 * 4 * (3 + 1 + 2) + 3 * 8);
+        assert!(surface.edges.iter().all(|edge| edge.share == 1.0));
         for facet in &surface.facets {
-            let (_, normal) = mesh.facet_normal(&facet.nodes);
+            let (_, normal) = facet.normal(&mesh);
             for &corner in facet.corners() {
                 let vertex = surface.vertices[corner as usize];
                 assert!(facet.nodes.contains(&vertex.node));
                 assert!(dot(vertex.normal, normal) > 1.0 - 1e-12);
             }
+        }
+    }
+
+    /// Facets of second order are there in parts, whose edges within them are no edges of elements.
+    #[test]
+    fn curved_facets_are_parts_at_their_nodes() {
+        let size = [2.0, 1.0, 1.0];
+        for (shape, per_cell) in [
+            (SolidShape::Hexahedron, 4),
+            (SolidShape::Tetrahedron, 2 * 4),
+        ] {
+            let linear = block([0.0; 3], size, [4, 2, 3], shape, "body", "");
+            let before = Surface::new(&linear);
+            let mesh = linear.raised().unwrap_or_else(|error| panic!("{error}"));
+            let surface = Surface::new(&mesh);
+            let cells = 2 * (4 * 2 + 4 * 3 + 2 * 3);
+            assert_eq!(surface.facets.len(), cells * per_cell);
+            let area = surface.facets.iter().map(|facet| facet.normal(&mesh).0);
+            assert!((area.sum::<f64>() - 10.0).abs() < 1e-12);
+            let shares = surface.edges.iter().map(|edge| edge.share);
+            assert_eq!(shares.sum::<f64>(), before.edges.len() as f64);
+            let sharp = surface.edges.iter().filter(|e| e.sharp);
+            assert_eq!(sharp.count(), 2 * 4 * (4 + 2 + 3));
+            assert!((surface.edges.iter()).all(|edge| !edge.sharp || edge.share == 0.5));
+            let corners = surface.facets.iter().flat_map(|facet| facet.nodes);
+            let seen: std::collections::BTreeSet<u32> = corners.collect();
+            let on_side = |x: &[f64; 3]| (0..3).any(|c| x[c] == 0.0 || x[c] == size[c]);
+            assert_eq!(seen.len(), mesh.nodes.iter().filter(|x| on_side(x)).count());
         }
     }
 }
