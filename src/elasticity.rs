@@ -82,8 +82,8 @@ impl Material {
         (lambda, mu)
     }
 
-    /// Whether elements of it have their dilatation projected.
-    pub(crate) fn is_projected(&self, plane: Plane) -> bool {
+    /// Whether elements of it have their dilatation projected, if they can.
+    pub fn is_projected(&self, plane: Plane) -> bool {
         plane == Plane::PlaneStrain
             && match self.incompressible {
                 Incompressible::Auto => self.poisson >= NEARLY_INCOMPRESSIBLE,

@@ -134,8 +134,14 @@ where
     let regions = mesh.regions.iter().zip(mesh.measures());
     for ((name, size), material) in regions.zip(&elastic.materials) {
         lines.push(format!(
-            "region        \"{name}\": {measure} {size:.4e} {length}{power}, E = {:.4e} {stress}, ν = {}, density {}",
-            material.young, material.poisson, material.density
+            "region        \"{name}\": {measure} {size:.4e} {length}{power}, E = {:.4e} {stress}, ν = {}, density {}{}",
+            material.young,
+            material.poisson,
+            material.density,
+            match material.is_projected(elastic.plane) {
+                true => ", dilatation projected (incompressible)",
+                false => "",
+            }
         ));
     }
     for (name, regions) in &mesh.groups {

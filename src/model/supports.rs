@@ -8,7 +8,7 @@ use super::{Definition, Quantity};
 use crate::contact::Space;
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes};
 use crate::problem::{LARGEST, SIZES};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -166,8 +166,19 @@ fn across<const D: usize>(mesh: &Mesh<D>, name: &str, facets: &[Facet<D>]) -> Re
 where
     ElementKind: Topology<D>,
 {
+    // A curved facet has other normals at its nodes than in the mean.
+    let bends = |facet: &&Facet<D>| {
+        let (x, len) = mesh.places_of(facet);
+        if len == facet_corners(facet).len() {
+            return false;
+        }
+        let (_, mean) = mesh.facet_normal(facet);
+        (<ElementKind as Topology<D>>::normals_at_nodes(&x[..len]).into_iter())
+            .any(|normal| length(minus(normal, mean)) > PLANE)
+    };
+    let curved = facets.iter().find(bends).is_some();
     let along = |&axis: &usize| {
-        (facets.iter()).all(|facet| mesh.facet_normal(facet).1[axis].abs() > 1.0 - 1e-9)
+        !curved && (facets.iter()).all(|facet| mesh.facet_normal(facet).1[axis].abs() > 1.0 - 1e-9)
     };
     if let Some(axis) = (0..D).find(along) {
         return Ok(Way::Axis(axis));
@@ -190,7 +201,7 @@ where
             normal[c] - part * mean[c]
         })) <= PLANE
     };
-    if facets.iter().all(flat) {
+    if !curved && facets.iter().all(flat) {
         return Ok(Way::of(mean));
     }
     let (what, instead) = match D {

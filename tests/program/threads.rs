@@ -94,6 +94,19 @@ fn large_bodies() {
     on_both_paths(&case, &[1, 2, 3, 8]);
 }
 
+/// Elements of second order, in space.
+#[test]
+fn second_order() {
+    let case = [
+        "examples/ball.toml",
+        "--set",
+        "mesh.order=2",
+        "--set",
+        "mesh.box.cells=[7, 7, 7]",
+    ];
+    on_both_paths(&case, &[1, 2, 3]);
+}
+
 /// The kernels do not know how many threads the host has.
 #[test]
 fn gpu() {

@@ -7,8 +7,8 @@ use crate::common::or_panic::OrPanic as _;
 use crate::gmsh::drawing::{CODINGS, Coding, Out};
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::mesh::{
-    AnyMesh, Element, ElementKind, Facet, Mesh, Topology, facet_corners, facet_nodes, msh, read,
-    read_linear,
+    AnyMesh, Element, ElementKind, Facet, Mesh, MeshError, Topology, facet_corners, facet_nodes,
+    msh, read, read_linear,
 };
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
@@ -711,7 +711,8 @@ fn raised_meshes_share_the_nodes_between_neighbours() {
                 corners.push(facet_corners(facet).to_vec());
             }
             let mut before: Vec<_> = facets.iter().map(|f| facet_corners(f).to_vec()).collect();
-            (corners.sort(), before.sort());
+            corners.sort();
+            before.sort();
             let turned = |mut nodes: Vec<u32>| {
                 let lowest = (0..nodes.len()).min_by_key(|&a| nodes[a]).unwrap_or(0);
                 nodes.rotate_left(lowest);
