@@ -59,6 +59,8 @@ where
     pub boundaries: BTreeMap<String, Vec<Facet<D>>>,
     /// What is wrong with the boundaries that are not on the outside of the body altogether.
     pub faults: BTreeMap<String, FacetFault<D>>,
+    /// What the file that it comes from says and is not done.
+    pub notes: Vec<String>,
 }
 
 /// A mesh of either dimension: which one may show only when a file is read.
@@ -281,6 +283,7 @@ where
             groups: BTreeMap::new(),
             boundaries,
             faults: BTreeMap::new(),
+            notes: Vec::new(),
         };
         mesh.check()?;
         let elements = mesh.elements.par_iter_mut().enumerate();
@@ -521,6 +524,7 @@ where
         let x = &x[..of_element.len()];
         (kind.with(Determinants { kind, x }), size(x))
     };
+    let listed = *element;
     let ((mut least, total), size) = determinants(element);
     if total < 0.0 {
         element.turn();
@@ -546,9 +550,14 @@ where
         });
     }
     let meant = gmsh::other_orders(kind).into_iter().any(|order| {
-        let listed: Vec<u32> = order.iter().map(|&at| element.nodes()[at]).collect();
-        let other = Element::new(kind, &listed, 0);
-        determinants(&other).0.0 > 1e-13 * size
+        let nodes: Vec<u32> = order.iter().map(|&at| listed.nodes()[at]).collect();
+        let mut other = Element::new(kind, &nodes, 0);
+        let (mut least, total) = determinants(&other).0;
+        if total < 0.0 {
+            other.turn();
+            (least, _) = determinants(&other).0;
+        }
+        least > 1e-13 * size
     });
     Err(MeshError::Folded {
         element: number,

@@ -119,6 +119,16 @@ where
     )
 }
 
+/// What the file of a mesh says and is not done.
+pub(super) fn notes<const D: usize>(mesh: &Mesh<D>) -> impl Iterator<Item = String>
+where
+    ElementKind: Topology<D>,
+{
+    mesh.notes
+        .iter()
+        .map(|note| format!("              {note}"))
+}
+
 /// The mesh, its regions with their materials, its groups.
 fn bodies<const D: usize>(lines: &mut Vec<String>, case: &Case, elastic: &Elastic<D>)
 where
@@ -127,6 +137,7 @@ where
     let (units, mesh) = (case.units(), &elastic.mesh);
     let (length, stress) = (&units.length, units.stress());
     lines.push(format!("{} {length}", self::mesh(mesh)));
+    lines.extend(notes(mesh));
     let (measure, power) = match D {
         2 => ("area", "²"),
         _ => ("volume", "³"),

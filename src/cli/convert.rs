@@ -42,6 +42,7 @@ where
     ElementKind: Topology<D>,
 {
     let mut lines = vec![super::check::mesh(mesh)];
+    lines.extend(super::check::notes(mesh));
     let (measure, facets) = match D {
         2 => ("area", "edges"),
         _ => ("volume", "faces"),

@@ -79,6 +79,7 @@ pub fn rectangle(
         groups: BTreeMap::from([(region.to_owned(), vec![0])]),
         boundaries,
         faults: BTreeMap::new(),
+        notes: Vec::new(),
     }
 }
 
@@ -188,6 +189,7 @@ pub fn block(
         groups: BTreeMap::from([(region.to_owned(), vec![0])]),
         boundaries: sides.collect(),
         faults: BTreeMap::new(),
+        notes: Vec::new(),
     }
 }
 
@@ -212,6 +214,11 @@ where
         assert!(a.groups.insert(name, members).is_none());
     }
     a.faults.extend(b.faults);
+    for note in b.notes {
+        if !a.notes.contains(&note) {
+            a.notes.push(note);
+        }
+    }
     for (name, facets) in b.boundaries {
         assert!(a.boundaries.insert(name, facets).is_none());
     }

@@ -182,5 +182,6 @@ pub(crate) fn in_space(nodes: Vec<[f64; 3]>) -> Mesh<3> {
         groups: BTreeMap::new(),
         boundaries: BTreeMap::new(),
         faults: BTreeMap::new(),
+        notes: Vec::new(),
     }
 }

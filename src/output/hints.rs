@@ -3,8 +3,7 @@
 use super::{ContactReport, NodeStatus, OfBodies};
 use crate::contact::Space;
 use crate::mesh::vector::{length, minus};
-use crate::mesh::{Element, ElementKind, facet_nodes};
-use crate::model::Elastic;
+use crate::mesh::{ElementKind, facet_nodes};
 
 /// So many nodes in contact at least, for a peak on one or two of them to be called unresolved.
 const RESOLVED: usize = 5;
@@ -17,43 +16,17 @@ fn rim<const D: usize>(nodes: usize) -> usize {
     }
 }
 
-/// Elements that lock in nearly incompressible regions: those of first order whose dilatation cannot be projected.
-fn locking<const D: usize>(elastic: &Elastic<D>) -> Option<String>
-where
-    ElementKind: Space<D>,
-{
-    let (mesh, materials) = (&elastic.mesh, &elastic.materials);
-    let locks = |element: &&Element<D>| {
-        let material = &materials[element.region as usize];
-        matches!(
-            element.kind(),
-            ElementKind::Triangle | ElementKind::Tetrahedron
-        ) && material.is_projected(elastic.plane)
-    };
-    let first = mesh.elements.iter().find(locks)?;
-    let (kind, instead) = match D {
-        2 => ("3-node triangles", "quadrilaterals"),
-        _ => ("4-node tetrahedra", "hexahedra"),
-    };
-    Some(format!(
-        "region \"{}\" is nearly incompressible (Poisson's ratio {}), and its {kind} are much too stiff there: take elements of \
-         second order ([mesh] order = 2), or {instead}",
-        mesh.regions[first.region as usize], materials[first.region as usize].poisson
-    ))
-}
-
-/// In the order of the contacts. (One text: a paragraph for each hint.)
+/// Those of the mesh, then in the order of the contacts. (One text: a paragraph for each hint.)
 pub(super) fn hints<const D: usize>(of: &OfBodies<D>, contacts: &[ContactReport]) -> Vec<String>
 where
     ElementKind: Space<D>,
 {
     let (elastic, fields) = (of.elastic, &of.contact);
-    let mut hints = Vec::new();
+    let mut hints = elastic.mesh.notes.clone();
     let unit = &elastic.units.length;
     let displacement = &of.fields.displacement;
     let (low, high) = elastic.mesh.bounding_box();
     let size = length(minus(high, low));
-    hints.extend(locking(elastic));
     let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));
     for (number, (pair, contact)) in elastic.pairs.iter().zip(contacts).enumerate() {
         let name = format!("contact {} / {}", pair.boundary, pair.against);

@@ -5,11 +5,13 @@
 
 use crate::common::or_panic::OrPanic as _;
 use crate::gmsh::drawing::{CODINGS, Coding, Out};
+use signorini::case::Case;
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::mesh::{
     AnyMesh, Element, ElementKind, Facet, Mesh, MeshError, Topology, facet_corners, facet_nodes,
     msh, read, read_linear,
 };
+use signorini::model::AnyAnalysis;
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
 
@@ -657,6 +659,8 @@ where
     if !called(kind).2.is_empty() {
         let mesh = Mesh::<D>::of(parsed("a.inp", bent.inp().as_bytes(), false).or_panic());
         bent.is(&mesh, same, &format!("{kind:?}, inp"));
+        let reduced = ["CPS8R", "C3D20R"].contains(&called(kind).2);
+        assert_eq!(mesh.notes.len(), usize::from(reduced));
     }
     // What is written for Gmsh is read back.
     let written = msh(&bent.bent.clone().any());
@@ -1058,4 +1062,93 @@ fn pyramids_are_read_and_not_raised() {
         told.contains("element 0 near (0.000000e0, 0.000000e0, 0.000000e0) is a pyramid, of which there are none of second order"),
         "{told}"
     );
+}
+
+/// The mesh of a case, with settings as the command line has them.
+fn of_case(text: &str, settings: &[&str]) -> Result<AnyMesh, String> {
+    let place = tempfile::tempdir().or_panic();
+    let file = Bent::new(solid(SolidShape::Tetrahedron).raised().or_panic());
+    std::fs::write(
+        place.path().join("curved.msh"),
+        file.gmsh("4.1", Coding::Ascii),
+    )
+    .or_panic();
+    let pyramid = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n5\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 0 0 1\n$EndNodes\n\
+                   $Elements\n1\n1 7 2 0 1 1 2 3 4 5\n$EndElements\n";
+    std::fs::write(place.path().join("pyramid.msh"), pyramid).or_panic();
+    let settings: Vec<String> = settings.iter().map(|&setting| setting.to_owned()).collect();
+    let path = place.path().join("case.toml");
+    let text = format!("{text}\n[[material]]\nyoung = 1\npoisson = 0.3\n");
+    let case = Case::parse(&path, text, &settings).map_err(|error| error.to_string())?;
+    let made = case.build().map_err(|error| error.to_string())?;
+    let mesh = match made.analysis() {
+        AnyAnalysis::Plane(analysis) => analysis.elastic.expect("bodies").mesh.clone().any(),
+        AnyAnalysis::Space(analysis) => analysis.elastic.expect("bodies").mesh.clone().any(),
+    };
+    Ok(mesh)
+}
+
+#[test]
+fn the_order_of_a_case_is_that_of_its_mesh() {
+    // A quarter of a ring: all nodes of its inner side lie on the circle, and its area is right to the fourth order.
+    let ring = "[[support]]\nboundary = \"left\"\nx = 0\ny = 0\n[mesh]\norder = ORDER\n[mesh.rectangle]\norigin = [1, 0]\n\
+                size = [1, 1]\ncells = [2, CELLS]\nmap = [\"x*cos(pi/2*y)\", \"x*sin(pi/2*y)\"]\n";
+    let error_of = |order: &str, cells: usize, settings: &[&str]| {
+        let text = ring
+            .replace("ORDER", order)
+            .replace("CELLS", &cells.to_string());
+        let mesh = Mesh::<2>::of(of_case(&text, settings).or_panic());
+        let inner = mesh.outer_facets("left").or_panic();
+        let off = inner.iter().flat_map(facet_nodes).map(|&node| {
+            let [x, y] = mesh.nodes[node as usize];
+            (x.hypot(y) - 1.0).abs()
+        });
+        assert!(off.fold(0.0, f64::max) < 1e-14);
+        let kinds = mesh.kinds();
+        let area = mesh.measures()[0];
+        (kinds, (area / (0.75 * std::f64::consts::PI) - 1.0).abs())
+    };
+    let (kinds, coarse) = error_of("2", 4, &[]);
+    assert_eq!(kinds, [(ElementKind::Quad9, 8)]);
+    let (_, fine) = error_of("2", 8, &[]);
+    assert!(fine < 1e-5 && coarse / fine > 15.0, "{coarse} {fine}");
+    assert_eq!(error_of("1", 4, &["mesh.order=2"]), (kinds, coarse));
+    let (kinds, straight) = error_of("1", 8, &[]);
+    assert_eq!(kinds, [(ElementKind::Quad, 16)]);
+    assert!(straight > 100.0 * fine);
+
+    // A file of second order, and parts of either.
+    let file = "[[support]]\nboundary = \"NAME\"\nx = 0\ny = 0\nz = 0\n[mesh]\n";
+    let single = file.replace("NAME", "left") + "file = \"curved.msh\"\n";
+    for (settings, kind) in [
+        (&[][..], ElementKind::Tetrahedron10),
+        (&["mesh.order=2"], ElementKind::Tetrahedron10),
+        (&["mesh.order=1"], ElementKind::Tetrahedron),
+    ] {
+        let mesh = Mesh::<3>::of(of_case(&single, settings).or_panic());
+        assert_eq!(mesh.kinds(), [(kind, 24)], "{settings:?}");
+    }
+    let parts = file.replace("NAME", "a-left")
+        + "order = 2\n[[mesh.part]]\nname = \"a\"\nbox = { size = [1, 1, 1], cells = [1, 1, 1] }\n[[mesh.part]]\nname = \"b\"\n\
+           box = { size = [1, 1, 1], cells = [1, 1, 1], shape = \"wedge\" }\nshift = [2, 0, 0]\norder = 1\n[[support]]\n\
+           boundary = \"b-left\"\nx = 0\ny = 0\nz = 0\n";
+    let mesh = Mesh::<3>::of(of_case(&parts, &[]).or_panic());
+    assert_eq!(
+        mesh.kinds(),
+        [(ElementKind::Hexahedron27, 1), (ElementKind::Wedge, 2)]
+    );
+
+    for (text, told) in [
+        (
+            ring.replace("ORDER", "3").replace("CELLS", "2"),
+            "order is that of the elements: 1 or 2",
+        ),
+        (
+            single.replace("curved", "pyramid") + "order = 2\n",
+            "is a pyramid, of which there are none of second order",
+        ),
+    ] {
+        let error = of_case(&text, &[]).map(drop).unwrap_err();
+        assert!(error.contains(told), "{error}");
+    }
 }

@@ -66,6 +66,7 @@ pub(super) fn flatten(assembly: &Assembly) -> Result<Raw> {
                 .insert((dimension, tag.unsigned_abs()), name.clone());
         }
     }
+    flat.raw.notes = assembly.notes.iter().cloned().collect();
     Ok(flat.raw)
 }
 

@@ -1,10 +1,10 @@
 //! What stands in a file: parts, where they are placed, and their nodes, elements, sets and surfaces.
 
 use super::keyword::{Keyword, entries, key, label, number, plain};
-use super::types::{cell, order};
+use super::types::{cell, note, order};
 use super::{Failure, Result};
 use crate::mesh::file::raw::Cell;
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// A part, or what stands outside of all parts: a flat file, or the assembly.
 #[derive(Default)]
@@ -79,6 +79,8 @@ pub(super) struct Assembly {
     pub instances: Vec<Instance>,
     /// The element sets that sections name, in capitals.
     pub sections: HashSet<String>,
+    /// What elements are taken for.
+    pub notes: BTreeSet<String>,
 }
 
 /// What the data lines belong to.
@@ -171,6 +173,7 @@ impl<'a> Reader<'a> {
             "ELEMENT" => {
                 let name = k.needed("TYPE")?;
                 let cell = cell(name).map_err(|text| Failure::line(k.line, text))?;
+                self.assembly.notes.extend(note(name));
                 Block::Elements(cell, option("ELSET"))
             }
             // Numbers of entities of Gmsh that meshio hands on as if they were of elements.

@@ -96,6 +96,17 @@ pub(super) fn cell(name: &str) -> Result<Cell, String> {
     })
 }
 
+/// What a type of second order is taken for, if that is not what its name says. (Of first order all that the variants are for
+/// has another remedy here: elements for nearly incompressible bodies, and those of second order.)
+pub(super) fn note(name: &str) -> Option<String> {
+    let name = name.to_uppercase();
+    let mut known = BODIES.iter().filter(|known| known.1.order() == 2);
+    let (plain, variant) = known.find_map(|(plain, _)| Some((plain, name.strip_prefix(plain)?)))?;
+    variant
+        .contains(['R', 'M'])
+        .then(|| format!("{name} is taken for {plain}, with full integration"))
+}
+
 /// Where the nodes of an element of a kind stand in the file, if not as they do here: the middle of the element before those
 /// of its faces, in the order of [`face`].
 pub(super) fn order(cell: Cell) -> Option<&'static [usize]> {
@@ -172,6 +183,13 @@ mod tests {
             assert_eq!(cell(name), Ok(Cell::Element(expected)), "{name}");
         }
         assert_eq!(cell("T3D2"), Ok(Cell::Line));
+        let taken = Some("C3D20RH is taken for C3D20, with full integration".to_owned());
+        assert_eq!(note("c3d20rh"), taken);
+        assert!(
+            ["C3D20", "C3D10H", "C3D8R", "S8R"]
+                .iter()
+                .all(|name| note(name).is_none())
+        );
         assert_eq!(cell("B32R"), Ok(Cell::Line3));
         for (name, expected) in [
             ("CAX4R", "axisymmetric"),

@@ -46,6 +46,7 @@ fn plane(mut raw: Raw, scale: f64) -> Result<Mesh> {
         .collect();
     let mut mesh = groups.mesh(&mut raw.groups, nodes, raw.faces, raw.lines)?;
     note(&mut mesh, none);
+    mesh.notes = raw.notes;
     Ok(mesh)
 }
 
@@ -59,6 +60,7 @@ fn solid(mut raw: Raw, scale: f64) -> Result<Mesh<3>> {
     let mut mesh = groups.mesh(&mut raw.groups, nodes, raw.solids, faces)?;
     let none = (raw.without_facets.into_iter()).map(|(name, x)| (name, x.map(|v| v * scale)));
     note(&mut mesh, none.collect());
+    mesh.notes = raw.notes;
     Ok(mesh)
 }
 

@@ -131,6 +131,8 @@ pub(in crate::mesh) struct Raw {
     pub solids: Vec<Element<3>>,
     /// Sets of nodes that were to be boundaries, but have no facet; each with a place of it.
     pub without_facets: Vec<(String, [f64; 3])>,
+    /// What it says and is not done.
+    pub notes: Vec<String>,
 }
 
 impl Raw {
@@ -184,6 +186,7 @@ impl Raw {
                 *element = element.linear();
             }
         }
+        self.notes.clear();
         corners(&mut self.faces);
         corners(&mut self.solids);
         for (_, line) in &mut self.lines {
