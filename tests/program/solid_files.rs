@@ -491,3 +491,70 @@ fn an_input_file_is_converted_and_solved() {
         "{told}"
     );
 }
+
+/// Elements of second order: told by `check`, counted in the report, and read back from the grid of a solution.
+#[test]
+fn elements_of_second_order_go_through_all_files() {
+    let bent = "[mesh]\norder = 2\n[mesh.box]\nsize = [2, 1, 1]\ncells = [2, 1, 1]\nshape = \"SHAPE\"\n\
+        map = [\"x\", \"y\", \"z + 0.1*x^2\"]\n[[material]]\nyoung = 3000\npoisson = 0.3\n\
+        [[support]]\nboundary = \"left\"\nx = 0\ny = 0\nz = 0\n[[traction]]\nboundary = \"top\"\npressure = 2\n";
+    for (shape, described, name, count, facets) in [
+        ("hexahedron", "2 hexahedra with 27 nodes", "hex27", 2, 10),
+        (
+            "tetrahedron",
+            "12 tetrahedra with 10 nodes",
+            "tet10",
+            12,
+            20,
+        ),
+        ("wedge", "4 wedges with 18 nodes", "wedge18", 4, 14),
+    ] {
+        let directory = directory();
+        let case = bent.replace("SHAPE", shape);
+        let report = solved_in(directory.path(), &case);
+        assert_eq!(report["elements"], serde_json::json!({ name: count }));
+        assert_eq!(report["order"], 2);
+        let told = |arguments: &[&str]| {
+            let output = signorini_in(directory.path(), arguments);
+            assert_eq!(
+                output.status.code(),
+                Some(0),
+                "{:?}",
+                String::from_utf8_lossy(&output.stderr)
+            );
+            String::from_utf8_lossy(&output.stdout).into_owned()
+        };
+        let mesh = format!("mesh          45 nodes, {described} (order 2), 1 body; ");
+        let text = told(&["check", "case.toml"]);
+        assert!(text.contains(&mesh), "{text}");
+        // The volume is that of the map, whose sides are parabolas; so is what is read back.
+        let line = "region        \"body\": volume 2.0000e0";
+        assert!(text.contains(line), "{text}");
+        let text = told(&["convert", "out/solution.vtu", "back.msh"]);
+        assert!(text.contains(&mesh), "{text}");
+        assert!(
+            text.contains("region        \"0\": volume 2.0000e0"),
+            "{text}"
+        );
+        // The view has all parts of facets, and lines along edges of elements alone.
+        let plotted = [
+            "solve",
+            "case.toml",
+            "--output",
+            "plots",
+            "--quiet",
+            "--plots",
+        ];
+        told(&plotted);
+        let page = read(&directory.path().join("plots"), "report.html");
+        let (_, packed) = page.split_once("\"facets\":\"").expect("the view");
+        let encoded = packed.split('"').next().unwrap_or_default();
+        // Four numbers of four bytes each, in base64, for the parts at the nodes of each facet.
+        assert_eq!(encoded.len(), (4 * 4 * 4 * facets as usize).div_ceil(3) * 4);
+        let linear = told(&["check", "case.toml", "--set", "mesh.order=1"]);
+        assert!(
+            !linear.contains("order") && linear.contains("mesh          12 nodes, "),
+            "{linear}"
+        );
+    }
+}
