@@ -4,6 +4,7 @@ use super::{ContactReport, NodeStatus, OfBodies};
 use crate::contact::Space;
 use crate::mesh::vector::{length, minus};
 use crate::mesh::{ElementKind, facet_nodes};
+use crate::model::Elastic;
 
 /// So many nodes in contact at least, for a peak on one or two of them to be called unresolved.
 const RESOLVED: usize = 5;
@@ -16,13 +17,36 @@ fn rim<const D: usize>(nodes: usize) -> usize {
     }
 }
 
-/// Those of the mesh, then in the order of the contacts. (One text: a paragraph for each hint.)
+/// The regions of nearly incompressible materials whose elements lock.
+fn locking<const D: usize>(elastic: &Elastic<D>) -> impl Iterator<Item = String>
+where
+    ElementKind: Space<D>,
+{
+    let mesh = &elastic.mesh;
+    let locks = |kind| matches!(kind, ElementKind::Triangle | ElementKind::Tetrahedron);
+    let regions = (0..).zip(mesh.regions.iter().zip(&elastic.materials));
+    regions.filter_map(move |(region, (name, material))| {
+        let elements = || mesh.elements.iter().filter(|e| e.region == region);
+        let locked = material.is_projected(elastic.plane) && elements().any(|e| locks(e.kind()));
+        locked.then(|| {
+            format!(
+                "region {name}: {} of first order are far too stiff at ν = {}, and have no form for it: take order = 2, or {}",
+                if D == 2 { "triangles" } else { "tetrahedra" },
+                material.poisson,
+                if D == 2 { "quadrilaterals" } else { "hexahedra" },
+            )
+        })
+    })
+}
+
+/// Those of the mesh and of materials, then in the order of the contacts. (One text: a paragraph for each hint.)
 pub(super) fn hints<const D: usize>(of: &OfBodies<D>, contacts: &[ContactReport]) -> Vec<String>
 where
     ElementKind: Space<D>,
 {
     let (elastic, fields) = (of.elastic, &of.contact);
     let mut hints = elastic.mesh.notes.clone();
+    hints.extend(locking(elastic));
     let unit = &elastic.units.length;
     let displacement = &of.fields.displacement;
     let (low, high) = elastic.mesh.bounding_box();
