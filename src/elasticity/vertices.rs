@@ -80,6 +80,7 @@ where
             groups: Default::default(),
             boundaries: Default::default(),
             faults: Default::default(),
+            notes: Default::default(),
         };
         let nothing = vec![[0.0; D]; mesh.nodes.len()];
         assemble(
