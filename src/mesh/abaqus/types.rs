@@ -107,14 +107,18 @@ pub(super) fn note(name: &str) -> Option<String> {
         .then(|| format!("{name} is taken for {plain}, with full integration"))
 }
 
-/// Where the nodes of an element of a kind stand in the file, if not as they do here: the middle of the element before those
-/// of its faces, in the order of [`face`].
+/// Where the nodes of an element of a kind stand in the file, if not as they do here: the middle of a hexahedron before those
+/// of its faces, in the order of [`face`], and the middle of a line between its ends.
 pub(super) fn order(cell: Cell) -> Option<&'static [usize]> {
     const HEXAHEDRON: [usize; 27] = [
         0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 26, 24, 23, 25, 21,
         22, 20,
     ];
-    (cell == Cell::Element(ElementKind::Hexahedron27)).then_some(&HEXAHEDRON)
+    match cell {
+        Cell::Element(ElementKind::Hexahedron27) => Some(&HEXAHEDRON),
+        Cell::Line3 => Some(&[0, 2, 1]),
+        _ => None,
+    }
 }
 
 /// The corners of face `number`, from 1, as surfaces count them.
