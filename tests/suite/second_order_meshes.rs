@@ -14,6 +14,7 @@ use signorini::mesh::{
 use signorini::model::AnyAnalysis;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fmt::Write as _;
+use std::path::Path;
 
 /// Whose lists of nodes.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -1148,5 +1149,62 @@ fn the_order_of_a_case_is_that_of_its_mesh() {
     ] {
         let error = of_case(&text, &[]).map(drop).unwrap_err();
         assert!(error.contains(told), "{error}");
+    }
+}
+
+/// What Gmsh itself writes of a ring: every kind is what it is called, and has its midsides on the circles.
+#[test]
+fn gmsh_writes_rings_with_curved_sides() {
+    fn is<const D: usize>(name: &str, mesh: &Mesh<D>, kind: ElementKind)
+    where
+        ElementKind: Topology<D>,
+    {
+        let kinds = mesh.kinds();
+        assert!(kinds.len() == 1 && kinds[0].0 == kind, "{name}: {kinds:?}");
+        let deep = if D == 2 { 1.0 } else { 0.5 };
+        let exact = |value: f64, expected: f64| (value / expected - 1.0).abs();
+        let area = |name: &str| -> f64 {
+            let facets = mesh.outer_facets(name).or_panic();
+            facets.iter().map(|facet| mesh.facet_normal(facet).0).sum()
+        };
+        assert!(exact(area("low"), deep) < 1e-9, "{name}: {}", area("low"));
+        // Two sides for a quarter of a circle: parabolas are 4e-4 too short, straight ones 3e-2.
+        let bore = area("bore");
+        assert!(
+            exact(bore, deep * std::f64::consts::FRAC_PI_2) < 5e-4,
+            "{name}: {bore}"
+        );
+        let volume = mesh.measures().iter().sum::<f64>();
+        let ratio = exact(volume, deep * 0.75 * std::f64::consts::PI);
+        assert!(ratio < 1e-3, "{name}: {ratio}");
+        for facet in mesh.outer_facets("bore").or_panic() {
+            let nodes = facet_nodes(facet);
+            assert!(nodes.len() > facet_corners(facet).len());
+            let off = nodes.iter().map(|&node| {
+                let x = mesh.nodes[node as usize];
+                (x[0].hypot(x[1]) - 1.0).abs()
+            });
+            assert!(off.fold(0.0, f64::max) < 1e-6, "{name}");
+        }
+    }
+    for (name, kind) in [
+        ("ring-tri6.msh", ElementKind::Triangle6),
+        ("ring-tri6.inp", ElementKind::Triangle6),
+        ("ring-quad8.msh", ElementKind::Quad8),
+        ("ring-quad9.msh", ElementKind::Quad9),
+        ("ring-tet10.msh", ElementKind::Tetrahedron10),
+        ("ring-tet10.inp", ElementKind::Tetrahedron10),
+        ("ring-hex20.msh", ElementKind::Hexahedron20),
+        ("ring-hex27.msh", ElementKind::Hexahedron27),
+        ("ring-wedge15.msh", ElementKind::Wedge15),
+        ("ring-wedge18.msh", ElementKind::Wedge18),
+    ] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("tests/meshes")
+            .join(name);
+        match read(&path, 1.0, None).or_panic() {
+            AnyMesh::Plane(mesh) => is(name, &mesh, kind),
+            AnyMesh::Space(mesh) => is(name, &mesh, kind),
+        }
     }
 }

@@ -504,4 +504,29 @@ mod tests {
         assert!(sides.iter().all(|side| (area(side) - 1.0).abs() < 1e-12));
         assert_eq!(sides[0].caption, "seen from outside along the normal z");
     }
+
+    /// Curved facets are there in parts at their nodes, with the edges of elements in halves.
+    #[test]
+    fn surfaces_of_second_order_have_all_their_nodes() {
+        let cells = |shape| block([0.0; 3], [1.0; 3], [3, 2, 2], shape, "body", "");
+        for (shape, of_facet, facets, edges) in [
+            (SolidShape::Hexahedron, 8, 6, 17),
+            (SolidShape::Tetrahedron, 4, 12, 23),
+        ] {
+            let mesh = cells(shape)
+                .raised()
+                .unwrap_or_else(|error| panic!("{error}"));
+            let parts = developed_parts(&mesh, &mesh.boundaries["top"], &|_| 1.0);
+            let [top] = &parts[..] else {
+                panic!("{} parts", parts.len());
+            };
+            assert_eq!(top.triangles.len(), of_facet * facets);
+            assert!((area(top) - 1.0).abs() < 1e-12);
+            let seen: BTreeSet<u32> = top.triangles.iter().flat_map(|part| part.1).collect();
+            assert_eq!(seen.len(), 7 * 5);
+            assert_eq!(top.edges.len(), 2 * edges);
+            assert!(top.edges.iter().all(|edge| edge.2 == 0.5));
+            assert_eq!(top.edges.iter().filter(|edge| edge.1).count(), 2 * 10);
+        }
+    }
 }
