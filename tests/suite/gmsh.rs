@@ -68,6 +68,14 @@ pub fn near(a: f64, b: f64) {
     assert!((a - b).abs() <= 1e-12 * a.abs().max(b.abs()), "{a} {b}");
 }
 
+/// That the regions of a mesh have these areas; those of elements are sums over points.
+#[track_caller]
+pub fn measures_are(mesh: &Mesh, expected: &[f64]) {
+    let measures = mesh.measures();
+    assert_eq!(measures.len(), expected.len(), "{measures:?}");
+    (measures.iter().zip(expected)).for_each(|(&found, &expected)| near(found, expected));
+}
+
 pub const HELD: &str =
     "[mesh]\nfile = \"test.msh\"\n[[support]]\nboundary = \"left\"\nx = 0\ny = 0\n";
 

@@ -186,6 +186,11 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
             "a.inp, line 7: an element of this type has 10 nodes, here are 4",
         ),
         (
+            flat.replace("C3D4", "C3D10")
+                .replace("2, 3, 4\n", "2, 3, 4, 0, 0, 0, 0, 0, 0\n"),
+            "a.inp, line 7: an element of second order without some of its midsides",
+        ),
+        (
             flat.replace("C3D4", "C3D15V"),
             "a.inp, line 6: elements of type C3D15V are not supported: use CPE3",
         ),

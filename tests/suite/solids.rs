@@ -158,28 +158,31 @@ fn file(names: &str, elements: &[&str]) -> String {
 
 #[test]
 fn kinds_groups_and_what_is_refused() {
-    let volume_of = |elements: &[&str]| match read_text(&file("", elements)) {
-        Ok(AnyMesh::Space(mesh)) => (mesh.elements.len(), mesh.measures(), mesh.regions),
-        other => panic!("{other:?}"),
-    };
-    let unnamed = || vec!["unnamed".to_owned()];
+    let read_as =
+        |elements: &[&str], volume: f64, region: &str| match read_text(&file("", elements)) {
+            Ok(AnyMesh::Space(mesh)) => {
+                assert_eq!(
+                    (mesh.elements.len(), &mesh.regions[..]),
+                    (1, &[region.to_owned()][..])
+                );
+                near(mesh.measures()[0], volume);
+            }
+            other => panic!("{other:?}"),
+        };
     // Each kind, also from the other side, and one twice in two groups.
     for cube in ["5 2 0 1 1 2 3 4 5 6 7 8", "5 2 0 1 5 6 7 8 1 2 3 4"] {
-        assert_eq!(volume_of(&[cube]), (1, vec![1.0], unnamed()));
+        read_as(&[cube], 1.0, "unnamed");
     }
     for wedge in ["6 2 0 1 1 2 3 5 6 7", "6 2 0 1 5 6 7 1 2 3"] {
-        assert_eq!(volume_of(&[wedge]), (1, vec![0.5], unnamed()));
+        read_as(&[wedge], 0.5, "unnamed");
     }
     for tetrahedron in ["4 2 0 1 1 2 3 5", "4 2 0 1 2 1 3 5"] {
-        let (n, volumes, regions) = volume_of(&[tetrahedron, "15 2 0 1 1", "1 2 0 1 1 2"]);
-        assert_eq!((n, regions), (1, unnamed()));
-        near(volumes[0], 1.0 / 6.0);
+        let others = ["15 2 0 1 1", "1 2 0 1 1 2"];
+        read_as(&[tetrahedron, others[0], others[1]], 1.0 / 6.0, "unnamed");
     }
-    let (n, volumes, regions) = volume_of(&["7 2 0 1 1 2 3 4 5"]);
-    assert_eq!((n, regions), (1, unnamed()));
-    near(volumes[0], 1.0 / 3.0);
+    read_as(&["7 2 0 1 1 2 3 4 5"], 1.0 / 3.0, "unnamed");
     let twice = ["5 2 7 1 1 2 3 4 5 6 7 8", "5 2 9 1 1 2 3 4 5 6 7 8"];
-    assert_eq!(volume_of(&twice), (1, vec![1.0], vec!["7 & 9".to_owned()]));
+    read_as(&twice, 1.0, "7 & 9");
 
     let message = |names: &str, elements: &[&str]| match read_text(&file(names, elements)) {
         Ok(_) => panic!("it was read"),

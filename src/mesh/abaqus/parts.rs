@@ -362,6 +362,16 @@ impl<'a> Reader<'a> {
             ));
         }
         let element = label(line, all[0])?;
+        let middles = &all[1 + cell.n_corners()..wanted];
+        if middles
+            .iter()
+            .any(|entry| *entry == "0" || entry.is_empty())
+        {
+            return Err(Failure::line(
+                line,
+                "an element of second order without some of its midsides: write all of its nodes",
+            ));
+        }
         let listed = (all[1..wanted].iter()).map(|entry| label(line, entry));
         let listed = listed.collect::<Result<Vec<_>>>()?;
         let part = self.current();
