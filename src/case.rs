@@ -13,6 +13,8 @@ mod solver;
 mod tables;
 mod text;
 
+#[cfg(feature = "mpi")]
+pub use build::CaseDraft;
 pub use build::{BuildError, CaseProblem};
 pub use quantity::NumberOrExpression;
 pub use solver::SolverTable;
@@ -268,6 +270,12 @@ impl Case {
             self.text.parse().expect("it was read from this text");
         let kept = |name| Some((name, document.get(name)?.clone()));
         names.into_iter().filter_map(kept).collect()
+    }
+
+    /// The text that it was read from, with the entries that settings have replaced: what [`Case::parse`] makes the same case of.
+    #[cfg(feature = "mpi")]
+    pub fn text(&self) -> &str {
+        &self.text
     }
 
     /// What its units are called.

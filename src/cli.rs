@@ -9,6 +9,7 @@ mod check;
 mod completions;
 mod convert;
 mod export;
+mod launcher;
 mod man;
 mod solve;
 mod table1;
@@ -17,7 +18,7 @@ use clap::{Parser, Subcommand, ValueEnum, ValueHint};
 use signorini::backend;
 use signorini::engine;
 use signorini::stiffness::pcg;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Exit code for an error: bad input, no such adapter, out of memory.
@@ -288,8 +289,8 @@ enum GeometryArgument {
 pub fn run() -> ExitCode {
     hear_file_limits();
     let outcome = match Cli::parse().command {
-        Command::Solve(arguments) => solve::run(&arguments),
-        Command::Check { case, settings } => check::run(&case, &settings),
+        Command::Solve(arguments) => on_ranks(&arguments),
+        Command::Check { case, settings } => check_on_ranks(&case, &settings),
         Command::Convert {
             input,
             output,
@@ -311,6 +312,82 @@ pub fn run() -> ExitCode {
             eprintln!("error: {message}");
             ExitCode::from(ERROR)
         }
+    }
+}
+
+/// Solves in this process, or on all ranks where a launcher has started several.
+#[cfg(feature = "mpi")]
+fn on_ranks(arguments: &SolveArguments) -> Result<u8, String> {
+    let Some(place) = launcher::place() else {
+        return solve::run(arguments);
+    };
+    let world = signorini::mpi::World::start()?;
+    let group = world.group();
+    if group.size() > 1 {
+        let made = solve::distributed::run(arguments, group);
+        return Ok(said_first(group, made));
+    }
+    if place.size > 1 {
+        let text = format!(
+            "{} programs were started that do not know of each other, each alone: the launcher and the MPI of this program do \
+             not fit together; with Slurm try srun --mpi=pmix, or mpirun",
+            place.size
+        );
+        return if place.rank == 0 {
+            Err(text)
+        } else {
+            Ok(ERROR)
+        };
+    }
+    solve::run(arguments)
+}
+
+/// The exit code of a rank. Launchers end all ranks as soon as one ends with an error: who has one to tell does so first.
+#[cfg(feature = "mpi")]
+fn said_first(group: &signorini::mpi::Group, made: Result<u8, String>) -> u8 {
+    let code = made.unwrap_or_else(|message| {
+        eprintln!("error: {message}");
+        ERROR
+    });
+    group.wait();
+    code
+}
+
+/// Checks in this process; where a launcher has started several, rank 0 does, and tells how they would share the work.
+#[cfg(feature = "mpi")]
+fn check_on_ranks(case: &Path, settings: &[String]) -> Result<u8, String> {
+    if launcher::place().is_none() {
+        return check::run(case, settings);
+    }
+    let world = signorini::mpi::World::start()?;
+    let group = world.group();
+    let made = match group.rank() {
+        0 => check::run(case, settings)
+            .and_then(|code| Ok((code, check::ranks(case, settings, group.size())?)))
+            .map(|(code, ())| code),
+        _ => Ok(0),
+    };
+    let code = group.broadcast(Some(*made.as_ref().unwrap_or(&ERROR)));
+    said_first(group, made.and(Ok(code)));
+    Ok(code)
+}
+
+#[cfg(not(feature = "mpi"))]
+fn check_on_ranks(case: &Path, settings: &[String]) -> Result<u8, String> {
+    check::run(case, settings)
+}
+
+/// Solves in this process: it cannot do so on several ranks.
+#[cfg(not(feature = "mpi"))]
+fn on_ranks(arguments: &SolveArguments) -> Result<u8, String> {
+    match launcher::place() {
+        Some(launcher::Place { rank: 0, size: 2.. }) => Err(
+            "this program was built without support for several ranks: start it without mpirun or srun, or build it with its \
+             feature `mpi` (docs/mpi.md): cargo build --release --features mpi"
+                .to_owned(),
+        ),
+        Some(launcher::Place { size: 2.., .. }) => Ok(ERROR),
+        _ => solve::run(arguments),
     }
 }
 

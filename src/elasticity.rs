@@ -13,6 +13,8 @@ mod tests;
 mod unknowns;
 mod vertices;
 
+#[cfg(feature = "mpi")]
+pub(crate) use assembly::assemble_rows;
 pub use assembly::{assemble, internal_forces, load_vector};
 pub use stress::{Stress, stresses};
 pub use unknowns::Unknowns;
@@ -21,7 +23,7 @@ pub use vertices::vertices;
 use crate::mesh::{ElementKind, Mesh, Topology};
 
 /// An isotropic linear material.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Material {
     /// Young's modulus E in Pa.
     pub young: f64,
@@ -35,7 +37,7 @@ pub struct Material {
 
 /// Whether the dilatation of elements is projected, so that they do not lock near ν = 0.5: not that of 3-node triangles, 6-node
 /// triangles and 4-node tetrahedra, and not in plane stress, where nothing locks.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Incompressible {
     /// From ν = 0.45 on.
     #[default]

@@ -162,10 +162,13 @@ pub mod matrix_market;
 mod memory;
 pub mod mesh;
 pub mod model;
+#[cfg(feature = "mpi")]
+pub mod mpi;
 #[cfg(feature = "files")]
 pub mod output;
 pub mod problem;
 pub mod quasistatic;
+mod ranks;
 #[doc(hidden)]
 pub mod reference;
 mod rigid;

@@ -41,6 +41,8 @@ mod entities;
 mod error;
 mod loads;
 mod quantity;
+#[cfg(feature = "mpi")]
+pub(crate) mod share;
 mod supports;
 #[cfg(test)]
 mod tests;
@@ -48,6 +50,8 @@ mod units;
 
 pub use analysis::{Analysis, AnyAnalysis};
 pub use axis::Axis;
+#[cfg(feature = "mpi")]
+pub use build::Draft;
 pub use build::{AnyBuilt, Built};
 pub use contacts::PairData;
 pub use elastic::Elastic;

@@ -4,15 +4,15 @@
 #[cfg(feature = "case")]
 mod export;
 mod fields;
-mod files;
+pub(crate) mod files;
 mod hints;
 #[cfg(feature = "plots")]
 pub mod plots;
-mod reactions;
+pub(crate) mod reactions;
 mod report;
 mod resources;
 mod results;
-mod vtu;
+pub(crate) mod vtu;
 
 #[cfg(feature = "case")]
 pub use export::{ExportError, export};

@@ -10,6 +10,8 @@ mod floating;
 mod kkt;
 mod load;
 mod matrices;
+#[cfg(feature = "mpi")]
+mod share;
 mod system;
 #[cfg(test)]
 mod tests;
@@ -18,11 +20,15 @@ mod vertices;
 pub use any::{AnyProblem, dimension};
 pub use check::ProblemError;
 pub(crate) use check::{LARGEST, SIZES, is_sized};
+#[cfg(feature = "mpi")]
+pub(crate) use floating::Motions;
 pub use floating::{FloatingBodies, FloatingBody};
 pub use kkt::Kkt;
 pub(crate) use kkt::slip_violation;
 pub use load::LoadCase;
 pub use matrices::{Index, Matrices, SparseRef};
+#[cfg(feature = "mpi")]
+pub(crate) use share::Share;
 pub use system::System;
 pub use vertices::Vertices;
 

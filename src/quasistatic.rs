@@ -45,7 +45,7 @@ impl Load {
     pub fn of<const D: usize, K>(problem: &ContactProblem<D, K>) -> Self {
         Self {
             force: problem.load().to_vec(),
-            acting: norm(problem.load()),
+            acting: problem.ranks().norm(problem.load()),
             gap: problem.gap().to_vec(),
             slide: problem.slip_origin().iter().map(|s| -s).collect(),
         }
@@ -83,8 +83,7 @@ impl State {
 
     /// Where slip is counted from in a step to this load: T ū, less what prescribed displacements slide meanwhile.
     pub(crate) fn slip_origin<const D: usize>(&self, system: &System<D>, load: &Load) -> Vec<f64> {
-        let mut origin = vec![0.0; system.tangential().n_rows()];
-        system.tangential().mul(&self.u, &mut origin);
+        let mut origin = system.times(system.tangential(), &self.u);
         for (i, origin) in origin.iter_mut().enumerate() {
             *origin -= load.slide[i] - self.slide[i];
         }
@@ -323,7 +322,7 @@ where
         let origin = start.slip_origin(&whole, load);
         let case = LoadCase {
             acting: load.acting,
-            travelled: norm_max(&start.u),
+            travelled: whole.ranks().norm_max(&start.u),
             before: start.lambda.clone(),
             friction: Arc::clone(&whole.load_case().friction),
             ..LoadCase::new(
@@ -557,8 +556,7 @@ where
     /// The end of the step with a solution, and the bounds that were frozen for it.
     fn end(self, solution: Solution<D>, frozen: Option<Vec<f64>>) -> StepSolution<D> {
         let origin = self.lawful.slip_origin();
-        let mut slip = vec![0.0; origin.len()];
-        self.lawful.tangential().mul(&solution.u, &mut slip);
+        let mut slip = self.lawful.times(self.lawful.tangential(), &solution.u);
         (slip.iter_mut().zip(origin)).for_each(|(s, o)| *s -= o);
         let proven = (self.made.last()).is_some_and(|last| !last.on_springs && !last.frozen);
         let not_held = pushed(&self.lawful, &solution, proven);

@@ -1,12 +1,13 @@
 //! Load steps solved one after another: a model, or a contact problem, in one call, or watched step by step.
 
 use crate::contact::Space;
+use crate::dual::DualOperator;
 use crate::engine::{self, Engine, EngineError};
 use crate::mesh::ElementKind;
 use crate::model::{Analysis, AnyBuilt, Built, ModelError, StepData};
 use crate::problem::{AnyProblem, ContactProblem, Kkt};
 use crate::quasistatic::{self, Load, Round, State, StepError, StepSolution};
-use crate::ssnm::{SettingsError, Status};
+use crate::ssnm::{RecycledSubspace, SettingsError, Status};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -93,57 +94,24 @@ where
         &self,
         engine: &mut Engine,
         settings: &quasistatic::StepSettings,
-        mut observer: impl FnMut(Event<D>) -> ControlFlow<()>,
+        observer: impl FnMut(Event<D>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
-        let begin = Instant::now();
         if !engine.fits(self.problem) {
             return Err(Error::OtherMatrices);
         }
-        settings.check()?;
-        let limit = settings.ssnm.time_limit;
-        let mut settings = settings.clone();
-        let mut state = State::at_rest(self.problem);
-        for number in 1..=self.n_steps() {
-            let data = self.step(number - 1)?;
-            let factor = data.as_ref().map_or(1.0, |data| data.factor);
-            if observer(Event::Begins { number, factor }).is_break() {
-                break;
-            }
-            let of_problem;
-            let load = match &data {
-                Some(data) => &data.load,
-                None => {
-                    of_problem = Load::of(self.problem);
-                    &of_problem
-                }
-            };
-            settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(begin.elapsed()));
-            // What earlier solves on this engine have found out, and this one adds to.
-            let mut recycled = std::mem::take(&mut engine.recycled);
-            let within = |event: quasistatic::Event| observer(Event::Within(event));
-            let made = quasistatic::solve_step(
-                self.problem,
-                load,
-                &state,
-                engine,
-                &settings,
-                &mut recycled,
-                within,
-            );
-            engine.recycled = recycled;
-            let solution = made.map_err(Box::new)?;
-            let goes_on = solution.status == Status::Converged;
-            state = solution.state(load);
-            let solved = Solved {
-                number,
-                data: data.as_ref(),
-                solution,
-            };
-            if observer(Event::Ends(Box::new(solved))).is_break() || !goes_on {
-                break;
-            }
-        }
-        Ok(())
+        // What earlier solves on this engine have found out, and this one adds to.
+        let mut recycled = std::mem::take(&mut engine.recycled);
+        let steps = (1..=self.n_steps()).map(|number| self.step(number - 1));
+        let made = make_steps(
+            self.problem,
+            steps,
+            engine,
+            settings,
+            &mut recycled,
+            observer,
+        );
+        engine.recycled = recycled;
+        made
     }
 
     /// The same with an engine of its own, unwatched.
@@ -164,6 +132,53 @@ where
             Err(error) => Err(Failed { error, finished }),
         }
     }
+}
+
+/// Makes load steps one after another, as [`Analysis::solve_on`] says, with whatever applies K⁻¹.
+pub(crate) fn make_steps<const D: usize, K>(
+    problem: &ContactProblem<D, K>,
+    steps: impl Iterator<Item = Result<Option<StepData<D>>, ModelError>>,
+    dual: &mut (impl DualOperator + ?Sized),
+    settings: &quasistatic::StepSettings,
+    recycled: &mut RecycledSubspace,
+    mut observer: impl FnMut(Event<D>) -> ControlFlow<()>,
+) -> Result<(), Error> {
+    let begin = Instant::now();
+    settings.check()?;
+    let limit = settings.ssnm.time_limit;
+    let mut settings = settings.clone();
+    let mut state = State::at_rest(problem);
+    for (number, data) in (1..).zip(steps) {
+        let data = data?;
+        let factor = data.as_ref().map_or(1.0, |data| data.factor);
+        if observer(Event::Begins { number, factor }).is_break() {
+            break;
+        }
+        let of_problem;
+        let load = match &data {
+            Some(data) => &data.load,
+            None => {
+                of_problem = Load::of(problem);
+                &of_problem
+            }
+        };
+        settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(begin.elapsed()));
+        let within = |event: quasistatic::Event| observer(Event::Within(event));
+        let made =
+            quasistatic::solve_step(problem, load, &state, dual, &settings, recycled, within);
+        let solution = made.map_err(Box::new)?;
+        let goes_on = solution.status == Status::Converged;
+        state = solution.state(load);
+        let solved = Solved {
+            number,
+            data: data.as_ref(),
+            solution,
+        };
+        if observer(Event::Ends(Box::new(solved))).is_break() || !goes_on {
+            break;
+        }
+    }
+    Ok(())
 }
 
 impl<const D: usize> Built<D>

@@ -52,7 +52,8 @@ pub struct State {
 }
 
 impl State {
-    fn started(rr: f64, run: Run) -> Self {
+    /// Of a run that begins with this ‖r‖².
+    pub(crate) fn started(rr: f64, run: Run) -> Self {
         let goal = (run.residual_part * run.residual_part * rr).max(run.residual * run.residual);
         Self {
             rr,
@@ -67,7 +68,7 @@ impl State {
     }
 
     /// α of the step that begins, None where the direction has no positive curvature: that ends the run.
-    fn step(&mut self) -> Option<f64> {
+    pub(crate) fn step(&mut self) -> Option<f64> {
         self.broken = !(self.curvature > 0.0);
         if self.broken {
             self.done = true;
@@ -100,6 +101,38 @@ impl State {
     fn is_over(&self) -> bool {
         !(self.rr > self.goal)
             || !(self.remaining() > self.remaining_goal + self.remaining_part * self.energy)
+    }
+
+    /// Takes pᵀKp of the direction p.
+    pub(crate) fn curves(&mut self, curvature: f64) {
+        self.curvature = curvature;
+    }
+
+    /// Takes ‖r‖² after a step, and tells whether the run is over.
+    pub(crate) fn stepped(&mut self, rr: f64) {
+        self.rr = rr;
+        self.done = self.is_over();
+    }
+
+    /// Takes rᵀz; the part of the direction before that the next one has, None in the first iteration.
+    pub(crate) fn turned(&mut self, rz: f64) -> Option<f64> {
+        let before = std::mem::replace(&mut self.rz, rz);
+        (before != 0.0).then(|| rz / before)
+    }
+
+    /// How far the run has come.
+    pub(crate) fn progress(&self) -> Progress {
+        Progress {
+            iterations: self.iterations,
+            rr: self.rr,
+            goal: self.goal,
+            rr_start: self.rr_start,
+            energy: self.energy,
+            recent: self.full_block + self.open_block,
+            recent_terms: self.in_full + self.in_open,
+            done: self.done,
+            broken: self.broken,
+        }
     }
 }
 
@@ -212,7 +245,7 @@ impl<S: Real> Backend for Cpu<S> {
 
     fn multiply(&mut self, k: &Self::Matrix, p: &Vec<f64>, q: &mut Vec<f64>, state: &mut State) {
         if !state.done {
-            state.curvature = k.multiply(p, q);
+            state.curves(k.multiply(p, q));
         }
     }
 
@@ -244,8 +277,7 @@ impl<S: Real> Backend for Cpu<S> {
                 dot(r, r)
             })
             .collect();
-        state.rr = partials.iter().sum();
-        state.done = state.is_over();
+        state.stepped(partials.iter().sum());
     }
 
     fn direction(&mut self, r: &Vec<f64>, z: &Vec<S>, p: &mut Vec<f64>, state: &mut State) {
@@ -256,16 +288,13 @@ impl<S: Real> Backend for Cpu<S> {
             .zip(z.par_chunks(TASK))
             .map(|(r, z)| r.iter().zip(z).map(|(r, z)| r * z.to_f64()).sum())
             .collect();
-        let rz: f64 = partials.iter().sum();
-        let first = state.rz == 0.0;
-        let beta = if first { 0.0 } else { rz / state.rz };
-        state.rz = rz;
+        let beta = state.turned(partials.iter().sum());
         (p.par_chunks_mut(TASK))
             .zip(z.par_chunks(TASK))
             .for_each(|(p, z)| {
                 for (p, z) in p.iter_mut().zip(z) {
                     // What p holds before the first iteration may not even be a number.
-                    *p = z.to_f64() + if first { 0.0 } else { beta * *p };
+                    *p = z.to_f64() + beta.map_or(0.0, |beta| beta * *p);
                 }
             });
     }
@@ -278,17 +307,7 @@ impl<S: Real> Backend for Cpu<S> {
         if let Some((vector, out)) = result {
             out.copy_from_slice(&vector[..out.len()]);
         }
-        Ok(Progress {
-            iterations: state.iterations,
-            rr: state.rr,
-            goal: state.goal,
-            rr_start: state.rr_start,
-            energy: state.energy,
-            recent: state.full_block + state.open_block,
-            recent_terms: state.in_full + state.in_open,
-            done: state.done,
-            broken: state.broken,
-        })
+        Ok(state.progress())
     }
 
     fn level_vector(&mut self, len: usize) -> Result<Vec<S>, BackendError> {

@@ -4,6 +4,8 @@ use super::{AlgebraicTable, Case, CaseError};
 use crate::contact::Space;
 use crate::matrix_market::{self, Matrix, MatrixMarketError};
 use crate::mesh::{AnyMesh, ElementKind, FileError, Mesh, Topology};
+#[cfg(feature = "mpi")]
+use crate::model::Draft;
 use crate::model::{
     Analysis, AnyAnalysis, AnyBuilt, Built, EntityKind, Fault, Model, ModelError,
     without_boundaries,
@@ -48,6 +50,18 @@ pub enum CaseProblem {
     Elastic(Box<AnyBuilt>),
     /// That of the matrices of an algebraic case.
     Algebraic(AnyProblem),
+}
+
+/// What a case is about before K is made, in whichever dimension.
+#[cfg(feature = "mpi")]
+#[derive(Debug)]
+pub enum CaseDraft {
+    /// An elastic case of the plane.
+    Plane(Draft),
+    /// An elastic case of space.
+    Space(Draft<3>),
+    /// The matrices of an algebraic case.
+    Algebraic(Box<AnyProblem>),
 }
 
 impl CaseProblem {
@@ -97,6 +111,32 @@ impl Case {
             AnyMesh::Plane(mesh) => AnyBuilt::Plane(self.build_on(mesh)?),
             AnyMesh::Space(mesh) => AnyBuilt::Space(self.build_on(mesh)?),
         })))
+    }
+
+    /// Reads the mesh or the matrices, and makes all of the contact problem but K: what several ranks begin with.
+    ///
+    /// # Errors
+    /// As [`Case::build`].
+    #[cfg(feature = "mpi")]
+    pub fn draft(&self) -> Result<CaseDraft, BuildError> {
+        if let Some(table) = &self.tables.algebraic {
+            let problem = self.build_algebraic(table.get_ref())?;
+            return Ok(CaseDraft::Algebraic(Box::new(problem)));
+        }
+        Ok(match self.mesh()? {
+            AnyMesh::Plane(mesh) => CaseDraft::Plane(self.draft_on(mesh)?),
+            AnyMesh::Space(mesh) => CaseDraft::Space(self.draft_on(mesh)?),
+        })
+    }
+
+    #[cfg(feature = "mpi")]
+    fn draft_on<const D: usize>(&self, mesh: Mesh<D>) -> Result<Draft<D>, BuildError>
+    where
+        ElementKind: Space<D>,
+    {
+        let definition = self.definition()?;
+        let drafted = Model { mesh, definition }.into_draft();
+        drafted.map_err(|error| self.at_line(error))
     }
 
     /// The model on its mesh.

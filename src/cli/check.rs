@@ -2,11 +2,15 @@
 
 use super::advice::message_of;
 use signorini::case::Case;
+#[cfg(feature = "mpi")]
+use signorini::case::CaseDraft;
 use signorini::contact::Space;
 use signorini::elasticity::Plane;
 use signorini::engine::factor_bytes;
 use signorini::mesh::{ElementKind, FaultKind, Mesh, Topology};
 use signorini::model::{Analysis, AnyAnalysis, Elastic, PairData};
+#[cfg(feature = "mpi")]
+use signorini::mpi::foreseen;
 use signorini::problem::ContactProblem;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -21,6 +25,23 @@ pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
     };
     super::print(&(lines.join("\n") + "\n"))?;
     Ok(0)
+}
+
+/// How so many ranks would share an elastic case, and the memory of each.
+#[cfg(feature = "mpi")]
+pub fn ranks(path: &Path, settings: &[String], count: usize) -> Result<(), String> {
+    let case = Case::read(path, settings).map_err(|e| message_of(&e))?;
+    let shares = match case.draft().map_err(|e| message_of(&e))? {
+        CaseDraft::Plane(draft) => foreseen(&draft, count),
+        CaseDraft::Space(draft) => foreseen(&draft, count),
+        CaseDraft::Algebraic(_) => return Ok(()),
+    };
+    let lines = (shares.map_err(|e| message_of(&e))?.into_iter().enumerate()).map(
+        |(rank, (unknowns, mebibytes))| {
+            format!("rank {rank:<8} {unknowns} unknowns, about {mebibytes:.0} MiB\n")
+        },
+    );
+    super::print(&lines.collect::<String>())
 }
 
 /// What was understood of a case.

@@ -1,5 +1,7 @@
 //! `signorini solve`.
 
+#[cfg(feature = "mpi")]
+pub mod distributed;
 mod log;
 mod summary;
 
@@ -16,7 +18,7 @@ use signorini::quasistatic;
 use signorini::solve::{self, Event};
 use signorini::ssnm::Status;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
@@ -39,15 +41,31 @@ fn leave_reading() {
     }
 }
 
-pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
-    let start = Instant::now();
-    // The second Ctrl-C ends the program at once.
+/// Makes Ctrl-C, and SIGTERM, a matter of [`INTERRUPTED`]. The second one ends the program at once.
+fn hear_interrupts() {
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
         std::thread::spawn(leave_reading);
     });
+}
+
+/// Where the results go.
+fn output_directory(arguments: &SolveArguments) -> PathBuf {
+    match &arguments.output {
+        Some(directory) => directory.clone(),
+        None => {
+            let mut name = arguments.case.file_stem().unwrap_or_default().to_owned();
+            name.push("-out");
+            arguments.case.with_file_name(name)
+        }
+    }
+}
+
+pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
+    let start = Instant::now();
+    hear_interrupts();
     #[cfg(not(feature = "plots"))]
     if arguments.plots {
         return Err(
@@ -56,14 +74,7 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
                 .to_owned(),
         );
     }
-    let output = match &arguments.output {
-        Some(directory) => directory.clone(),
-        None => {
-            let mut name = arguments.case.file_stem().unwrap_or_default().to_owned();
-            name.push("-out");
-            arguments.case.with_file_name(name)
-        }
-    };
+    let output = output_directory(arguments);
     let case = match Case::read(&arguments.case, &arguments.settings) {
         Ok(case) => case,
         Err(error) => {

@@ -353,6 +353,28 @@ impl<const D: usize> Independent<D> {
 }
 
 impl<const D: usize> ContactRows<D> {
+    /// Rows that are known, of places that are: what supports prescribe of their motion is told elsewhere.
+    #[cfg(feature = "mpi")]
+    pub(crate) fn of_places(
+        places: Vec<ContactPlace<D>>,
+        rows: [Csr; 2],
+        slip_bound: Vec<f64>,
+        coefficient: Vec<f64>,
+    ) -> Self {
+        let [normal, tangential] = rows;
+        Self {
+            candidate: (0..places.len()).collect(),
+            places,
+            normal,
+            tangential,
+            slip_bound,
+            coefficient,
+            held: Default::default(),
+            fixed: Vec::new(),
+            along_one: Vec::new(),
+        }
+    }
+
     /// What the prescribed displacements of `unknowns` add to N u (m values) and to T u ((D − 1) m).
     pub fn held_motion(&self, unknowns: &Unknowns<D>) -> (Vec<f64>, Vec<f64>) {
         let [normal, tangential] = [0, 1].map(|of: usize| {

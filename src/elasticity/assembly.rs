@@ -254,7 +254,22 @@ pub fn assemble<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
-    let n_blocks = unknowns.n_blocks();
+    (
+        assemble_rows(body, unknowns, unknowns.n_blocks()),
+        load_vector(body, unknowns, forces),
+    )
+}
+
+/// The first block rows of K: those of the first so many blocks, which have all elements around them in the mesh. Columns are
+/// those of all blocks.
+pub(crate) fn assemble_rows<const D: usize>(
+    body: &Body<D>,
+    unknowns: &Unknowns<D>,
+    n_blocks: usize,
+) -> BlockCsr<D>
+where
+    ElementKind: Topology<D>,
+{
     let rows = Rows {
         mesh: body.mesh,
         unknowns,
@@ -294,10 +309,7 @@ where
             }
             rows.fill(chunk, &row_ptr, columns, values);
         });
-    (
-        BlockCsr::from_parts(n_blocks, n_blocks, row_ptr, col_idx, values),
-        load_vector(body, unknowns, forces),
-    )
+    BlockCsr::from_parts(n_blocks, unknowns.n_blocks(), row_ptr, col_idx, values)
 }
 
 /// The load f of the free unknowns, in blocks of D per node: the nodal forces (D per node of the mesh)

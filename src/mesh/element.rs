@@ -6,7 +6,7 @@ use std::hash::Hash;
 
 /// The kinds of elements. Their nodes stand in VTK's order: the corners, then a node in the middle of each edge, then those in
 /// the middle of faces and of the element.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum ElementKind {
     /// Three nodes in the plane, counter-clockwise.
     Triangle,
@@ -358,6 +358,7 @@ pub fn facet_corners<F: AsRef<[u32]>>(facet: &F) -> &[u32] {
 }
 
 /// The straight parts of an edge of the plane: from one node to the next.
+#[cfg(feature = "plots")]
 pub(crate) fn edge_parts(edge: &Facet) -> impl Iterator<Item = [u32; 2]> + use<> {
     let [a, b, middle] = *edge;
     let parts = if middle == b {

@@ -4,7 +4,7 @@ use super::elastic::Elastic;
 use super::error::ModelError;
 use super::loads::StepData;
 use crate::contact::Space;
-use crate::mesh::{ElementKind, Topology};
+use crate::mesh::{ElementKind, Mesh, Topology};
 use crate::problem::{AnyProblem, ContactProblem, FloatingBody};
 
 /// A contact problem to be solved in one or more load steps: that of a [`Built`](super::Built) model, with its bodies, or one from matrices.
@@ -67,20 +67,11 @@ where
     /// Which body one of [`System::floating_bodies`](crate::problem::System::floating_bodies) is: its region and a point of it, as far
     /// as that is known.
     pub fn body_name(&self, body: usize) -> String {
-        let listed = |point: [f64; D]| point.map(|x| format!("{x:.4e}")).join(", ");
         let floating = &self.problem.floating_bodies().bodies()[body];
         let Some(Elastic { mesh, unknowns, .. }) = self.elastic else {
             return format!("the body around ({})", listed(floating.centre()));
         };
-        let node = unknowns.node(floating.nodes()[0] as usize);
-        let region = (mesh.elements.iter())
-            .find(|element| element.nodes().contains(&node))
-            .map_or(0, |element| element.region);
-        format!(
-            "the body with region \"{}\" (at ({}))",
-            mesh.regions[region as usize],
-            listed(mesh.nodes[node as usize])
-        )
+        named_by(mesh, unknowns.node(floating.nodes()[0] as usize))
     }
 
     /// The bodies that only contact holds, and how they could move as a whole, in words.
@@ -108,6 +99,25 @@ where
         let freedom = self.floating_bodies().swap_remove(number);
         Some(format!("{freedom}, and it has no contact to hold it"))
     }
+}
+
+/// What the body is called that a node belongs to.
+pub(super) fn named_by<const D: usize>(mesh: &Mesh<D>, node: u32) -> String
+where
+    ElementKind: Topology<D>,
+{
+    let region = (mesh.elements.iter())
+        .find(|element| element.nodes().contains(&node))
+        .map_or(0, |element| element.region);
+    format!(
+        "the body with region \"{}\" (at ({}))",
+        mesh.regions[region as usize],
+        listed(mesh.nodes[node as usize])
+    )
+}
+
+fn listed<const D: usize>(point: [f64; D]) -> String {
+    point.map(|x| format!("{x:.4e}")).join(", ")
 }
 
 /// An [`Analysis`] of either dimension.

@@ -68,6 +68,13 @@ impl<'a> From<&'a AnyBuilt> for AnyAnalysis<'a> {
     }
 }
 
+/// A model that is checked, with all of its contact problem but K.
+#[cfg(feature = "mpi")]
+#[derive(Debug)]
+pub struct Draft<const D: usize = 2>(pub(crate) Box<Elastic<D>>)
+where
+    ElementKind: Topology<D>;
+
 impl<const D: usize> Model<D>
 where
     ElementKind: Space<D>,
@@ -78,6 +85,38 @@ where
     /// If the model cannot be meant: the error names the part at fault.
     pub fn build(self) -> Result<Built<D>, ModelError> {
         let start = Instant::now();
+        let (mut elastic, forces) = self.draft()?;
+        let problem = problem(
+            &elastic.body(),
+            &elastic.unknowns,
+            &forces,
+            &elastic.contact,
+        )?;
+        let analysis = Analysis {
+            problem: &problem,
+            elastic: Some(&elastic),
+        };
+        if let Some(text) = analysis.loose_body() {
+            return Err(loose(&text));
+        }
+        elastic.assembly_seconds = start.elapsed().as_secs_f64();
+        Ok(Built { problem, elastic })
+    }
+
+    /// Checks the model and makes all of its contact problem but K, for several ranks to share ([`crate::mpi::Share::of_model`]).
+    ///
+    /// # Errors
+    /// As [`Model::build`].
+    #[cfg(feature = "mpi")]
+    pub fn into_draft(self) -> Result<Draft<D>, ModelError> {
+        let start = Instant::now();
+        let (mut elastic, _) = self.draft()?;
+        elastic.assembly_seconds = start.elapsed().as_secs_f64();
+        Ok(Draft(Box::new(elastic)))
+    }
+
+    /// All of it but K: the bodies and their contacts, checked, and the nodal forces of the first step.
+    pub(crate) fn draft(self) -> Result<(Elastic<D>, Vec<[f64; D]>), ModelError> {
         let Self { mesh, definition } = self;
         definition.check()?;
         let materials = definition.materials(&mesh)?;
@@ -107,8 +146,7 @@ where
         definition.count_places(&contact, &pair_of, &mut candidates.pairs)?;
 
         let support_centres = definition.support_centres(&body, &prescriptions);
-        let problem = problem(&body, &unknowns, &forces, &contact)?;
-        let mut elastic = Elastic {
+        let elastic = Elastic {
             plane: definition.plane,
             thickness: definition.thickness,
             unknowns,
@@ -127,17 +165,14 @@ where
             definition,
             prescriptions,
         };
-        let analysis = Analysis {
-            problem: &problem,
-            elastic: Some(&elastic),
-        };
-        if let Some(text) = analysis.loose_body() {
-            return Err(Entity::all(EntityKind::Support)
-                .error(format!("{text}: add a support, symmetry, or hold a point")));
-        }
-        elastic.assembly_seconds = start.elapsed().as_secs_f64();
-        Ok(Built { problem, elastic })
+        Ok((elastic, forces))
     }
+}
+
+/// That a body can move as a whole and has no contact to hold it.
+pub(super) fn loose(text: &str) -> ModelError {
+    Entity::all(EntityKind::Support)
+        .error(format!("{text}: add a support, symmetry, or hold a point"))
 }
 
 /// The contact problem under the nodal forces and prescribed displacements of the first step.

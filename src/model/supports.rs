@@ -58,7 +58,7 @@ struct Prescription<const D: usize> {
 }
 
 /// All that supports prescribe, in their order.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Prescriptions<const D: usize> {
     all: Vec<Prescription<D>>,
     /// Orthonormal directions of the nodes that are not held along axes alone.

@@ -88,17 +88,16 @@ where
     ElementKind: Topology<D>,
 {
     /// At the end of a step.
-    pub fn new(
-        problem: &ContactProblem<D>,
+    pub fn new<K>(
+        problem: &ContactProblem<D, K>,
         elastic: &Elastic<D>,
         data: &StepData<D>,
         solution: &StepSolution<D>,
     ) -> Self {
         let m = problem.m();
         let (normal, tangential) = solution.lambda.split_at(m);
-        let (mut gap, mut slip) = (vec![0.0; m], vec![0.0; tangential.len()]);
-        problem.normal().mul(&solution.u, &mut gap);
-        problem.tangential().mul(&solution.u, &mut slip);
+        let mut gap = problem.times(problem.normal(), &solution.u);
+        let mut slip = problem.times(problem.tangential(), &solution.u);
         for (gap, before) in gap.iter_mut().zip(&data.load.gap) {
             *gap = before - *gap;
         }
@@ -156,7 +155,7 @@ where
     }
 
     /// `contact.csv`, in the order of the contacts, of their places along x, then y, then z.
-    pub(super) fn csv(&self, elastic: &Elastic<D>) -> String {
+    pub(crate) fn csv(&self, elastic: &Elastic<D>) -> String {
         let place = |i: usize| elastic.contact.places[i].place;
         let mut order: Vec<usize> = (0..self.gap.len()).collect();
         order.sort_by(|&a, &b| {

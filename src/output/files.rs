@@ -171,7 +171,6 @@ fn is_result(name: &str) -> bool {
         "steps.svg",
     ];
     // The number of a step has three digits or more; that of a contact begins with none of 0.
-    let number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
     let of_step = |text: &str| text.len() >= 3 && number(text);
     let of_contact = |text: &str| number(text) && !text.starts_with('0');
     let rest = |kind: &str, ending: &str| {
@@ -191,15 +190,30 @@ fn is_result(name: &str) -> bool {
         .strip_prefix('.')
         .and_then(|name| name.strip_suffix(".part"));
     WHOLE.contains(&name)
-        || stepped(rest("solution", ".vtu"))
+        || stepped(rest("solution", ".vtu").map(whole))
+        || stepped(rest("solution", ".pvtu"))
         || stepped(rest("contact", ".csv"))
         || stepped(rest("deformed", ".svg"))
         || rest("contact", ".svg").is_some_and(picture)
         || part.is_some_and(|name| !name.starts_with('.') && is_result(name))
 }
 
+/// Without the rank that has written a piece: `012-p3` or `p3`.
+fn whole(rest: &str) -> &str {
+    match rest.rsplit_once('p') {
+        Some(("", rank)) if number(rank) => "",
+        Some((step, rank)) if number(rank) => step.strip_suffix('-').unwrap_or(rest),
+        _ => rest,
+    }
+}
+
+/// Whether it is one.
+fn number(text: &str) -> bool {
+    !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit())
+}
+
 /// Writes one of the results into their directory, made if need be; returns the file.
-pub(super) fn write(
+pub(crate) fn write(
     directory: &Path,
     name: &str,
     contents: impl AsRef<[u8]>,
@@ -227,7 +241,8 @@ pub(super) fn write_fields<const D: usize>(
 where
     ElementKind: Space<D>,
 {
-    let grid = vtu::text(of.elastic, &of.fields, &of.contact);
+    let elements = of.elastic.mesh.elements.len();
+    let grid = vtu::text(of.elastic, &of.fields, &of.contact, elements);
     let table = of.contact.csv(of.elastic);
     Ok(vec![
         write(directory, &format!("solution{suffix}.vtu"), grid)?,
@@ -236,9 +251,9 @@ where
 }
 
 /// Writes u and λ of a problem from matrices into `directory` (made if need be); returns the files.
-pub(super) fn write_vectors<const D: usize>(
+pub(crate) fn write_vectors<const D: usize, K>(
     directory: &Path,
-    problem: &ContactProblem<D>,
+    problem: &ContactProblem<D, K>,
     solution: &StepSolution<D>,
 ) -> Result<Vec<PathBuf>, OutputError> {
     let (normal, tangential) = solution.lambda.split_at(problem.m());
@@ -252,15 +267,19 @@ pub(super) fn write_vectors<const D: usize>(
     .collect()
 }
 
-/// Writes `solution.pvd`, the index of the steps 1 … n for ParaView, with their load factors as times where
+/// Writes `solution.pvd`, the index of the steps 1 … n for ParaView, whose files have this ending, with their load factors as times where
 /// these increase, their numbers otherwise.
-pub(super) fn write_index(directory: &Path, steps: &[StepReport]) -> Result<PathBuf, OutputError> {
+pub(crate) fn write_index(
+    directory: &Path,
+    steps: &[StepReport],
+    ending: &str,
+) -> Result<PathBuf, OutputError> {
     let factors: Vec<f64> = steps.iter().map(|step| step.factor).collect();
-    write(directory, "solution.pvd", index(&factors))
+    write(directory, "solution.pvd", index(&factors, ending))
 }
 
 /// The text of `solution.pvd` for steps with these load factors.
-fn index(factors: &[f64]) -> String {
+fn index(factors: &[f64], ending: &str) -> String {
     let increase = factors.is_sorted_by(|a, b| a < b);
     let mut text =
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n"
@@ -270,7 +289,7 @@ fn index(factors: &[f64]) -> String {
         put(
             &mut text,
             format_args!(
-                "<DataSet timestep=\"{time}\" part=\"0\" file=\"solution-{number:03}.vtu\"/>"
+                "<DataSet timestep=\"{time}\" part=\"0\" file=\"solution-{number:03}.{ending}\"/>"
             ),
         );
     }
@@ -278,7 +297,7 @@ fn index(factors: &[f64]) -> String {
 }
 
 /// Writes `report.json`.
-pub(super) fn write_report(directory: &Path, report: &Report) -> Result<PathBuf, OutputError> {
+pub(crate) fn write_report(directory: &Path, report: &Report) -> Result<PathBuf, OutputError> {
     let text = serde_json::to_string_pretty(report)
         .map_err(|error| OutputError::at(&directory.join("report.json"))(error.into()))?;
     write(directory, "report.json", text + "\n")
@@ -291,13 +310,13 @@ mod tests {
     #[test]
     fn the_index_has_times_that_increase() {
         let times = |factors: &[f64]| -> Vec<String> {
-            (index(factors).split("timestep=\"").skip(1))
+            (index(factors, "vtu").split("timestep=\"").skip(1))
                 .map(|rest| rest.split('"').next().unwrap_or_default().to_owned())
                 .collect()
         };
         assert_eq!(times(&[0.5, 1.0]), ["0.5", "1"]);
         assert_eq!(times(&[1.0, 0.0, 1.0]), ["1", "2", "3"]);
-        assert!(index(&[1.0, 2.0]).contains("part=\"0\" file=\"solution-002.vtu\"/>\n"));
+        assert!(index(&[1.0, 2.0], "vtu").contains("part=\"0\" file=\"solution-002.vtu\"/>\n"));
     }
 
     #[test]
@@ -317,6 +336,10 @@ mod tests {
             "solution.vtu",
             "solution-012.vtu",
             "solution-1000.vtu",
+            "solution.pvtu",
+            "solution-012.pvtu",
+            "solution-p0.vtu",
+            "solution-012-p13.vtu",
             "contact.csv",
             "contact-003.csv",
             "deformed-001.svg",
@@ -333,6 +356,9 @@ mod tests {
             "solution",
             "solution-.vtu",
             "solution-1.vtu",
+            "solution-p.vtu",
+            "solution-012p3.vtu",
+            "solution-1-p3.vtu",
             "solution-old.vtu",
             "solution001.vtu",
             "my-solution.vtu",

@@ -4,7 +4,7 @@ use super::{ContactReport, NodeStatus, OfBodies};
 use crate::contact::Space;
 use crate::mesh::vector::{length, minus};
 use crate::mesh::{ElementKind, facet_nodes};
-use crate::model::Elastic;
+use crate::model::{Elastic, PairData};
 
 /// So many nodes in contact at least, for a peak on one or two of them to be called unresolved.
 const RESOLVED: usize = 5;
@@ -39,8 +39,27 @@ where
     })
 }
 
-/// Those of the mesh and of materials, then in the order of the contacts. (One text: a paragraph for each hint.)
-pub(super) fn hints<const D: usize>(of: &OfBodies<D>, contacts: &[ContactReport]) -> Vec<String>
+/// How far the sides of each contact between bodies have moved against each other; both moving together do not come closer.
+pub(super) fn apart<const D: usize>(of: &OfBodies<D>) -> Vec<f64>
+where
+    ElementKind: Space<D>,
+{
+    let moved = |pair: &PairData<D>| {
+        let both = (pair.facets.iter().chain(&pair.others))
+            .flat_map(facet_nodes)
+            .map(|&node| of.fields.displacement[node as usize]);
+        let (low, high) = crate::mesh::bounds(both);
+        length(minus(high, low))
+    };
+    of.elastic.pairs.iter().map(moved).collect()
+}
+
+/// Those of the mesh and of materials, then in the order of the contacts, whose sides have moved against each other by `apart`. (One text: a paragraph for each hint.)
+pub(super) fn hints<const D: usize>(
+    of: &OfBodies<D>,
+    contacts: &[ContactReport],
+    apart: &[f64],
+) -> Vec<String>
 where
     ElementKind: Space<D>,
 {
@@ -48,7 +67,6 @@ where
     let mut hints = elastic.mesh.notes.clone();
     hints.extend(locking(elastic));
     let unit = &elastic.units.length;
-    let displacement = &of.fields.displacement;
     let (low, high) = elastic.mesh.bounding_box();
     let size = length(minus(high, low));
     let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));
@@ -107,12 +125,7 @@ where
                 }
             }
             None => {
-                // Both sides moving together do not come closer.
-                let both = (pair.facets.iter().chain(&pair.others))
-                    .flat_map(facet_nodes)
-                    .map(|&node| displacement[node as usize]);
-                let (low, high) = crate::mesh::bounds(both);
-                let apart = length(minus(high, low));
+                let apart = apart[number];
                 if apart > pair.search_distance {
                     hints.push(format!(
                         "{name}: its sides move by up to {apart:.3e} {unit} against each other, more than the search \

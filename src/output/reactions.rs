@@ -191,7 +191,7 @@ where
 }
 
 /// What the supports carry: inner forces less all others at the nodes that they hold.
-pub(super) fn support_reports<const D: usize>(
+pub(crate) fn support_reports<const D: usize>(
     of: &OfBodies<D>,
     solution: &StepSolution<D>,
 ) -> Vec<SupportReport>

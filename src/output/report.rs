@@ -1,7 +1,7 @@
 //! The content of `report.json`.
 
 use super::reactions::{ContactReport, SupportReport, contact_reports, support_reports};
-use super::{StepResults, hints, peak_memory_mib};
+use super::{OfBodies, StepResults, hints, peak_memory_mib};
 use crate::backend::Precision;
 use crate::contact::Space;
 use crate::control::Costs;
@@ -9,9 +9,9 @@ use crate::dual::DualOperator as _;
 use crate::engine::Engine;
 use crate::mesh::vector::{length, minus};
 use crate::mesh::{ElementKind, Topology};
-use crate::model::{Analysis, Units};
-use crate::problem::Kkt;
-use crate::quasistatic::Round;
+use crate::model::{Analysis, Elastic, Units};
+use crate::problem::{ContactProblem, Kkt};
+use crate::quasistatic::{Round, StepSolution};
 use crate::ssnm::{self, SetSizes, SlipSizes, Status};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -180,8 +180,12 @@ pub struct Report {
     pub steps: Vec<StepReport>,
     /// Where the time has gone.
     pub timings: Timings,
-    /// The largest resident size of the process, where the system reports it.
+    /// The largest resident size of the process, where the system reports it; of several processes the largest.
     pub peak_memory_mib: Option<f64>,
+    /// How several ranks have shared the work; nothing where one process has done it.
+    #[cfg(feature = "mpi")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ranks: Option<crate::mpi::RanksReport>,
     /// That of signorini.
     pub version: &'static str,
     /// The outer steps of all solves.
@@ -213,6 +217,18 @@ impl Report {
         ElementKind: Topology<D>,
     {
         let Analysis { problem, elastic } = analysis.into();
+        Self::of(title, problem, elastic)
+    }
+
+    /// The same, whatever K is.
+    pub(crate) fn of<const D: usize, K>(
+        title: &str,
+        problem: &ContactProblem<D, K>,
+        elastic: Option<&Elastic<D>>,
+    ) -> Self
+    where
+        ElementKind: Topology<D>,
+    {
         let kinds = elastic.map_or_else(Vec::new, |elastic| elastic.mesh.kinds());
         Self {
             title: title.to_owned(),
@@ -248,6 +264,8 @@ impl Report {
                 ..Timings::default()
             },
             peak_memory_mib: None,
+            #[cfg(feature = "mpi")]
+            ranks: None,
             version: env!("CARGO_PKG_VERSION"),
             history: Vec::new(),
             friction_history: Vec::new(),
@@ -265,8 +283,48 @@ impl Report {
         ElementKind: Space<D>,
     {
         let (analysis, solution) = (results.analysis, results.solution);
+        let of_bodies = results.of_bodies.as_ref();
+        let (contacts, supports) = match of_bodies {
+            Some(of) => {
+                let contacts = self.contacts(of, solution, &hints::apart(of));
+                (contacts, support_reports(of, solution))
+            }
+            None => Default::default(),
+        };
+        let load = of_bodies.map(|of| (of.data.factor, of.data.total_load.to_vec()));
+        let has_friction = |i| analysis.problem.has_friction(i);
+        let body_name = |body| analysis.body_name(body);
+        self.push(solution, load, contacts, supports, has_friction, body_name);
+    }
+
+    /// What the contacts of a step carry, and what that suggests; their sides have moved against each other by up to `apart`.
+    pub(crate) fn contacts<const D: usize>(
+        &mut self,
+        of: &OfBodies<D>,
+        solution: &StepSolution<D>,
+        apart: &[f64],
+    ) -> Vec<ContactReport>
+    where
+        ElementKind: Space<D>,
+    {
+        let contacts = contact_reports(of, solution, &self.slip);
+        self.hints = hints::hints(of, &contacts, apart);
+        self.slip.clone_from(&of.contact.slip);
+        contacts
+    }
+
+    /// Adds a step of which all is known.
+    pub(crate) fn push<const D: usize>(
+        &mut self,
+        solution: &StepSolution<D>,
+        load: Option<(f64, Vec<f64>)>,
+        contacts: Vec<ContactReport>,
+        supports: Vec<SupportReport>,
+        has_friction: impl Fn(usize) -> bool,
+        body_name: impl Fn(usize) -> String,
+    ) {
         let last = solution.last();
-        let sets = (solution.sets).sizes(|i| analysis.problem.has_friction(i));
+        let sets = solution.sets.sizes(has_friction);
         self.status = Some(solution.status);
         self.err_relative = last.info.err_relative;
         self.rho = last.info.rho;
@@ -274,24 +332,14 @@ impl Report {
         self.sets = sets;
         self.kkt = solution.kkt;
         self.add_rounds(&solution.rounds);
-        let of_bodies = results.of_bodies.as_ref();
-        let (contacts, supports) = match of_bodies {
-            Some(of) => {
-                let contacts = contact_reports(of, solution, &self.slip);
-                self.hints = hints::hints(of, &contacts);
-                self.slip.clone_from(&of.contact.slip);
-                (contacts, support_reports(of, solution))
-            }
-            None => Default::default(),
-        };
         self.steps.push(StepReport {
-            factor: of_bodies.map_or(1.0, |of| of.data.factor),
+            factor: load.as_ref().map_or(1.0, |load| load.0),
             status: solution.status,
             rounds: solution.rounds.len(),
             friction_change: last.friction_change,
             not_held: (solution.not_held.iter())
                 .map(|one| NotHeldReport {
-                    body: analysis.body_name(one.body),
+                    body: body_name(one.body),
                     motion: one.motion.clone(),
                     proven: one.proven,
                 })
@@ -300,7 +348,7 @@ impl Report {
             n_a: solution.n_a(),
             sets,
             kkt: solution.kkt,
-            total_load: of_bodies.map(|of| of.data.total_load.to_vec()),
+            total_load: load.map(|load| load.1),
             contacts,
             supports,
         });

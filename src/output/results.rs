@@ -216,7 +216,7 @@ where
         self.files.extend(written?);
         if several {
             // After every step, so that ParaView can look in.
-            let index = write_index(directory, &report.steps)?;
+            let index = write_index(directory, &report.steps, "vtu")?;
             if solved.number == 1 {
                 self.files.push(index);
             }

@@ -117,16 +117,49 @@ fn grid<'a, const D: usize>(
     file.0
 }
 
-/// The file of a step.
-pub(super) fn text<const D: usize>(
+/// The file of several ranks' pieces, of which this is one: what is given there, and the names of all.
+#[cfg(feature = "mpi")]
+pub(crate) fn whole(piece: &str, names: &[String]) -> String {
+    // What is given in a piece, without the numbers.
+    let section = |name: &str| {
+        let begin = piece.find(&format!("<{name}")).unwrap_or(piece.len());
+        let text = piece[begin..]
+            .split_once(&format!("</{name}>"))
+            .map_or("", |both| both.0);
+        let (head, arrays) = text.split_once('>').unwrap_or((text, ""));
+        let mut made = format!("{}>\n", head.replacen('<', "<P", 1));
+        for array in arrays.split("<DataArray ").skip(1) {
+            let attributes = array.split_once('>').map_or("", |both| both.0);
+            put(&mut made, format_args!("<PDataArray {attributes}/>"));
+        }
+        put(&mut made, format_args!("</P{name}>"));
+        made
+    };
+    let mut text = "<?xml version=\"1.0\"?>\n\
+         <VTKFile type=\"PUnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n\
+         <PUnstructuredGrid GhostLevel=\"0\">\n"
+        .to_owned();
+    for name in ["PointData", "CellData", "Points"] {
+        text += &section(name);
+    }
+    for name in names {
+        put(&mut text, format_args!("<Piece Source=\"{name}\"/>"));
+    }
+    text + "</PUnstructuredGrid>\n</VTKFile>\n"
+}
+
+/// The file of a step, with the first so many elements.
+pub(crate) fn text<const D: usize>(
     elastic: &Elastic<D>,
     fields: &StepFields<D>,
     contact: &ContactFields<D>,
+    elements: usize,
 ) -> String
 where
     ElementKind: Space<D>,
 {
     let mesh = &elastic.mesh;
+    let shown_elements = &mesh.elements[..elements];
     let shown = shown_at_nodes(elastic, contact, None);
     let scattered = |values: &[f64]| {
         let mut field = vec![0.0; mesh.nodes.len()];
@@ -167,10 +200,10 @@ where
         at_nodes.kinds("contact_status", (0..mesh.nodes.len() as u32).map(status));
     };
     let in_cells = |in_elements: &mut Arrays| {
-        in_elements.stresses(&fields.in_elements);
-        in_elements.kinds("region", mesh.elements.iter().map(|e| e.region as i32));
+        in_elements.stresses(&fields.in_elements[..elements]);
+        in_elements.kinds("region", shown_elements.iter().map(|e| e.region as i32));
     };
-    let cells = mesh.elements.iter().map(|element| element.nodes());
+    let cells = shown_elements.iter().map(|element| element.nodes());
     grid(&mesh.nodes, cells, at_points, in_cells)
 }
 

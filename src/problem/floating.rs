@@ -12,8 +12,14 @@
 //! Horák and Kučera 2006).
 
 mod find;
+#[cfg(feature = "mpi")]
+mod share;
+
+#[cfg(feature = "mpi")]
+pub(crate) use share::Motions;
 
 use crate::dense::right_singular;
+use crate::ranks::Ranks;
 use crate::rigid::{self, Frame, length};
 use crate::sparse::{BlockCsr, Csr, dot, norm_max};
 use faer::Mat;
@@ -150,6 +156,8 @@ impl<const D: usize> FloatingBody<D> {
 #[derive(Clone, Debug, Default)]
 pub struct FloatingBodies<const D: usize = 2> {
     bodies: Vec<FloatingBody<D>>,
+    /// Who has the other nodes, where these are not all.
+    ranks: Ranks,
 }
 
 impl<const D: usize> FloatingBodies<D> {
@@ -173,6 +181,7 @@ impl<const D: usize> FloatingBodies<D> {
             .filter_map(|nodes| find::floating_body(k, points, nodes));
         Self {
             bodies: bodies.collect(),
+            ranks: Ranks::default(),
         }
     }
 
@@ -228,9 +237,11 @@ impl<const D: usize> FloatingBodies<D> {
                 .map(|(&i, m)| term(m, &x[D * i as usize..][..D]))
                 .sum()
         };
-        (self.bodies.iter())
+        let mut sums: Vec<f64> = (self.bodies.iter())
             .flat_map(|body| body.modes.iter().map(|mode| of_mode(&body.nodes, mode)))
-            .collect()
+            .collect();
+        self.ranks.sum(&mut sums);
+        sums
     }
 
     /// The body of each column of R.
@@ -268,6 +279,7 @@ impl<const D: usize> FloatingBodies<D> {
         let sizes: Vec<f64> = (self.bodies.iter())
             .flat_map(|body| body.modes.iter().map(largest))
             .collect();
+        // Row, motion, entry, and what it could be.
         let mut entries = Vec::new();
         // The entries of a row, beside what they could be, and the motions that have any.
         let mut sums = vec![[0.0_f64; 2]; self.n_modes()];
@@ -291,11 +303,18 @@ impl<const D: usize> FloatingBodies<D> {
             motions.dedup();
             for motion in motions.drain(..) {
                 let [sum, most] = std::mem::take(&mut sums[motion]);
-                if sum.abs() > ROUNDING_OF_G * most {
-                    entries.push((row, motion, sum));
-                }
+                entries.push([row as f64, motion as f64, sum, most]);
             }
         }
+        let mut entries = self.ranks.joined(entries);
+        // What each rank has of an entry stands in the order of the ranks.
+        entries.sort_by(|[i, j, ..], [k, l, ..]| i.total_cmp(k).then(j.total_cmp(l)));
+        let same = |[i, j, ..]: &[f64; 4], [k, l, ..]: &[f64; 4]| i == k && j == l;
+        let entries = entries.chunk_by(same).filter_map(|parts| {
+            let [row, motion, ..] = parts[0];
+            let [sum, most] = [2, 3].map(|k| parts.iter().map(|part| part[k]).sum::<f64>());
+            (sum.abs() > ROUNDING_OF_G * most).then_some((row as usize, motion as usize, sum))
+        });
         Csr::from_triplets(b.n_rows(), self.n_modes(), entries)
     }
 

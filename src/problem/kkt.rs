@@ -15,7 +15,7 @@ use crate::dense::pseudo_inverse;
 use crate::rigid::{self, Frame};
 use crate::rounding::{DEPENDENT, ROUNDING};
 use crate::sparse::stored::SquareBlocks;
-use crate::sparse::{Csr, dot, norm, norm_max};
+use crate::sparse::{dot, norm, norm_max};
 use faer::Mat;
 
 /// Violations of the optimality conditions, each relative to the size of what it is measured in: see
@@ -97,11 +97,11 @@ impl<const D: usize, K> ContactProblem<D, K> {
         let m = self.m();
         let scales = self.scales(u, lambda);
         let (lambda_n, lambda_t) = lambda.split_at(m);
-        let mut closing = self.along(self.normal(), u);
+        let mut closing = self.times(self.normal(), u);
         for (closing, d) in closing.iter_mut().zip(self.gap()) {
             *closing = beyond(*closing - d, scales.rounding);
         }
-        let mut slip = self.along(self.tangential(), u);
+        let mut slip = self.times(self.tangential(), u);
         for (slip, origin) in slip.iter_mut().zip(self.slip_origin()) {
             *slip = beyond(*slip - origin, scales.rounding);
         }
@@ -135,12 +135,6 @@ impl<const D: usize, K> ContactProblem<D, K> {
         }
     }
 
-    fn along(&self, rows: &Csr, u: &[f64]) -> Vec<f64> {
-        let mut sums = vec![0.0; rows.n_rows()];
-        rows.mul(u, &mut sums);
-        sums
-    }
-
     /// ‖Ku + Bᵀλ − f‖, what is rounding of its terms left out.
     fn imbalance(&self, lambda: &[f64], [sums, sizes]: &[Vec<f64>; 2]) -> f64 {
         let mut forces = self.load().to_vec();
@@ -152,7 +146,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         let residual: Vec<f64> = (0..forces.len())
             .map(|i| beyond(sums[i] - forces[i], ROUNDING * (terms[i] + sizes[i])))
             .collect();
-        norm(&residual)
+        self.ranks().norm(&residual)
     }
 
     /// The larger of ‖f‖, without what prescribed displacements add to it, and ‖Bᵀλ‖.
@@ -160,9 +154,9 @@ impl<const D: usize, K> ContactProblem<D, K> {
         let mut forces = vec![0.0; self.load().len()];
         self.contact_matrix()
             .mul_transpose_add(1.0, lambda, &mut forces);
-        match self.load_case().acting.max(norm(&forces)) {
+        match self.load_case().acting.max(self.ranks().norm(&forces)) {
             // Nothing but prescribed displacements.
-            0.0 => norm(self.load()),
+            0.0 => self.ranks().norm(self.load()),
             force => force,
         }
     }
@@ -174,10 +168,10 @@ impl<const D: usize, K> ContactProblem<D, K> {
             .map(|(c, l)| c * l)
             .collect();
         Scales {
-            length: norm_max(&deformation).max(norm_max(&own)),
-            deformation: norm(&deformation).max(norm(&own)),
+            length: self.ranks().norm_max(&deformation).max(norm_max(&own)),
+            deformation: self.ranks().norm(&deformation).max(norm(&own)),
             force: self.acting_forces(lambda),
-            rounding: ROUNDING * (norm_max(u) + self.load_case().reach()),
+            rounding: ROUNDING * (self.ranks().norm_max(u) + self.load_case().reach()),
         }
     }
 
@@ -213,6 +207,8 @@ impl<const D: usize, K> ContactProblem<D, K> {
                 }
             }
         }
+        self.ranks().sum(gram.as_flattened_mut().as_flattened_mut());
+        self.ranks().sum(right.as_flattened_mut());
         let motion: Vec<[f64; M]> = (gram.iter().zip(&right))
             .map(|(gram, right)| {
                 let inverse = pseudo_inverse(&Mat::from_fn(M, M, |a, b| gram[a][b]), DEPENDENT);
@@ -228,7 +224,12 @@ impl<const D: usize, K> ContactProblem<D, K> {
 
     /// About the mean of the points of each connected part of K, with the distance of the farthest one.
     fn part_frames(&self, points: &[[f64; D]]) -> Vec<Frame<D>> {
-        let count = self.parts.iter().max().map_or(0, |&last| last as usize + 1);
+        let here = self
+            .parts
+            .iter()
+            .max()
+            .map_or(0.0, |&last| f64::from(last) + 1.0);
+        let count = self.ranks().max(here) as usize;
         let mut frames = vec![
             Frame {
                 centre: [0.0; D],
@@ -237,12 +238,15 @@ impl<const D: usize, K> ContactProblem<D, K> {
             count
         ];
         let mut members = vec![0.0; count];
+        let ranks = self.ranks();
         let nodes = || self.parts.iter().map(|&part| part as usize).zip(points);
         for (part, x) in nodes() {
             (frames[part].centre.iter_mut().zip(x)).for_each(|(sum, x)| *sum += x);
             members[part] += 1.0;
         }
+        ranks.sum(&mut members);
         for (frame, members) in frames.iter_mut().zip(members) {
+            ranks.sum(&mut frame.centre);
             frame.centre = frame.centre.map(|sum| sum / members);
         }
         for (part, x) in nodes() {
@@ -252,6 +256,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
             })));
         }
         for frame in &mut frames {
+            frame.size = ranks.max(frame.size);
             if !(frame.size > 0.0) {
                 frame.size = 1.0;
             }

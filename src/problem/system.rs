@@ -1,6 +1,7 @@
 //! What K, N, T, the points and the areas say: made once, and shared by all load cases.
 
 use super::{ContactData, FloatingBodies, Vertices, tangents};
+use crate::ranks::Ranks;
 use crate::sparse::{BlockCsr, Csr};
 use std::sync::Arc;
 
@@ -11,24 +12,26 @@ use std::sync::Arc;
 pub struct System<const D: usize = 2> {
     pub(super) n: usize,
     pub(super) n_free: usize,
-    normal: Csr,
-    tangential: Csr,
+    pub(super) normal: Csr,
+    pub(super) tangential: Csr,
     /// B.
-    contact: Arc<Csr>,
-    coordinates: Option<Vec<[f64; D]>>,
+    pub(super) contact: Arc<Csr>,
+    pub(super) coordinates: Option<Vec<[f64; D]>>,
     /// The corners of elements of second order.
     pub(super) vertices: Option<Arc<Vertices<D>>>,
     /// The areas that turn nodal forces into pressures, length m.
     pub(super) areas: Vec<f64>,
-    floating: FloatingBodies<D>,
+    pub(super) floating: FloatingBodies<D>,
     /// The connected part of K that each node belongs to.
     pub(super) parts: Vec<u32>,
     /// Whether K ties an unknown to another one.
-    coupled: Vec<bool>,
+    pub(super) coupled: Vec<bool>,
     /// The diagonal of K.
-    diagonal: Vec<f64>,
+    pub(super) diagonal: Vec<f64>,
     /// Σⱼ Bᵢⱼ²/Kⱼⱼ, length D m; in space the mean of the tangents of a node for both.
-    compliance: Vec<f64>,
+    pub(super) compliance: Vec<f64>,
+    /// Who has the other unknowns, where these are not all.
+    pub(super) ranks: Ranks,
 }
 
 impl<const D: usize> System<D> {
@@ -57,7 +60,13 @@ impl<const D: usize> System<D> {
             floating,
             parts,
             coupled: (0..k.n_rows()).map(|i| is_coupled(k, i)).collect(),
-            compliance: compliances(data, &diagonal),
+            compliance: compliances::<D>(
+                &data.normal,
+                &data.tangential,
+                &diagonal,
+                &Ranks::default(),
+            ),
+            ranks: Ranks::default(),
             diagonal,
             normal: data.normal.clone(),
             tangential: data.tangential.clone(),
@@ -103,6 +112,20 @@ impl<const D: usize> System<D> {
             touched[j / D] = true;
         }
         touched
+    }
+
+    /// Who has the other unknowns, where these are not all: u, f, the columns of B and all that is as long as they are here is
+    /// then the part of this rank, and sums over the unknowns go over all ranks.
+    pub(crate) fn ranks(&self) -> &Ranks {
+        &self.ranks
+    }
+
+    /// M u for B, N or T, over all ranks.
+    pub(crate) fn times(&self, rows: &Csr, u: &[f64]) -> Vec<f64> {
+        let mut sums = vec![0.0; rows.n_rows()];
+        rows.mul(u, &mut sums);
+        self.ranks.sum(&mut sums);
+        sums
     }
 
     /// N.
@@ -176,9 +199,14 @@ pub(super) fn is_coupled<const D: usize>(k: &BlockCsr<D>, unknown: usize) -> boo
 
 /// Σⱼ Bᵢⱼ²/Kⱼⱼ for each row i of B; both tangents of a node in space get their mean: it does not depend on which pair of
 /// tangents they are, and a disc stays one. An empty row keeps its 0.
-fn compliances<const D: usize>(data: &ContactData<D>, diagonal: &[f64]) -> Vec<f64> {
+pub(super) fn compliances<const D: usize>(
+    normal: &Csr,
+    tangential: &Csr,
+    diagonal: &[f64],
+    ranks: &Ranks,
+) -> Vec<f64> {
     let mut all = Vec::new();
-    for matrix in [&data.normal, &data.tangential] {
+    for matrix in [normal, tangential] {
         for i in 0..matrix.n_rows() {
             let (cols, values) = matrix.row(i);
             let terms = cols.iter().zip(values).filter(|(_, v)| v[0][0] != 0.0);
@@ -189,7 +217,8 @@ fn compliances<const D: usize>(data: &ContactData<D>, diagonal: &[f64]) -> Vec<f
             );
         }
     }
-    for of_node in all[data.gap.len()..].chunks_mut(tangents::<D>()) {
+    ranks.sum(&mut all);
+    for of_node in all[normal.n_rows()..].chunks_mut(tangents::<D>()) {
         let rows = of_node.iter().filter(|&&c| c > 0.0).count();
         if rows > 1 {
             let mean = of_node.iter().sum::<f64>() / rows as f64;

@@ -13,7 +13,7 @@
 use crate::control::{Accuracy, Stop};
 use crate::dual::{DualError, DualOperator};
 use crate::problem::{ContactProblem, Elsewhere, LoadCase};
-use crate::sparse::{add_times, norm};
+use crate::sparse::add_times;
 use crate::ssnm::Solution;
 use std::sync::Arc;
 
@@ -89,10 +89,11 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> OnSprings<'a, O, D> {
     }
 
     /// The residual that is accurate enough for a product.
-    fn residual(forces: &[f64], accuracy: Accuracy) -> f64 {
+    fn residual(&self, forces: &[f64], accuracy: Accuracy) -> f64 {
+        let length = self.problem.ranks().norm(forces);
         match accuracy {
-            Accuracy::Residual(part) => part * norm(forces),
-            Accuracy::Energy { .. } => 1e-10 * norm(forces),
+            Accuracy::Residual(part) => part * length,
+            Accuracy::Energy { .. } => 1e-10 * length,
         }
     }
 }
@@ -113,9 +114,9 @@ impl<O: DualOperator + ?Sized, const D: usize> DualOperator for OnSprings<'_, O,
         self.problem
             .contact_matrix()
             .mul_transpose_add(1.0, p, &mut forces);
-        let residual = Self::residual(&forces, accuracy);
+        let residual = self.residual(&forces, accuracy);
         let u = self.moved(forces, residual, stop)?;
-        self.problem.contact_matrix().mul(&u, y);
+        y.copy_from_slice(&self.problem.times(self.problem.contact_matrix(), &u));
         Ok(())
     }
 
@@ -126,9 +127,9 @@ impl<O: DualOperator + ?Sized, const D: usize> DualOperator for OnSprings<'_, O,
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
-        let residual = Self::residual(load.force(), accuracy);
+        let residual = self.residual(load.force(), accuracy);
         let u = self.moved(load.force().to_vec(), residual, stop)?;
-        self.problem.contact_matrix().mul(&u, b);
+        b.copy_from_slice(&self.problem.times(self.problem.contact_matrix(), &u));
         add_times(-1.0, &load.offsets(), b);
         Ok(())
     }

@@ -165,6 +165,7 @@ fn close_alone<const D: usize, K>(
         moved.iter_mut().zip(diagonal).for_each(|(u, k)| *u /= k);
         let mut closed = vec![0.0; x.len()];
         b.mul(&moved, &mut closed);
+        problem.ranks().sum(&mut closed);
         masked(&mut closed);
         closed
     };

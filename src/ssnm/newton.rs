@@ -264,10 +264,10 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Replaces r by c − Bu.
     pub fn take_from(&mut self, u: &[f64], point: &mut Point) {
         let problem = self.problem;
-        self.reach = norm_max(u);
+        self.reach = problem.ranks().norm_max(u);
         let (rn, rt) = point.r.split_at_mut(problem.m());
-        problem.normal().mul(u, rn);
-        problem.tangential().mul(u, rt);
+        rn.copy_from_slice(&problem.times(problem.normal(), u));
+        rt.copy_from_slice(&problem.times(problem.tangential(), u));
         for (r, c) in point.r.iter_mut().zip(problem.load_case().offsets()) {
             *r = c - *r;
         }

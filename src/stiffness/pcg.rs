@@ -12,7 +12,10 @@ use crate::sparse::stored::{SquareBlocks, power_of_two_below};
 use crate::sparse::{BlockCsr, norm};
 use std::sync::Arc;
 
+mod energy;
 mod refine;
+
+pub(crate) use energy::Falls;
 
 /// Why K x = b was not solved.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -58,19 +61,15 @@ const LEAST_CHUNK: usize = 2;
 /// At most this many, so that a request to stop is answered soon.
 const MAX_CHUNK: usize = 256;
 
-/// By what factor α rᵀz falls in an iteration of multigrid, before the first run has measured it, and the range in
-/// which it is believed.
-const FALL: f64 = 0.25;
-const FALLS: (f64, f64) = (0.02, 0.98);
 /// A relative residual that rounding keeps out of reach.
 pub(crate) const UNREACHABLE: f64 = 1e-15;
 
 /// ‖r‖² never grows by this factor unless K is singular and the right-hand side has a part that no x can
 /// meet.
-const GROWTH: f64 = 1e14;
+pub(crate) const GROWTH: f64 = 1e14;
 /// The energy of all iterations never exceeds that of the first ones by this factor unless K is singular but
 /// for rounding: the ratio is at most its condition, scaled to a unit diagonal.
-const ENERGY_GROWTH: f64 = 1e12;
+pub(crate) const ENERGY_GROWTH: f64 = 1e12;
 /// No run is called stalled before it has made this many iterations.
 const LEAST_ITERATIONS: usize = 300;
 
@@ -106,10 +105,8 @@ pub struct Pcg<B: Backend> {
     /// By what factor an iteration of the last run has reduced the residual, as a logarithm: it tells how
     /// many the next run will need.
     rate: f64,
-    /// By what factor α rᵀz falls in an iteration.
-    fall: f64,
-    /// The preconditioner knows all smooth errors.
-    fast: bool,
+    /// How α rᵀz falls from iteration to iteration.
+    falls: Falls,
     /// Iterations of the last run to an energy.
     last: usize,
     /// The relative error in energy that rounding leaves of a correction in low precision.
@@ -119,7 +116,7 @@ pub struct Pcg<B: Backend> {
 }
 
 /// What shows whether a run makes progress.
-struct Watch {
+pub(crate) struct Watch {
     /// The factor by which the energy has to grow to be called so.
     noticeable: f64,
     /// The smallest ‖r‖² at any look.
@@ -129,9 +126,11 @@ struct Watch {
 }
 
 impl Watch {
-    fn new(noticeable: f64) -> Self {
+    /// For arithmetic with this rounding error.
+    pub fn new(unit_roundoff: f64) -> Self {
         Self {
-            noticeable,
+            // More than the rounding of the sum that the energy is.
+            noticeable: 1.0 + 64.0 * unit_roundoff,
             least_rr: f64::INFINITY,
             milestone: None,
         }
@@ -139,7 +138,7 @@ impl Watch {
 
     /// Twice the iterations have to bring something: half of the residual or some energy. The energy alone grows for long
     /// where the residual goes up and down, the residual alone falls where the energy is as good as complete.
-    fn gets_nowhere(&mut self, issued: usize, progress: &Progress) -> bool {
+    pub fn gets_nowhere(&mut self, issued: usize, progress: &Progress) -> bool {
         self.least_rr = self.least_rr.min(progress.rr);
         let due = self
             .milestone
@@ -156,6 +155,11 @@ impl Watch {
             !(self.least_rr <= 0.25 * rr) && !(progress.energy > self.noticeable * energy)
         })
     }
+}
+
+/// Iterations that are enough for so many unknowns, with rounding: in exact arithmetic one for each is.
+pub(crate) fn most_iterations(n: usize) -> usize {
+    1000 + 30 * n
 }
 
 /// A short product y = M x to bring to the host.
@@ -258,6 +262,7 @@ impl<B: Backend> Pcg<B> {
         (preconditioner, hierarchy, fast): Made<B>,
         fallback: Option<String>,
     ) -> Self {
+        let falls = Falls::new(fast, hierarchy.is_some());
         Self {
             backend,
             k,
@@ -272,8 +277,7 @@ impl<B: Backend> Pcg<B> {
             q,
             state,
             rate: 1.0,
-            fall: if fast { FALL } else { FALLS.1 },
-            fast,
+            falls,
             last: 0,
             rounding: refine::ROUNDING,
             counts: SolveCounts::default(),
@@ -325,19 +329,7 @@ impl<B: Backend> Pcg<B> {
 
     /// The run that solves a system to an accuracy, for a right-hand side that was divided by `unit`.
     pub(crate) fn run_to(&self, accuracy: Accuracy, unit: f64) -> Run {
-        match accuracy {
-            Accuracy::Residual(tolerance) => Run {
-                residual_part: tolerance,
-                ..Run::default()
-            },
-            Accuracy::Energy { absolute, relative } => Run {
-                remaining: absolute * absolute / self.energy_unit(unit),
-                remaining_part: relative * relative,
-                to_come: self.to_come(),
-                residual_part: UNREACHABLE,
-                ..Run::default()
-            },
-        }
+        self.falls.run_to(accuracy, self.energy_unit(unit))
     }
 
     /// What the energy on the backend has to be multiplied by if the right-hand side was divided by `unit`.
@@ -347,50 +339,12 @@ impl<B: Backend> Pcg<B> {
 
     /// What a run has changed of x and has left, for a right-hand side that was divided by `unit`.
     pub(crate) fn followed(&self, progress: &Progress, unit: f64) -> Correction {
-        let unit = self.energy_unit(unit);
-        let to_come = if progress.recent_terms > 1 {
-            1.0
-        } else {
-            self.to_come()
-        };
-        Correction {
-            change: (unit * progress.energy).sqrt(),
-            remaining: (unit * progress.recent * to_come).sqrt(),
-            slow: self.is_slow(),
-        }
-    }
-
-    /// Whether an iteration leaves half of the energy error and more, or is known to leave smooth errors.
-    fn is_slow(&self) -> bool {
-        !self.fast || self.fall >= 0.5
-    }
-
-    /// The sum of all decreases of the energy to come, relative to the last one: a geometric series.
-    fn to_come(&self) -> f64 {
-        self.fall / (1.0 - self.fall)
+        self.falls.followed(progress, self.energy_unit(unit))
     }
 
     /// r −= K x.
     pub(crate) fn subtract_product(&mut self, x: &B::Vector) {
         self.backend.subtract_product(&self.matrix, x, &mut self.r);
-    }
-
-    /// Learns how fast the energy error falls from a run that has ended.
-    fn learn(&mut self, progress: &Progress) {
-        // With block-Jacobi the first terms may fall as fast as they like: what comes later is slow.
-        if self.hierarchy.is_none() {
-            return;
-        }
-        if progress.iterations < 2 || !(progress.energy > 0.0) {
-            return;
-        }
-        // The first decreases, as many as the last ones, are nearly all of the energy.
-        let between = progress.iterations - progress.recent_terms;
-        let fall = (progress.recent / progress.energy)
-            .powf(1.0 / between as f64)
-            .clamp(FALLS.0, FALLS.1);
-        // It may slow down at once, but one good run is not believed.
-        self.fall = fall.max(0.5 * (self.fall + fall));
     }
 
     /// CG for the right-hand side in `r`; the result is in `x`, also where the run has stalled.
@@ -414,12 +368,9 @@ impl<B: Backend> Pcg<B> {
             state,
             ..
         } = self;
-        // In exact arithmetic n iterations are enough, rounding makes it more. A run without progress ends
-        // before.
-        let limit = 1000 + 30 * self.k.n_rows();
-        // More than the rounding of the sum that the energy is.
-        let noticeable = 1.0 + 64.0 * backend.unit_roundoff();
-        let mut watch = Watch::new(noticeable);
+        // A run without progress ends before.
+        let limit = most_iterations(self.k.n_rows());
+        let mut watch = Watch::new(backend.unit_roundoff());
         let mut first_energy = None;
         backend.start(r, x, preconditioner.r(), state, goals);
         preconditioner.cycle(backend, state);
@@ -455,7 +406,7 @@ impl<B: Backend> Pcg<B> {
                 self.counts.iterations += progress.iterations;
                 if to_energy {
                     self.last = progress.iterations;
-                    self.learn(&progress);
+                    self.falls.learn(&progress);
                 } else if progress.iterations > 0 {
                     let reached = 0.5 * (progress.rr / progress.rr_start).ln();
                     self.rate = (-reached / progress.iterations as f64).clamp(1e-4, 10.0);

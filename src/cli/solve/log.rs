@@ -65,6 +65,16 @@ impl Log {
         }
     }
 
+    /// Of one of several ranks, of which one speaks.
+    #[cfg(feature = "mpi")]
+    pub fn of_rank(arguments: &SolveArguments, speaks: bool) -> Self {
+        let log = Self::new(arguments);
+        Self {
+            quiet: log.quiet || !speaks,
+            ..log
+        }
+    }
+
     /// What the user should know without asking.
     pub fn tell(&self, line: &str) {
         if !self.quiet {
@@ -180,7 +190,7 @@ impl Log {
 }
 
 /// What the systems with K have cost.
-fn describe(costs: &Costs) -> String {
+pub fn describe(costs: &Costs) -> String {
     let Costs { solves, device } = costs;
     let mut text = format!(
         "{} systems with K, {} PCG iterations",

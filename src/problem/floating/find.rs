@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 /// A motion counts as one without stiffness where no unknown is pulled back by more than this part of what its
 /// own row of K could: rounding of K, and nothing that a real support or spring would do.
-const STIFFLESS: f64 = 1e-11;
+pub(super) const STIFFLESS: f64 = 1e-11;
 /// Columns of a basis are dependent below this part of the largest.
 const DEPENDENT: f64 = 1e-10;
 
@@ -97,7 +97,7 @@ fn floating_among<const D: usize, const M: usize>(
 
 /// Makes the columns of a basis orthogonal, of norm `unit`, without those that the rest leaves dependent; returns
 /// what the new columns, which come first, are made of.
-fn orthogonal<const D: usize, const M: usize>(
+pub(super) fn orthogonal<const D: usize, const M: usize>(
     mode_of: &mut [[[f64; M]; D]],
     unit: f64,
 ) -> Option<Vec<[f64; M]>> {

@@ -119,7 +119,7 @@ impl<B: Backend> Pcg<B> {
         Correction {
             change: energy.sqrt(),
             remaining: left.sqrt(),
-            slow: self.is_slow(),
+            slow: self.falls.is_slow(),
         }
     }
 

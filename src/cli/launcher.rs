@@ -1,0 +1,31 @@
+//! Whether this process is one of several that a launcher (`mpirun`, `srun`) has started together.
+
+use std::env;
+
+/// Where launchers say it: the number of a process, and how many there are. That of Slurm is about the processes of one `srun`.
+const LAUNCHERS: [[&str; 2]; 4] = [
+    ["OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"],
+    ["PMI_RANK", "PMI_SIZE"],
+    ["MV2_COMM_WORLD_RANK", "MV2_COMM_WORLD_SIZE"],
+    ["SLURM_PROCID", "SLURM_STEP_NUM_TASKS"],
+];
+
+/// One of several processes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Its number.
+    pub rank: usize,
+    /// How many there are.
+    pub size: usize,
+}
+
+/// What a launcher says; None without one.
+pub fn place() -> Option<Place> {
+    let number = |name: &str| env::var(name).ok()?.parse().ok();
+    LAUNCHERS.iter().find_map(|[rank, size]| {
+        Some(Place {
+            rank: number(rank)?,
+            size: number(size)?,
+        })
+    })
+}

@@ -1,0 +1,66 @@
+//! A rank's share of a contact problem whose unknowns are on several ranks (feature `mpi`).
+
+use super::system::{compliances, is_coupled};
+use super::{ContactProblem, Elsewhere, FloatingBodies, LoadCase, System};
+use crate::ranks::Ranks;
+use crate::sparse::{BlockCsr, Csr};
+use std::sync::Arc;
+
+/// What a rank has of a problem: the rows of K that belong to its unknowns, and all that is as long as these are.
+pub(crate) struct Share<'a, const D: usize> {
+    /// Block rows of K of its own nodes; its block columns begin with them.
+    pub rows: &'a BlockCsr<D>,
+    /// Unknowns of all ranks, free ones of all ranks.
+    pub n: [usize; 2],
+    /// N and T, all rows, in the columns of its own unknowns.
+    pub normal: Csr,
+    pub tangential: Csr,
+    /// A point for each of its own nodes.
+    pub coordinates: Option<Vec<[f64; D]>>,
+    /// All m.
+    pub areas: Vec<f64>,
+    /// Its nodes of them.
+    pub free: FloatingBodies<D>,
+    /// The connected part of K that each of its nodes belongs to, counted over all ranks.
+    pub parts: Vec<u32>,
+    /// f of its own unknowns, all the rest of it.
+    pub case: LoadCase,
+}
+
+impl<const D: usize> ContactProblem<D, Elsewhere> {
+    /// The problem as this rank sees it. Collective.
+    pub(crate) fn of_share(share: Share<D>, ranks: &Ranks) -> Self {
+        let Share {
+            rows,
+            normal,
+            tangential,
+            ..
+        } = share;
+        let own = rows.n_rows();
+        let m = normal.n_rows();
+        let tangents = tangential.triplets().map(|(i, j, v)| (i + m, j, v));
+        let contact = Csr::from_triplets(D * m, own, normal.triplets().chain(tangents));
+        let diagonal = rows.diagonal();
+        let system = System {
+            n: share.n[0],
+            n_free: share.n[1],
+            contact: Arc::new(contact),
+            areas: share.areas,
+            floating: share.free,
+            parts: share.parts,
+            coupled: (0..own).map(|i| is_coupled(rows, i)).collect(),
+            compliance: compliances::<D>(&normal, &tangential, &diagonal, ranks),
+            diagonal,
+            normal,
+            tangential,
+            coordinates: share.coordinates,
+            vertices: None,
+            ranks: ranks.clone(),
+        };
+        Self {
+            system: Arc::new(system),
+            stiffness: Elsewhere,
+            case: share.case,
+        }
+    }
+}

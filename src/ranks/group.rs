@@ -1,0 +1,199 @@
+//! A group of ranks: an MPI communicator, with what is asked of it.
+
+use mpi::collective::SystemOperation;
+use mpi::datatype::PartitionMut;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::*;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+/// Bytes of a message at most: MPI counts in 32 bits.
+const MESSAGE: usize = 1 << 30;
+
+/// Ranks that work on one problem together.
+pub struct Group {
+    world: SimpleCommunicator,
+    /// Nanoseconds spent in sums and the like, waiting for others included, and how many these were.
+    nanoseconds: AtomicU64,
+    calls: AtomicU64,
+}
+
+// SAFETY: a communicator is a handle that any thread may use; MPI was initialised for calls from several threads, one at a time
+// (`MPI_THREAD_SERIALIZED`), and ranks make their collective calls in one order, so that there is never more than one under way.
+unsafe impl Send for Group {}
+// SAFETY: as above.
+unsafe impl Sync for Group {}
+
+impl fmt::Debug for Group {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "rank {} of {}", self.rank(), self.size())
+    }
+}
+
+impl Group {
+    /// The ranks of a communicator, which is duplicated: what they send here meets no messages of others. Collective.
+    pub fn of(communicator: &impl Communicator) -> Self {
+        Self {
+            world: communicator.duplicate(),
+            nanoseconds: AtomicU64::new(0),
+            calls: AtomicU64::new(0),
+        }
+    }
+
+    /// The number of this rank.
+    pub fn rank(&self) -> usize {
+        self.world.rank() as usize
+    }
+
+    /// How many there are.
+    pub fn size(&self) -> usize {
+        self.world.size() as usize
+    }
+
+    /// The communicator.
+    pub(crate) fn communicator(&self) -> &SimpleCommunicator {
+        &self.world
+    }
+
+    /// Seconds spent in sums and what is like them, waiting for others included, and how many these were.
+    pub fn spent(&self) -> (f64, u64) {
+        let nanoseconds = self.nanoseconds.load(Ordering::Relaxed);
+        (
+            nanoseconds as f64 * 1e-9,
+            self.calls.load(Ordering::Relaxed),
+        )
+    }
+
+    fn timed<T>(&self, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let made = work();
+        let taken = start.elapsed().as_nanos() as u64;
+        self.nanoseconds.fetch_add(taken, Ordering::Relaxed);
+        self.calls.fetch_add(1, Ordering::Relaxed);
+        made
+    }
+
+    /// Combines entry by entry on rank 0, and hands the outcome to all.
+    fn combine(&self, values: &mut [f64], how: SystemOperation) {
+        if self.size() == 1 || values.is_empty() {
+            return;
+        }
+        self.timed(|| {
+            let root = self.world.process_at_rank(0);
+            if self.rank() == 0 {
+                let own = values.to_vec();
+                root.reduce_into_root(&own[..], values, how);
+            } else {
+                root.reduce_into(&*values, how);
+            }
+            root.broadcast_into(values);
+        });
+    }
+
+    /// Adds up entry by entry.
+    pub(crate) fn sum(&self, values: &mut [f64]) {
+        self.combine(values, SystemOperation::sum());
+    }
+
+    /// The largest value; NaN if there is one.
+    pub(crate) fn max(&self, value: f64) -> f64 {
+        // What MPI makes of NaN is its own matter.
+        let mut both = [value, f64::from(u8::from(value.is_nan()))];
+        if value.is_nan() {
+            both[0] = f64::NEG_INFINITY;
+        }
+        self.combine(&mut both, SystemOperation::max());
+        if both[1] > 0.0 { f64::NAN } else { both[0] }
+    }
+
+    /// The numbers of all ranks, one rank after the other.
+    pub(crate) fn joined(&self, values: &[f64]) -> Vec<f64> {
+        let (all, _) = self.gathered(values);
+        all
+    }
+
+    /// The same, with how many each has.
+    pub(crate) fn gathered(&self, values: &[f64]) -> (Vec<f64>, Vec<usize>) {
+        self.timed(|| {
+            let mut counts = vec![0i32; self.size()];
+            let own = i32::try_from(values.len()).expect("short lists only");
+            self.world.all_gather_into(&own, &mut counts[..]);
+            let starts: Vec<i32> = (counts.iter())
+                .scan(0, |next, &count| {
+                    let start = *next;
+                    *next += count;
+                    Some(start)
+                })
+                .collect();
+            let mut all = vec![0.0; counts.iter().map(|&count| count as usize).sum()];
+            let mut parts = PartitionMut::new(&mut all[..], &counts[..], &starts[..]);
+            self.world.all_gather_varcount_into(values, &mut parts);
+            (all, counts.iter().map(|&count| count as usize).collect())
+        })
+    }
+
+    /// What each rank counts.
+    pub(crate) fn counts(&self, here: usize) -> Vec<usize> {
+        let all = self.joined(&[here as f64]);
+        all.into_iter().map(|count| count as usize).collect()
+    }
+
+    /// Waits for all ranks.
+    pub fn wait(&self) {
+        self.world.barrier();
+    }
+
+    /// Whether any rank says so.
+    pub fn any(&self, here: bool) -> bool {
+        self.max(f64::from(u8::from(here))) > 0.0
+    }
+
+    /// Hands what rank 0 has to all.
+    pub fn broadcast<T: Serialize + DeserializeOwned>(&self, value: Option<T>) -> T {
+        let root = self.world.process_at_rank(0);
+        let mut bytes = match &value {
+            Some(value) if self.rank() == 0 => packed(value),
+            _ => Vec::new(),
+        };
+        let mut length = bytes.len() as u64;
+        root.broadcast_into(&mut length);
+        bytes.resize(length as usize, 0);
+        for part in bytes.chunks_mut(MESSAGE) {
+            root.broadcast_into(part);
+        }
+        match value {
+            Some(value) if self.rank() == 0 => value,
+            _ => unpacked(&bytes),
+        }
+    }
+
+    /// Sends something to another rank, which has to [`Group::receive`] it.
+    pub(crate) fn send<T: Serialize>(&self, to: usize, value: &T) {
+        let bytes = packed(value);
+        let to = self.world.process_at_rank(to as i32);
+        to.send(&(bytes.len() as u64));
+        bytes.chunks(MESSAGE).for_each(|part| to.send(part));
+    }
+
+    /// Receives what another rank has sent.
+    pub(crate) fn receive<T: DeserializeOwned>(&self, from: usize) -> T {
+        let from = self.world.process_at_rank(from as i32);
+        let (length, _) = from.receive::<u64>();
+        let mut bytes = vec![0u8; length as usize];
+        for part in bytes.chunks_mut(MESSAGE) {
+            from.receive_into(part);
+        }
+        unpacked(&bytes)
+    }
+}
+
+fn packed<T: Serialize>(value: &T) -> Vec<u8> {
+    postcard::to_stdvec(value).expect("plain data can be written")
+}
+
+fn unpacked<T: DeserializeOwned>(bytes: &[u8]) -> T {
+    postcard::from_bytes(bytes).expect("it was written by the same program")
+}

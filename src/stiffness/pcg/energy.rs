@@ -1,0 +1,88 @@
+//! How the energy error falls from iteration to iteration: what accuracy in energy is a matter of.
+
+use super::UNREACHABLE;
+use crate::backend::{Progress, Run};
+use crate::control::{Accuracy, Correction};
+
+/// By what factor α rᵀz falls in an iteration of multigrid, before the first run has told, and the range in
+/// which it is believed.
+const FALL: f64 = 0.25;
+const FALLS: (f64, f64) = (0.02, 0.98);
+
+/// How α rᵀz falls under a preconditioner.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Falls {
+    /// By what factor in an iteration.
+    fall: f64,
+    /// The preconditioner knows all smooth errors.
+    fast: bool,
+    /// Runs tell how fast later ones will be: not with block-Jacobi, where the first terms may fall as fast as they like and what
+    /// comes later is slow.
+    learns: bool,
+}
+
+impl Falls {
+    /// Before the first run.
+    pub fn new(fast: bool, learns: bool) -> Self {
+        Self {
+            fall: if fast { FALL } else { FALLS.1 },
+            fast,
+            learns,
+        }
+    }
+
+    /// Whether an iteration leaves half of the energy error and more, or is known to leave smooth errors.
+    pub fn is_slow(&self) -> bool {
+        !self.fast || self.fall >= 0.5
+    }
+
+    /// The sum of all decreases of the energy to come, relative to the last one: a geometric series.
+    fn to_come(self) -> f64 {
+        self.fall / (1.0 - self.fall)
+    }
+
+    /// Learns how fast the energy error falls from a run that has ended.
+    pub fn learn(&mut self, progress: &Progress) {
+        if !self.learns || progress.iterations < 2 || !(progress.energy > 0.0) {
+            return;
+        }
+        // The first decreases, as many as the last ones, are nearly all of the energy.
+        let between = progress.iterations - progress.recent_terms;
+        let fall = (progress.recent / progress.energy)
+            .powf(1.0 / between as f64)
+            .clamp(FALLS.0, FALLS.1);
+        // It may slow down at once, but one good run is not believed.
+        self.fall = fall.max(0.5 * (self.fall + fall));
+    }
+
+    /// The run that solves a system to an accuracy, where energies are `unit` times what they are in the run.
+    pub fn run_to(&self, accuracy: Accuracy, unit: f64) -> Run {
+        match accuracy {
+            Accuracy::Residual(tolerance) => Run {
+                residual_part: tolerance,
+                ..Run::default()
+            },
+            Accuracy::Energy { absolute, relative } => Run {
+                remaining: absolute * absolute / unit,
+                remaining_part: relative * relative,
+                to_come: self.to_come(),
+                residual_part: UNREACHABLE,
+                ..Run::default()
+            },
+        }
+    }
+
+    /// What a run has changed of x and has left, where energies are `unit` times what they are in the run.
+    pub fn followed(&self, progress: &Progress, unit: f64) -> Correction {
+        let to_come = if progress.recent_terms > 1 {
+            1.0
+        } else {
+            self.to_come()
+        };
+        Correction {
+            change: (unit * progress.energy).sqrt(),
+            remaining: (unit * progress.recent * to_come).sqrt(),
+            slow: self.is_slow(),
+        }
+    }
+}
