@@ -62,7 +62,7 @@ fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize]) -> Vec<&'a mut [T]> {
 }
 
 /// Hands the blocks of the rows of an element's stiffness matrix that are wanted to `take`, each with its nodes a and
-/// b: K_ab = λ G + μ Gᵀ + μ tr(G) I with G = ∫ ∇φ_a ∇φ_bᵀ; where the dilatation is projected (`dilatation.rs`), λ is −2/3 μ
+/// b: K_ab = ∫ λ ∇φ_a ∇φ_bᵀ + μ ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I; where the dilatation is projected (`dilatation.rs`), λ is −2/3 μ
 /// there and the rest of it acts on what is left of the dilatation.
 struct Blocks<'a, const D: usize, W, F>
 where
@@ -102,23 +102,24 @@ where
             None => (lambda, 0.0),
         };
         for a in (0..N).filter(|&a| (self.wanted)(a)) {
-            let mut products = [[[0.0; D]; D]; N];
+            let mut blocks = [[[0.0; D]; D]; N];
             for point in &points {
-                let ga = point.gradient[a].map(|g| point.weight * g);
-                for (product, gb) in products.iter_mut().zip(&point.gradient) {
+                let ga = point.gradient[a];
+                let (l, m) = (lambda * point.weight, mu * point.weight);
+                for (block, gb) in blocks.iter_mut().zip(&point.gradient) {
+                    let dot = m * dot(ga, *gb);
                     for i in 0..D {
                         for j in 0..D {
-                            product[i][j] += ga[i] * gb[j];
+                            block[i][j] += if i == j {
+                                (l + m) * ga[i] * gb[i] + dot
+                            } else {
+                                l * ga[i] * gb[j] + m * gb[i] * ga[j]
+                            };
                         }
                     }
                 }
             }
-            for (b, g) in products.iter().enumerate() {
-                let along = mu * (0..D).map(|i| g[i][i]).sum::<f64>();
-                let mut block: [[f64; D]; D] = std::array::from_fn(|i| {
-                    std::array::from_fn(|j| lambda * g[i][j] + mu * g[j][i])
-                });
-                (0..D).for_each(|i| block[i][i] += along);
+            for (b, mut block) in blocks.into_iter().enumerate() {
                 if let Some(dilatation) = &dilatation {
                     dilatation.add(bulk, [a, b], &mut block);
                 }
