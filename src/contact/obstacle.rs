@@ -118,7 +118,7 @@ impl<const D: usize> Obstacle<D> {
 /// Each node takes its normal and gap from the nearest point of the obstacle; a Tresca bound becomes the
 /// nodal force ∫ bound φᵢ ds (times the thickness). On facets of second order φ are not the shape functions, whose integrals
 /// vanish at the corners of six-node triangles and are negative at those of eight-node quadrilaterals, but what
-/// [`Transformed`] makes of them. Overlaps below 1e-9 of the size of the mesh count as
+/// `contact/transformed.rs` makes of them. Overlaps below 1e-9 of the size of the mesh count as
 /// touching. No node can pass through the obstacle, however far it was from it; but where the gap is larger than
 /// the search distance there is no friction of Tresca's kind, which would rub without a pressure.
 pub fn obstacle_contact<const D: usize>(
