@@ -13,20 +13,20 @@
 //! (Popp, Wohlmuth, Gee and Wall, SIAM J. Sci. Comput. 34, 2012, have the same form of it).
 
 use crate::mesh::{facet_corners, facet_nodes};
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 /// α of the facets that need one: any between 1/8 and 1/2 leaves positive integrals on both.
 const ALPHA: f64 = 0.2;
 
 /// The nodes of a boundary whose functions are transformed.
 pub(super) struct Transformed {
-    /// For the middle of an edge the ends of that.
-    ends: HashMap<u32, [u32; 2]>,
+    /// For the middle of an edge the ends of that; in order, so that sums are the same in every run.
+    ends: BTreeMap<u32, [u32; 2]>,
 }
 
 impl Transformed {
     pub fn new<F: AsRef<[u32]>>(facets: &[F]) -> Self {
-        let mut ends = HashMap::new();
+        let mut ends = BTreeMap::new();
         for facet in facets {
             let (corners, nodes) = (facet_corners(facet), facet_nodes(facet));
             if !matches!(nodes.len(), 6 | 8) {
