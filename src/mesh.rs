@@ -22,9 +22,10 @@ pub(crate) mod vector;
 #[cfg(feature = "files")]
 mod vtu;
 
-pub use element::{Element, ElementKind, Facet, Topology, facet, facet_corners, facet_nodes};
 #[cfg(feature = "plots")]
-pub(crate) use element::{edge_parts, face_parts, face_ring};
+pub(crate) use element::edge_parts;
+pub use element::{Element, ElementKind, Facet, Topology, facet, facet_corners, facet_nodes};
+pub(crate) use element::{border, face_parts, face_ring};
 pub use file::FileError;
 pub use gmsh::write::msh;
 pub(crate) use groups::Groups;

@@ -13,12 +13,16 @@
 //! β of a facet span, with ∫ ψᵢ βⱼ ds = δᵢⱼ Dᵢ.
 //!
 //! - **A facet that is wholly covered** has its own shape functions as β: its places are its nodes, Wᵢₖ = δᵢₖ Dᵢ
-//!   (Wohlmuth 2000; Popp, Gee and Wall 2009).
+//!   (Wohlmuth 2000; Popp, Gee and Wall 2009). On facets of second order β are what `contact/transformed.rs` makes of them,
+//!   so that each has a positive integral, and W belongs to the displacements that go with these.
 //! - **A facet that is covered in part** has the places that are the vertices of the convex hull P of what one connected
 //!   part of the master boundary covers of it, and as β the barycentric functions of P (Wachspress 1975; in the plane those
 //!   of a segment, `mortar/hull.rs` in space). Since Σβ = 1 and Σβᵢxᵢ = x, Σψ = 1 and ∫ ψᵢ x ds = Dᵢ xᵢ: a uniform
 //!   pressure is handed on exactly, and the force of a place acts just there, on the border of what is covered. With the
 //!   facet's own functions it would act at nodes beyond, and a body would stand on what is not there.
+//! - **Curved facets** are what their shape functions say: normals, gaps and measures are those of the true surface, and a
+//!   point of one facet is found on the other by Newton's method. In space what two of them have in common is clipped between
+//!   straight lines from node to node, on a plane for each facet of the slave.
 //! - Facets share the places that they have in common: nodes, and points on their common edges. Where such places lie
 //!   nearer to each other than the mesh can tell apart, one hands its share on to the other; corners of what is covered
 //!   stay.
@@ -39,6 +43,7 @@ use super::search::{Bounds, Search};
 use super::{ContactError, ContactPlace, Friction, PairOptions, rounding};
 use crate::dense;
 use crate::elasticity::Body;
+use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Topology, facet_corners, facet_nodes};
 use faer::Mat;
 use places::Places;
@@ -48,20 +53,19 @@ use surface::Surface;
 
 pub use super::search::Beam;
 
-/// The corners of a facet, and how many these are.
-pub type Corners<const D: usize> = ([[f64; D]; 4], usize);
-
 /// A facet of the slave boundary, the one that has the multipliers.
 #[derive(Clone, Copy, Debug)]
 pub struct SlaveFacet<const D: usize> {
-    /// How many corners it has.
+    /// How many nodes it has.
     len: usize,
-    /// These.
-    corners: [[f64; D]; 4],
+    /// Where these are, corners first.
+    nodes: [[f64; D]; 9],
     /// The averaged normals there.
-    normals: [[f64; D]; 4],
-    /// Its outward unit normal.
+    normals: [[f64; D]; 9],
+    /// Its mean outward unit normal.
     normal: [f64; D],
+    /// How far it may be off what it is drawn after.
+    slack: f64,
     /// The thickness of the body.
     thickness: f64,
 }
@@ -71,11 +75,16 @@ pub struct SlaveFacet<const D: usize> {
 pub struct MasterFacet<const D: usize> {
     /// Its number in the boundary.
     number: usize,
-    /// Its nodes, one for each corner.
-    nodes: [u32; 4],
-    corners: Corners<D>,
-    /// Its outward unit normal.
+    /// How many nodes it has.
+    len: usize,
+    /// These.
+    nodes: [u32; 9],
+    /// Where they are, corners first.
+    places: [[f64; D]; 9],
+    /// Its mean outward unit normal.
     normal: [f64; D],
+    /// How far it may be off what it is drawn after.
+    slack: f64,
     /// The smooth part of the boundary that it belongs to.
     part: u32,
 }
@@ -89,9 +98,11 @@ pub struct IntegrationPoint<const D: usize> {
     /// The place on the slave boundary.
     place: [f64; D],
     /// φ of the nodes of the facet there.
-    slave: [f64; 4],
+    slave: [f64; 9],
     /// φ of the nodes of the other facet, at the place that it meets.
-    master: [f64; 4],
+    master: [f64; 9],
+    /// The outward unit normals of both there.
+    normals: [[f64; D]; 2],
     /// How far apart they are, along the averaged normal; negative where they overlap.
     distance: f64,
     /// The weight, with the thickness in it.
@@ -101,10 +112,10 @@ pub struct IntegrationPoint<const D: usize> {
 /// Where on its facet a vertex of what is covered lies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Site {
-    /// At this corner.
-    Corner(usize),
-    /// On the edge from this corner to the next one, at this fraction of its length.
-    Edge(usize, f64),
+    /// At this node.
+    Node(usize),
+    /// On the edge from one node to the next one on the border, at this fraction of its length.
+    Edge([usize; 2], f64),
     /// Inside.
     Inside,
 }
@@ -120,7 +131,9 @@ pub struct Cover<const D: usize> {
     vertices: Vec<(Site, [f64; D], f64)>,
     /// Integration points, those with one facet one after the other.
     points: Vec<IntegrationPoint<D>>,
-    /// β of the vertices at each of them; none of a facet that is wholly covered, where they are φ.
+    /// Whether that is the whole facet: its vertices are its nodes then.
+    is_whole: bool,
+    /// β of the vertices at each of them.
     functions: Vec<f64>,
 }
 
@@ -138,7 +151,7 @@ pub trait Mortar<const D: usize>: Topology<D> {
 
 impl Mortar<2> for ElementKind {
     fn beam(slave: &SlaveFacet<2>, distance: f64) -> Beam<2> {
-        let ends = slave.corners[..slave.len].iter().copied();
+        let ends = slave.places().iter().copied();
         Beam::around([[1.0, 0.0], [0.0, 1.0]], ends, [distance; 2])
     }
 
@@ -171,6 +184,9 @@ const FACING: f64 = -0.1;
 const SAME: f64 = 1e-9;
 /// The same in the least width of what is covered: places of a needle stay apart from each other.
 const SAME_OF_WIDTH: f64 = 1e-2;
+/// Newton's method has come to a point of a facet if its last step is below this: its steps fall by their square, down to what
+/// rounding makes of a facet that is small beside its distance from the origin.
+const CONVERGED: f64 = 1e-6;
 /// What part of a smooth boundary is not met by the other one may be lost to curvature: less integrated than this part of
 /// what lies opposite is told.
 const MET: f64 = 0.5;
@@ -213,14 +229,6 @@ where
     ElementKind: Mortar<D>,
 {
     let mesh = body.mesh;
-    let middle = |facet: &Facet<D>| {
-        (facet_nodes(facet).get(facet_corners(facet).len())).map(|&node| mesh.nodes[node as usize])
-    };
-    if let Some(place) = facets.iter().chain(others).find_map(middle) {
-        return Err(ContactError::SecondOrder {
-            place: place.into(),
-        });
-    }
     let nodes_of = |facet: &Facet<D>| -> Vec<u32> { facet_nodes(facet).to_vec() };
     let other_nodes: HashSet<u32> = others.iter().flat_map(nodes_of).collect();
     let mut nodes = facets.iter().flat_map(nodes_of);
@@ -255,6 +263,11 @@ where
                 value: -depth,
             },
             None => ContactError::BodiesOverlap { place, depth },
+        });
+    }
+    if let Some(place) = shares.iter().find_map(|shares| shares.folded) {
+        return Err(ContactError::Folded {
+            place: place.into(),
         });
     }
     let found = Places::new(body, &first, &shares).finish(body, &first, options)?;
@@ -307,7 +320,12 @@ where
 impl<const D: usize> MasterFacet<D> {
     /// Its nodes.
     fn nodes(&self) -> &[u32] {
-        &self.nodes[..self.corners.1]
+        &self.nodes[..self.len]
+    }
+
+    /// Where they are.
+    fn places(&self) -> &[[f64; D]] {
+        &self.places[..self.len]
     }
 }
 
@@ -317,19 +335,44 @@ impl<const D: usize> SlaveFacet<D> {
         ElementKind: Topology<D>,
     {
         let facet = &surface.facets[number];
-        let (corners, len) = body.mesh.corners_of(facet);
-        let mut normals = [surface.outward[number]; 4];
+        let (nodes, len) = body.mesh.places_of(facet);
+        let mut normals = [surface.outward[number]; 9];
         for (normal, &node) in normals.iter_mut().zip(facet_nodes(facet)) {
             *normal = surface.normal(node, surface.part[number]);
         }
         Self {
             len,
-            corners,
+            nodes,
             normals,
             normal: surface.outward[number],
+            slack: slack(&nodes, facet_corners(facet).len(), len),
             thickness: body.thickness,
         }
     }
+
+    /// Where its nodes are.
+    fn places(&self) -> &[[f64; D]] {
+        &self.nodes[..self.len]
+    }
+}
+
+/// How far a facet of second order may be off the smooth surface that its nodes lie on: an edge of length h whose middle is
+/// off its chord by s, and along it by e, is off a circle by s³/h² and, as it is parabolic in another parameter, by s e/h.
+/// Facets of first order are what they are.
+fn slack<const D: usize>(nodes: &[[f64; D]; 9], n_corners: usize, len: usize) -> f64 {
+    let edges = (nodes[n_corners..len].iter().enumerate()).take(n_corners);
+    let of_edge = |(k, &middle): (usize, &[f64; D])| {
+        let (a, b) = (nodes[k], nodes[(k + 1) % n_corners]);
+        let chord = minus(b, a);
+        let h = length(chord);
+        let off: [f64; D] = std::array::from_fn(|c| middle[c] - 0.5 * (a[c] + b[c]));
+        let along = dot(off, chord) / (h * h);
+        let across = length(std::array::from_fn::<_, D, _>(|c| {
+            off[c] - along * chord[c]
+        }));
+        across * (along.abs() + (across / h).powi(2))
+    };
+    edges.map(of_edge).fold(0.0, f64::max)
 }
 
 /// What a facet of the slave boundary adds to the integrals of places.
@@ -341,6 +384,8 @@ struct FacetShares<const D: usize> {
     /// The deepest overlap and where.
     depth: f64,
     place: [f64; D],
+    /// A place where a curved facet cannot be seen from the other one.
+    folded: Option<[f64; D]>,
 }
 
 /// What is covered of a facet by one part of the master boundary, and what it adds to the integrals of its vertices.
@@ -360,10 +405,10 @@ struct Share<const D: usize> {
     bound: f64,
     /// ∫ ψᵢ gap.
     gap: f64,
-    /// ∫ βᵢ n of the master boundary.
-    facing: [f64; D],
-    /// ∫ ψᵢ φₖ over the corners of the facet; none where it is wholly covered: there they are δᵢₖ ∫ βᵢ.
-    own: Option<[f64; 4]>,
+    /// ∫ βᵢ n of the slave boundary and of the master boundary.
+    normals: [[f64; D]; 2],
+    /// ∫ ψᵢ φₖ over the nodes of the facet; none where it is wholly covered: there ∫ ψᵢ Ñₖ are δᵢₖ ∫ βᵢ.
+    own: Option<[f64; 9]>,
     /// (j, ∫ ψᵢ φⱼ).
     partners: Vec<(u32, f64)>,
 }
@@ -392,14 +437,11 @@ where
         met: Vec::new(),
         depth: 0.0,
         place: [0.0; D],
+        folded: None,
     };
     for cover in <ElementKind as Mortar<D>>::covers(slave, near, distance) {
         let n = cover.vertices.len();
-        let is_whole = cover.functions.is_empty();
-        let functions = |number: usize| match is_whole {
-            true => &cover.points[number].slave[..n],
-            false => &cover.functions[n * number..][..n],
-        };
+        let functions = |number: usize| &cover.functions[n * number..][..n];
         // Mass matrix and ∫ β over the covered part; ψ = C β with C = diag(∫ β) mass⁻¹.
         let (mut mass, mut area) = (Mat::<f64>::zeros(n, n), vec![0.0; n]);
         for (number, IntegrationPoint { weight, .. }) in cover.points.iter().enumerate() {
@@ -421,8 +463,8 @@ where
                 area,
                 bound: 0.0,
                 gap: 0.0,
-                facing: [0.0; D],
-                own: (!is_whole).then_some([0.0; 4]),
+                normals: [[0.0; D]; 2],
+                own: (!cover.is_whole).then_some([0.0; 9]),
                 partners: Vec::new(),
             })
             .collect();
@@ -437,8 +479,11 @@ where
                 Some(last) if last.0 == other.number => last.1 += w,
                 _ => all.met.push((other.number, w)),
             }
+            if !point.distance.is_finite() {
+                all.folded = Some(x);
+            }
             let beta = functions(number);
-            let gap = options.gap_at(x, point.distance, rounding);
+            let gap = options.gap_at(x, point.distance, rounding.max(slave.slack + other.slack));
             // NaN from an expression must stay.
             if gap < -all.depth && options.interference.is_none() {
                 all.depth = -gap;
@@ -454,8 +499,8 @@ where
                 });
                 share.gap += w * psi * gap;
                 share.bound += w * beta[i] * bound;
-                for c in 0..D {
-                    share.facing[c] += w * beta[i] * other.normal[c];
+                for (sum, normal) in share.normals.iter_mut().zip(&point.normals) {
+                    (0..D).for_each(|c| sum[c] += w * beta[i] * normal[c]);
                 }
                 if let Some(own) = &mut share.own {
                     for (own, phi) in own.iter_mut().zip(point.slave) {

@@ -1,7 +1,7 @@
 //! Which facets of a boundary may be near to another one.
 
 use crate::mesh::vector::{dot, length};
-use crate::mesh::{ElementKind, Facet, Mesh, Topology, bounds};
+use crate::mesh::{ElementKind, Facet, Mesh, Topology, bounds, facet_corners};
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree, RTreeObject, SelectionFunction};
 
@@ -17,8 +17,17 @@ impl<const D: usize> Bounds<D> {
     where
         ElementKind: Topology<D>,
     {
-        let nodes = facet.as_ref().iter();
-        let (low, high) = bounds(nodes.map(|&node| mesh.nodes[node as usize]));
+        let (x, len) = mesh.places_of(facet);
+        let (mut low, mut high) = bounds(x[..len].iter().copied());
+        // A curved edge bulges out of the box around its nodes by less than its middle is off the chord.
+        let n = facet_corners(facet).len();
+        for (k, middle) in x[n..len].iter().take(n).enumerate() {
+            for c in 0..D {
+                let off = (middle[c] - 0.5 * (x[k][c] + x[(k + 1) % n][c])).abs();
+                low[c] -= off;
+                high[c] += off;
+            }
+        }
         Self { low, high }
     }
 

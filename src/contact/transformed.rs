@@ -39,6 +39,20 @@ impl Transformed {
         Self { ends }
     }
 
+    /// Ñ of a facet with so many nodes from its shape functions, or integrals of these from those.
+    pub fn functions(n_nodes: usize, mut of: [f64; 9]) -> [f64; 9] {
+        if let 6 | 8 = n_nodes {
+            let corners = n_nodes / 2;
+            for k in 0..corners {
+                let whole = of[corners + k];
+                of[corners + k] = (1.0 - 2.0 * ALPHA) * whole;
+                of[k] += ALPHA * whole;
+                of[(k + 1) % corners] += ALPHA * whole;
+            }
+        }
+        of
+    }
+
     /// From integrals with the shape functions, one a node of the mesh, to those with the transformed ones.
     pub fn share(&self, integrals: &mut [f64]) {
         for (&middle, ends) in &self.ends {

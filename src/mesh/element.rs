@@ -371,7 +371,6 @@ pub(crate) fn edge_parts(edge: &Facet) -> impl Iterator<Item = [u32; 2]> + use<>
 
 /// The border of a face or of an element of the plane with so many nodes, by the places of those: corners and midsides in
 /// turn.
-#[cfg(feature = "plots")]
 pub(crate) fn face_ring(n_nodes: usize) -> &'static [usize] {
     match n_nodes {
         3 => &[0, 1, 2],
@@ -381,8 +380,16 @@ pub(crate) fn face_ring(n_nodes: usize) -> &'static [usize] {
     }
 }
 
+/// The places of the nodes of a facet, from one to the next along its border; of an edge from end to end.
+pub(crate) fn border<F: AsRef<[u32]>>(facet: &F) -> &'static [usize] {
+    match (facet.as_ref().len(), facet_nodes(facet).len()) {
+        (3, 2) => &[0, 1],
+        (3, _) => &[0, 2, 1],
+        (_, len) => face_ring(len),
+    }
+}
+
 /// The triangles and quadrilaterals between the nodes of a face or of an element of the plane, by the places of those.
-#[cfg(feature = "plots")]
 pub(crate) fn face_parts(n_nodes: usize) -> &'static [&'static [usize]] {
     match n_nodes {
         3 => &[&[0, 1, 2]],

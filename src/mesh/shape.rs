@@ -19,7 +19,7 @@ pub(crate) use hexahedron::{Hexahedron, Hexahedron20, Hexahedron27};
 pub(crate) use line::{edge_at, points as edge_integration};
 pub(crate) use pyramid::Pyramid;
 pub(crate) use quad::{Quad, Quad8, Quad9};
-pub(crate) use rules::{edge_points, triangle_points};
+pub(crate) use rules::{LINE5, LINE8, edge_points, triangle_points};
 pub(crate) use tetrahedron::{Tetrahedron, Tetrahedron10};
 pub(crate) use triangle::{Triangle, Triangle6};
 pub(crate) use wedge::{Wedge, Wedge15, Wedge18};

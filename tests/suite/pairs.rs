@@ -4,6 +4,7 @@
 //! finer meshes.
 
 mod assemblies;
+mod curved;
 mod extruded;
 mod patch;
 mod spheres;

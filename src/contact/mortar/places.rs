@@ -2,11 +2,12 @@
 
 use super::surface::Surface;
 use super::{FacetShares, Mortar, Share, Shares, Site, add_to};
+use crate::contact::transformed::Transformed;
 use crate::contact::{ContactError, ContactPlace, PairOptions, checked, frame, mean};
 use crate::dense;
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{ElementKind, Groups, Mesh, Topology, facet_nodes};
+use crate::mesh::{ElementKind, Groups, Mesh, Topology, border, facet_corners, facet_nodes};
 use faer::Mat;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
@@ -65,11 +66,13 @@ where
 {
     pub fn new(body: &Body<D>, first: &Surface<D>, shares: &[FacetShares<D>]) -> Self {
         let keys = Keys::new(first, shares);
+        let transformed = Transformed::new(first.facets);
         let mut sums: BTreeMap<Key, Sums<D>> = BTreeMap::new();
         for (facet, shares) in shares.iter().enumerate() {
             let nodes = facet_nodes(&first.facets[facet]);
-            let place = |k: usize| body.mesh.nodes[nodes[k % nodes.len()] as usize];
-            let edges = (0..nodes.len()).map(|k| length(minus(place(k + 1), place(k))));
+            let ring = border(&first.facets[facet]);
+            let place = |k: usize| body.mesh.nodes[nodes[ring[k % ring.len()]] as usize];
+            let edges = (0..ring.len()).map(|k| length(minus(place(k + 1), place(k))));
             let edge = edges.fold(f64::INFINITY, f64::min);
             for (number, cover) in shares.covers.iter().enumerate() {
                 for (vertex, share) in cover.vertices.iter().enumerate() {
@@ -78,8 +81,9 @@ where
                     let sum = sums
                         .entry(key)
                         .or_insert_with(|| Sums::new(parts, share.place));
-                    sum.add(share, nodes);
+                    sum.add(share, nodes, &transformed);
                     sum.edge = sum.edge.min(edge);
+                    sum.is_curved |= nodes.len() > facet_corners(&first.facets[facet]).len();
                 }
             }
         }
@@ -98,19 +102,28 @@ where
         let mut full: HashMap<(u32, u32), f64> = HashMap::new();
         for (number, facet) in first.facets.iter().enumerate() {
             let nodes = facet_nodes(facet);
-            let part = first.measure[number] / nodes.len() as f64;
-            for &node in nodes {
+            let mut parts = [first.measure[number] / nodes.len() as f64; 9];
+            if nodes.len() > facet_corners(facet).len() {
+                parts = [0.0; 9];
+                let (x, len) = body.mesh.places_of(facet);
+                <ElementKind as Topology<D>>::facet_points(&x[..len], |point| {
+                    (0..len).for_each(|k| parts[k] += point.weight * point.shape[k]);
+                });
+                parts = Transformed::functions(len, parts);
+            }
+            for (&node, part) in nodes.iter().zip(parts) {
                 *full.entry((node, first.part[number])).or_default() += part;
             }
         }
         let (mut places, mut of_parts, mut whole) = (Vec::new(), Vec::new(), Vec::new());
         for (key, sums) in self.sums {
             let place = sums.contact_place(body.mesh, first, key, options)?;
-            let parts = place
-                .own
-                .iter()
-                .map(|&(node, weight)| weight * full[&(node, sums.parts.0)]);
-            whole.push(parts.sum::<f64>());
+            whole.push(match key {
+                Key::Node { node, .. } if sums.is_curved => full[&(node, sums.parts.0)],
+                _ => (place.own.iter())
+                    .map(|&(node, weight)| weight * full[&(node, sums.parts.0)])
+                    .sum(),
+            });
             of_parts.push(sums.parts);
             places.push(place);
         }
@@ -174,7 +187,7 @@ impl Keys {
                     let Site::Edge(edge, part) = share.site else {
                         continue;
                     };
-                    let (a, b) = (nodes[edge], nodes[(edge + 1) % nodes.len()]);
+                    let [a, b] = edge.map(|k| nodes[k]);
                     let part = if a < b { part } else { 1.0 - part };
                     let parts = (first.part[facet], cover.part);
                     let points = on_edge.entry(([a.min(b), a.max(b)], parts)).or_default();
@@ -214,8 +227,8 @@ impl Keys {
         ElementKind: Topology<D>,
     {
         match cover.vertices[vertex].site {
-            Site::Corner(corner) => Key::Node {
-                node: facet_nodes(&first.facets[facet])[corner],
+            Site::Node(k) => Key::Node {
+                node: facet_nodes(&first.facets[facet])[k],
                 part: first.part[facet],
                 other: cover.part,
             },
@@ -238,12 +251,14 @@ struct Sums<const D: usize> {
     angle: f64,
     /// Whether one of the facets is covered in part.
     is_partial: bool,
+    /// Whether one of them is of second order.
+    is_curved: bool,
     /// The shortest edge of the facets.
     edge: f64,
     area: f64,
     bound: f64,
     gap: f64,
-    facing: [f64; D],
+    normals: [[f64; D]; 2],
     own: Vec<(u32, f64)>,
     partners: Vec<(u32, f64)>,
 }
@@ -255,11 +270,12 @@ impl<const D: usize> Sums<D> {
             place,
             angle: 0.0,
             is_partial: false,
+            is_curved: false,
             edge: f64::INFINITY,
             area: 0.0,
             bound: 0.0,
             gap: 0.0,
-            facing: [0.0; D],
+            normals: [[0.0; D]; 2],
             own: Vec::new(),
             partners: Vec::new(),
         }
@@ -275,7 +291,7 @@ impl<const D: usize> Sums<D> {
         self.area += other.area;
         self.bound += other.bound;
         self.gap += other.gap;
-        (0..D).for_each(|c| self.facing[c] += other.facing[c]);
+        self.add_normals(&other.normals);
         for &(node, weight) in &other.own {
             add_to(&mut self.own, node, weight);
         }
@@ -284,18 +300,26 @@ impl<const D: usize> Sums<D> {
         }
     }
 
+    fn add_normals(&mut self, others: &[[f64; D]; 2]) {
+        for (sum, other) in self.normals.iter_mut().zip(others) {
+            (0..D).for_each(|c| sum[c] += other[c]);
+        }
+    }
+
     /// Adds the integrals of a vertex on a facet with these nodes.
-    fn add(&mut self, share: &Share<D>, nodes: &[u32]) {
+    fn add(&mut self, share: &Share<D>, nodes: &[u32], transformed: &Transformed) {
         self.angle += share.angle;
         self.is_partial |= share.own.is_some();
         self.area += share.area;
         self.bound += share.bound;
         self.gap += share.gap;
-        for c in 0..D {
-            self.facing[c] += share.facing[c];
-        }
+        self.add_normals(&share.normals);
         match (share.own, share.site) {
-            (None, Site::Corner(corner)) => add_to(&mut self.own, nodes[corner], share.area),
+            (None, Site::Node(k)) => {
+                for (node, weight) in transformed.own(nodes[k]) {
+                    add_to(&mut self.own, node, weight * share.area);
+                }
+            }
             (own, _) => {
                 for (&node, weight) in nodes.iter().zip(own.unwrap_or_default()) {
                     add_to(&mut self.own, node, weight);
@@ -331,7 +355,14 @@ impl<const D: usize> Sums<D> {
         }
         let nodes: Vec<u32> = own.iter().map(|p| p.0).collect();
         let x = mean(&own, |node| mesh.nodes[node as usize]);
-        let outward = mean(&own, |node| first.normal(node, self.parts.0));
+        let [outward, facing] = self.normals;
+        // On a curved facet the mean normal hands a uniform pressure on as it is; on the border of what is covered it
+        // would say the one of a place within.
+        let outward = if self.is_curved && !self.is_partial {
+            options.within_planes(unit(outward), &nodes)
+        } else {
+            mean(&own, |node| first.normal(node, self.parts.0))
+        };
         let outward = if nodes.len() > 1 {
             unit(outward)
         } else {
@@ -339,7 +370,7 @@ impl<const D: usize> Sums<D> {
         };
         let slip_bound = options.friction.at(x, self.bound)?;
         // ν lies between the normals of both sides, so that it does not matter which of them is named first.
-        let normal = unit(minus(outward, self.facing.map(|c| c / self.area)));
+        let normal = unit(minus(outward, facing.map(|c| c / self.area)));
         let normal = options.within_planes(normal, &nodes);
         let gap = self.gap / self.area * dot(outward, normal);
         if let Some(interference) = options.interference {
@@ -357,16 +388,21 @@ impl<const D: usize> Sums<D> {
             self.area.powf(1.0 / (D as f64 - 1.0)),
             &mut partners,
         );
+        // What is handed on to a node moves its place away from it.
+        let at_node = match key {
+            // The middle of a curved edge is its node, while the force acts where that lies in the transformed sense.
+            Key::Node { node, .. } if self.is_curved && !self.is_partial => Some(node),
+            Key::Node { node, .. } => {
+                let off = length(minus(mesh.nodes[node as usize], x));
+                (off <= 1e-6 * self.edge).then_some(node)
+            }
+            _ => None,
+        };
         Ok(ContactPlace {
-            place: x,
-            // What is handed on to a node moves its place away from it.
-            node: match key {
-                Key::Node { node, .. } => {
-                    let off = length(minus(mesh.nodes[node as usize], x));
-                    (off <= 1e-6 * self.edge).then_some(node)
-                }
-                _ => None,
-            },
+            place: at_node
+                .filter(|_| self.is_curved)
+                .map_or(x, |node| mesh.nodes[node as usize]),
+            node: at_node,
             own,
             partners,
             frame,
@@ -376,7 +412,12 @@ impl<const D: usize> Sums<D> {
             } else {
                 gap.max(0.0)
             },
-            area: self.area,
+            // A uniform pressure p is the force p ∫ β n.
+            area: if self.is_curved && !self.is_partial {
+                length(self.normals[0])
+            } else {
+                self.area
+            },
             pool: 0,
             slip_bound,
         })

@@ -9,9 +9,10 @@ use super::super::frame;
 use super::flat::{Flat, area, edges, turn};
 use super::hull::Hull;
 use super::{Beam, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet};
-use crate::mesh::Groups;
-use crate::mesh::shape::{Quad, ShapeFunctions, triangle_points};
+use crate::contact::transformed::Transformed;
+use crate::mesh::shape::{FaceAt, LINE5, LINE8, ShapeFunctions, Visit, face_kind, triangle_points};
 use crate::mesh::vector::{cross, dot, length, minus, unit};
+use crate::mesh::{Groups, Topology, face_parts, face_ring};
 use std::f64::consts::PI;
 
 type Polygon = Vec<Flat>;
@@ -74,42 +75,135 @@ fn without(polygon: &[Flat], convex: &[Flat], least: f64) -> Vec<Polygon> {
 /// A facet as seen along the normal of a plane.
 struct Seen {
     len: usize,
-    /// Its corners on the plane.
-    flat: [Flat; 4],
+    /// Its nodes on the plane.
+    flat: [Flat; 9],
     /// Their heights above it.
-    heights: [f64; 4],
+    heights: [f64; 9],
+}
+
+/// What a facet is where it covers a point of a plane.
+struct Covering {
+    /// Its shape functions, and where that is in its reference element.
+    shape: [f64; 9],
+    xi: Flat,
+    /// Its height above the plane.
+    height: f64,
 }
 
 impl Seen {
-    /// The heights that the facet has where it covers the point p of the plane, and its shape functions there.
-    fn at(&self, p: Flat) -> (f64, [f64; 4]) {
-        let shape = match self.len {
+    /// Where the facet covers the point p of the plane.
+    fn at(&self, p: Flat) -> Covering {
+        let (shape, xi) = match self.len {
             3 => self.in_triangle(p),
-            _ => self.in_quadrilateral(p),
+            len => Topology::<2>::with(face_kind(len), Inverse { seen: self, p }),
         };
         let height = shape.iter().zip(&self.heights).map(|(s, h)| s * h).sum();
-        (height, shape)
+        Covering { shape, xi, height }
     }
 
-    fn in_triangle(&self, p: Flat) -> [f64; 4] {
-        let [a, b, c, _] = self.flat;
+    /// Its corners, how many there are.
+    fn n_corners(&self) -> usize {
+        if let 3 | 6 = self.len { 3 } else { 4 }
+    }
+
+    fn is_curved(&self) -> bool {
+        self.len > 4
+    }
+
+    fn in_triangle(&self, p: Flat) -> ([f64; 9], Flat) {
+        let [a, b, c] = [0, 1, 2].map(|k| self.flat[k]);
         let whole = turn(a, b, c);
         let [s, t] = [turn(p, c, a) / whole, turn(p, a, b) / whole];
-        [1.0 - s - t, s, t, 0.0]
+        let mut shape = [0.0; 9];
+        shape[..3].copy_from_slice(&[1.0 - s - t, s, t]);
+        (shape, [s, t])
     }
 
-    /// By Newton's method on the bilinear map, which is one step if it is affine.
-    fn in_quadrilateral(&self, p: Flat) -> [f64; 4] {
-        let mut xi = [0.0; 2];
+    /// The unit normal at a point of the reference element, in the axes of the plane.
+    fn normal(&self, xi: Flat) -> [f64; 3] {
+        let x: [[f64; 3]; 9] = std::array::from_fn(|k| {
+            let [s, t] = self.flat[k];
+            [s, t, self.heights[k]]
+        });
+        let [s, t] = Topology::<2>::with(face_kind(self.len), FaceAt(&x[..self.len], xi)).tangents;
+        unit(cross(s, t))
+    }
+
+    /// Whether shape functions are polynomials on the plane.
+    fn is_affine(&self) -> bool {
+        let n = self.n_corners();
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.flat[k]);
+        let diagonals = length(minus(c, a)) + length(minus(d, b));
+        let size = if n == 3 {
+            length(minus(c, a))
+        } else {
+            diagonals
+        };
+        let skew = [0, 1].map(|k| a[k] - b[k] + c[k] - d[k]);
+        let centre = [0, 1].map(|k| 0.5 * (a[k] + c[k]));
+        let middles = (n..self.len).all(|k| {
+            let middle = match k - n {
+                4 => centre,
+                k => [0, 1].map(|c| 0.5 * (self.flat[k][c] + self.flat[(k + 1) % n][c])),
+            };
+            length(minus(self.flat[k], middle)) <= AFFINE * size
+        });
+        middles && (n == 3 || length(skew) <= AFFINE * size)
+    }
+
+    /// Whether the middles of its edges lie on the lines between its corners.
+    fn is_straight(&self) -> bool {
+        let n = self.n_corners();
+        (n..self.len.min(2 * n)).all(|k| {
+            let (a, b) = (self.flat[k - n], self.flat[(k - n + 1) % n]);
+            turn(a, b, self.flat[k]).abs() <= SAME * length(minus(b, a)).powi(2)
+        })
+    }
+
+    /// Convex polygons that it consists of: one, unless its edges are curved.
+    fn polygons(&self) -> Vec<Polygon> {
+        if self.is_straight() {
+            return vec![self.flat[..self.n_corners()].to_vec()];
+        }
+        let parts = face_parts(self.len).iter();
+        parts
+            .map(|part| part.iter().map(|&k| self.flat[k]).collect())
+            .collect()
+    }
+}
+
+/// Coordinates that differ by less than this part of the size of a facet are rounding.
+const AFFINE: f64 = 1e-12;
+
+/// The point of the reference element of a facet that covers a point of a plane, by Newton's method, which is one step if
+/// the map is affine: with the shape functions there; these are no numbers where a curved facet does not cover any.
+struct Inverse<'a> {
+    seen: &'a Seen,
+    p: Flat,
+}
+
+impl Visit<2> for Inverse<'_> {
+    type Output = ([f64; 9], Flat);
+
+    #[inline]
+    fn visit<E: ShapeFunctions<2, N, Q>, const N: usize, const Q: usize>(self) -> Self::Output {
+        let flat = &self.seen.flat;
+        let mut xi = if N == 6 {
+            self.seen.in_triangle(self.p).1
+        } else {
+            [0.0; 2]
+        };
+        let mut found = [0.0; 9];
+        let mut ended = false;
         for _ in 0..30 {
-            let (shape, local) = Quad::shapes(xi);
-            let mut off = p;
+            let (shape, local) = E::shapes(xi);
+            let mut off = self.p;
             let mut jacobian = [[0.0; 2]; 2];
-            for a in 0..4 {
+            for a in 0..N {
                 for c in 0..2 {
-                    off[c] -= shape[a] * self.flat[a][c];
+                    off[c] -= shape[a] * flat[a][c];
                     for d in 0..2 {
-                        jacobian[c][d] += local[a][d] * self.flat[a][c];
+                        jacobian[c][d] += local[a][d] * flat[a][c];
                     }
                 }
             }
@@ -120,20 +214,18 @@ impl Seen {
                 (a * off[1] - c * off[0]) / det,
             ];
             xi = [xi[0] + step[0], xi[1] + step[1]];
+            let size = step[0].abs().max(step[1].abs());
+            ended = size < super::CONVERGED;
             // Also where it is not finite.
-            if !(step[0].abs().max(step[1].abs()) > 1e-14) {
+            if !(size > 1e-14) {
                 break;
             }
         }
-        Quad::shapes(xi).0
-    }
-
-    /// Whether shape functions are affine on the plane.
-    fn is_affine(&self) -> bool {
-        let [a, b, c, d] = self.flat;
-        let off = [0, 1].map(|k| a[k] - b[k] + c[k] - d[k]);
-        let size = length(minus(c, a)) + length(minus(d, b));
-        self.len == 3 || length(off) <= 1e-12 * size
+        found[..N].copy_from_slice(&E::shapes(xi).0);
+        if N > 4 && !ended {
+            found.fill(f64::NAN);
+        }
+        (found, xi)
     }
 }
 
@@ -146,8 +238,8 @@ struct Plane {
 
 impl Plane {
     fn of(slave: &SlaveFacet<3>) -> Self {
-        let corners = &slave.corners[..slave.len];
-        let sum = |c: usize| corners.iter().map(|x| x[c]).sum::<f64>();
+        let nodes = slave.places();
+        let sum = |c: usize| nodes.iter().map(|x| x[c]).sum::<f64>();
         let [normal, s, t] = frame(slave.normal);
         let right = dot(cross(s, t), normal) > 0.0;
         Self {
@@ -160,13 +252,13 @@ impl Plane {
         }
     }
 
-    fn see(&self, corners: &[[f64; 3]]) -> Seen {
+    fn see(&self, nodes: &[[f64; 3]]) -> Seen {
         let mut seen = Seen {
-            len: corners.len(),
-            flat: [[0.0; 2]; 4],
-            heights: [0.0; 4],
+            len: nodes.len(),
+            flat: [[0.0; 2]; 9],
+            heights: [0.0; 9],
         };
-        for (k, &x) in corners.iter().enumerate() {
+        for (k, &x) in nodes.iter().enumerate() {
             let to = minus(x, self.centre);
             let [s, t, height] = self.axes.map(|axis| dot(axis, to));
             seen.flat[k] = [s, t];
@@ -178,8 +270,8 @@ impl Plane {
 
 /// What a facet can meet along its normal.
 pub(super) fn beam(slave: &SlaveFacet<3>, distance: f64) -> Beam<3> {
-    let corners = slave.corners[..slave.len].iter().copied();
-    Beam::around(Plane::of(slave).axes, corners, [0.0, 0.0, distance])
+    let nodes = slave.places().iter().copied();
+    Beam::around(Plane::of(slave).axes, nodes, [0.0, 0.0, distance])
 }
 
 /// The angles of a facet at its corners: with them the averaged normal does not depend on how a surface is divided into
@@ -209,89 +301,125 @@ pub(super) fn covers(
     distance: f64,
 ) -> Vec<Cover<3>> {
     let plane = Plane::of(slave);
-    let own = plane.see(&slave.corners[..slave.len]);
-    let outline = &own.flat[..own.len];
-    let size = area(outline);
+    let own = plane.see(slave.places());
+    let outline: Vec<Flat> = face_ring(own.len).iter().map(|&k| own.flat[k]).collect();
     let seen: Vec<Seen> = (near.iter())
-        .map(|MasterFacet { corners, .. }| plane.see(&corners.0[..corners.1]))
+        .map(|master| plane.see(master.places()))
         .collect();
     // How far the plane's point p is from a facet, along its normal.
-    let apart = |other: usize, p: Flat| seen[other].at(p).0 - own.at(p).0;
+    let apart = |other: usize, p: Flat| seen[other].at(p).height - own.at(p).height;
 
     let mut pieces: Vec<Piece> = Vec::new();
-    for (other, seen) in seen.iter().enumerate() {
-        let mut flat = seen.flat[..seen.len].to_vec();
-        if area(&flat) < 0.0 {
-            flat.reverse();
+    for part in own.polygons() {
+        let size = area(&part);
+        let mut of_part: Vec<Piece> = Vec::new();
+        for (other, seen) in seen.iter().enumerate() {
+            for mut flat in seen.polygons() {
+                if area(&flat) < 0.0 {
+                    flat.reverse();
+                } else if seen.is_curved() {
+                    // A part that looks away.
+                    continue;
+                }
+                let least = NOTHING * size.min(area(&flat));
+                let Some(polygon) = within(&flat, &part, least) else {
+                    continue;
+                };
+                if !(apart(other, middle(&polygon)).abs() <= distance) {
+                    continue;
+                }
+                add(&mut of_part, Piece { polygon, other }, least, &apart);
+            }
         }
-        let least = NOTHING * size.min(area(&flat));
-        let Some(polygon) = within(&flat, outline, least) else {
-            continue;
-        };
-        if !(apart(other, middle(&polygon)).abs() <= distance) {
-            continue;
-        }
-        add(&mut pieces, Piece { polygon, other }, least, &apart);
+        pieces.extend(of_part);
     }
     // Pieces of one facet, one after the other.
     pieces.sort_by_key(|piece| piece.other);
 
+    let weighted = |shape: &[f64; 9], of: &[[f64; 3]; 9]| -> [f64; 3] {
+        std::array::from_fn(|c| (0..slave.len).map(|a| shape[a] * of[a][c]).sum())
+    };
+    let in_space = |local: [f64; 3]| -> [f64; 3] {
+        std::array::from_fn(|c| (0..3).map(|a| local[a] * plane.axes[a][c]).sum())
+    };
     connected(&pieces, near)
         .into_iter()
         .map(|pieces| {
             let corners = pieces.iter().flat_map(|piece| piece.polygon.clone());
             let hull = Hull::around(corners.collect());
-            let (hull, sites) = places(outline, hull);
+            let (hull, sites) = places(&outline, face_ring(own.len), own.n_corners(), hull);
+            let is_whole = sites.is_none();
             let mut cover = Cover {
                 part: near[pieces[0].other].part,
                 vertices: Vec::new(),
                 points: Vec::new(),
+                is_whole,
                 functions: Vec::new(),
             };
-            let weighted = |shape: &[f64; 4], of: &[[f64; 3]; 4]| -> [f64; 3] {
-                std::array::from_fn(|c| (0..slave.len).map(|a| shape[a] * of[a][c]).sum())
-            };
-            let is_whole = sites.is_none();
             cover.vertices = match &sites {
                 None => (slave
-                    .corners
+                    .places()
                     .iter()
-                    .zip(angles(&slave.corners[..slave.len])))
-                .take(slave.len)
+                    .zip(angles_at_nodes(&slave.nodes, own.n_corners())))
                 .enumerate()
-                .map(|(k, (&corner, angle))| (Site::Corner(k), corner, angle))
+                .map(|(k, (&place, angle))| (Site::Node(k), place, angle))
                 .collect(),
                 Some(sites) => (sites.iter().zip(&hull.vertices))
                     .zip(hull.angles())
                     .map(|((&site, &v), angle)| match site {
-                        Site::Corner(k) => (site, slave.corners[k], angle),
-                        _ => (site, weighted(&own.at(v).1, &slave.corners), angle),
+                        Site::Node(k) => (site, slave.nodes[k], angle),
+                        _ => (site, weighted(&own.at(v).shape, &slave.nodes), angle),
                     })
                     .collect(),
             };
             for piece in pieces {
                 let other = &seen[piece.other];
-                let fine = !(own.is_affine() && other.is_affine());
-                each_point(&piece.polygon, fine, |p, weight| {
-                    let (own_height, shape) = own.at(p);
-                    let (height, master) = other.at(p);
-                    let along = dot(unit(weighted(&shape, &slave.normals)), slave.normal);
-                    if !is_whole {
+                each_point(&piece.polygon, rule(&own, other), |p, weight| {
+                    let here = own.at(p);
+                    let there = other.at(p);
+                    let mut point = IntegrationPoint {
+                        other: piece.other,
+                        place: weighted(&here.shape, &slave.nodes),
+                        slave: here.shape,
+                        master: there.shape,
+                        normals: [slave.normal, near[piece.other].normal],
+                        distance: there.height - here.height,
+                        weight: weight * slave.thickness,
+                    };
+                    if own.is_curved() {
+                        let normal = own.normal(here.xi);
+                        point.normals[0] = in_space(normal);
+                        point.distance *= normal[2];
+                        // On the curved surface, not on the plane.
+                        point.weight /= normal[2];
+                    } else {
+                        point.distance *=
+                            dot(unit(weighted(&here.shape, &slave.normals)), slave.normal);
+                    }
+                    if other.is_curved() {
+                        point.normals[1] = in_space(other.normal(there.xi));
+                    }
+                    if is_whole {
+                        let functions = Transformed::functions(slave.len, here.shape);
+                        cover.functions.extend(&functions[..slave.len]);
+                    } else {
                         cover.functions.extend(hull.functions(p));
                     }
-                    cover.points.push(IntegrationPoint {
-                        other: piece.other,
-                        place: weighted(&shape, &slave.corners),
-                        slave: shape,
-                        master,
-                        distance: (height - own_height) * along,
-                        weight: weight * slave.thickness,
-                    });
+                    cover.points.push(point);
                 });
             }
             cover
         })
         .collect()
+}
+
+/// The angles of a facet at its nodes, in half turns: corners first.
+fn angles_at_nodes(nodes: &[[f64; 3]; 9], n_corners: usize) -> [f64; 9] {
+    let mut all = [1.0; 9];
+    // That in the middle of a quadrilateral.
+    all[8] = 2.0;
+    all[..n_corners].copy_from_slice(&angles(&nodes[..n_corners])[..n_corners]);
+    all
 }
 
 /// The pieces of each connected part of the master boundary, in their order: facets are connected that have a node in
@@ -319,19 +447,31 @@ fn connected<'p>(pieces: &'p [Piece], near: &[MasterFacet<3>]) -> Vec<Vec<&'p Pi
     parts
 }
 
-/// The vertices of what is covered and where they lie on the facet with this outline; None for the sites of one that is
-/// wholly covered: these are its corners.
-fn places(outline: &[Flat], hull: Hull) -> (Hull, Option<Vec<Site>>) {
+/// The vertices of what is covered and where they lie on the facet with this outline, whose nodes are `ring`; None for the
+/// sites of one that is wholly covered: these are its nodes.
+fn places(
+    outline: &[Flat],
+    ring: &[usize],
+    n_corners: usize,
+    hull: Hull,
+) -> (Hull, Option<Vec<Site>>) {
     let size = area(outline).sqrt();
     let near = |p: Flat, q: Flat, same: f64| length(minus(p, q)) <= same;
-    if (outline.iter()).all(|&p| hull.vertices.iter().any(|&v| near(p, v, SAME * size))) {
+    let covers = |p: Flat, is_corner: bool| match is_corner {
+        true => hull.vertices.iter().any(|&v| near(p, v, SAME * size)),
+        // The middle of an edge may lie on a straight border, which has no vertex there.
+        false => {
+            edges(&hull.vertices).all(|(a, b)| turn(a, b, p) >= -SAME * size * length(minus(b, a)))
+        }
+    };
+    if (outline.iter().zip(ring)).all(|(&p, &k)| covers(p, k < n_corners)) {
         return (hull, None);
     }
     let hull = hull.simplified();
     let same = (SAME * size).min(SAME_OF_WIDTH * hull.width());
     let site = |&v: &Flat| {
-        if let Some(corner) = outline.iter().position(|&p| near(p, v, same)) {
-            return Site::Corner(corner);
+        if let Some(at) = outline.iter().position(|&p| near(p, v, same)) {
+            return Site::Node(ring[at]);
         }
         let off = edges(outline).map(|(a, b)| (turn(a, b, v) / length(minus(b, a))).abs());
         let Some((edge, _)) = off.enumerate().find(|(_, off)| *off <= same) else {
@@ -340,7 +480,7 @@ fn places(outline: &[Flat], hull: Hull) -> (Hull, Option<Vec<Site>>) {
         let (a, b) = (outline[edge], outline[(edge + 1) % outline.len()]);
         let (along, to) = (minus(b, a), minus(v, a));
         let part = (to[0] * along[0] + to[1] * along[1]) / (along[0].powi(2) + along[1].powi(2));
-        Site::Edge(edge, part)
+        Site::Edge([ring[edge], ring[(edge + 1) % ring.len()]], part)
     };
     let sites = hull.vertices.iter().map(site).collect();
     (hull, Some(sites))
@@ -378,37 +518,53 @@ fn add(pieces: &mut Vec<Piece>, new: Piece, least: f64, apart: &impl Fn(usize, F
     pieces.extend(fresh.into_iter().map(|polygon| Piece { polygon, other }));
 }
 
-/// Gauss–Legendre points on (−1, 1) and their weights (Abramowitz and Stegun, table 25.4); those below 0 mirror them.
-const GAUSS: [(f64, f64); 4] = [
-    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
-    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
-    (0.796_666_477_413_626_7, 0.222_381_034_453_374_5),
-    (0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
-];
+/// How what two facets have in common is integrated, a triangle at a time.
+#[derive(Clone, Copy, PartialEq)]
+enum Rule {
+    /// Six points: exact to degree 4, which bilinear functions and quadratic ones of triangles have as products.
+    Six,
+    /// 5 × 5 points: exact to degree 8, which biquadratic functions have as products.
+    Square5,
+    /// 8 × 8 points where shape functions are no polynomials on the plane: right to 1e-10 on quadrilaterals whose corners
+    /// are off by a fifth of an edge.
+    Square8,
+}
 
-/// Integration points of a polygon with their weights, by triangles from its first corner: six each, exact to degree 4,
-/// or 8 × 8 where shape functions are no polynomials on the plane: right to 1e-10 on quadrilaterals whose corners are off by
-/// a fifth of an edge.
-fn each_point(polygon: &[Flat], fine: bool, mut take: impl FnMut(Flat, f64)) {
+/// What two facets need. Where edges are curved, pieces are smaller than facets.
+fn rule(own: &Seen, other: &Seen) -> Rule {
+    let both = |is: fn(&Seen) -> bool| is(own) && is(other);
+    if !both(Seen::is_straight) {
+        Rule::Square5
+    } else if !both(Seen::is_affine) {
+        Rule::Square8
+    } else if both(|facet| facet.len <= 6) {
+        Rule::Six
+    } else {
+        Rule::Square5
+    }
+}
+
+/// Integration points of a polygon with their weights, by triangles from its first corner.
+fn each_point(polygon: &[Flat], rule: Rule, mut take: impl FnMut(Flat, f64)) {
+    let on_line: &[(f64, f64)] = match rule {
+        Rule::Six => &[],
+        Rule::Square5 => &LINE5,
+        Rule::Square8 => &LINE8,
+    };
+    let unit = |x: f64| 0.5 + 0.5 * x;
     let a = polygon[0];
     for bc in polygon.windows(2).skip(1) {
         let [b, c] = [bc[0], bc[1]];
         let area = 0.5 * turn(a, b, c);
         let at = |[r, s, t]: [f64; 3]| [0, 1].map(|k| r * a[k] + s * b[k] + t * c[k]);
-        if !fine {
+        if rule == Rule::Six {
             for (corners, weight) in triangle_points() {
                 take(at(corners), area * weight);
             }
-            continue;
         }
         // On a square of which one side shrinks to the first corner.
-        let points = || {
-            GAUSS
-                .into_iter()
-                .flat_map(|(x, w)| [-1.0, 1.0].map(|sign| (0.5 + 0.5 * sign * x, 0.5 * w)))
-        };
-        for (along, weight) in points() {
-            for (across, other) in points() {
+        for (along, weight) in on_line.iter().map(|&(x, weight)| (unit(x), weight)) {
+            for (across, other) in on_line.iter().map(|&(x, weight)| (unit(x), weight)) {
                 let corners = [1.0 - along, along * (1.0 - across), along * across];
                 take(at(corners), 2.0 * area * along * weight * other);
             }

@@ -1,9 +1,11 @@
 //! What two boundaries of the plane have in common: segments between projected nodes of both meshes, along the field of
 //! averaged normals of the slave boundary.
 
-use super::{Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet};
-use crate::mesh::shape::edge_points;
-use crate::mesh::vector::{length, minus, unit};
+use super::{
+    CONVERGED, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet,
+};
+use crate::mesh::shape::{LINE8, edge_at, edge_points, sum};
+use crate::mesh::vector::{dot, length, minus, unit};
 
 type Point = [f64; 2];
 
@@ -16,68 +18,101 @@ fn between(a: Point, b: Point, s: f64) -> Point {
     [a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])]
 }
 
-/// An edge of the slave boundary: its ends and the averaged normals there.
-struct Edge {
-    ends: [Point; 2],
-    normals: [Point; 2],
+/// An edge of the slave boundary: its nodes, the ends first, and the averaged normals there.
+struct Edge<'a> {
+    x: &'a [Point],
+    normals: &'a [Point],
 }
 
-impl Edge {
+/// The root of a s² + b s + c that is nearest to the middle of (0, 1).
+fn nearest_root(a: f64, b: f64, c: f64) -> Option<f64> {
+    let roots = if a.abs() * 1e12 < b.abs() {
+        [-c / b; 2]
+    } else {
+        let root = (b * b - 4.0 * a * c).max(0.0).sqrt();
+        // Free of cancellation.
+        let q = -0.5 * (b + root.copysign(b));
+        [q / a, c / q]
+    };
+    let off = |s: &f64| (s - 0.5).abs();
+    let finite = roots.into_iter().filter(|s| s.is_finite());
+    finite.min_by(|s, t| off(s).total_cmp(&off(t)))
+}
+
+impl Edge<'_> {
     /// The place at s ∈ [0, 1] and the unit normal there.
     fn at(&self, s: f64) -> (Point, Point) {
+        if self.x.len() > 2 {
+            let at = edge_at(self.x, 2.0 * s - 1.0);
+            return (at.place, unit(sum(&at.shape, self.normals)));
+        }
         let normal = between(self.normals[0], self.normals[1], s);
-        (between(self.ends[0], self.ends[1], s), unit(normal))
+        (between(self.x[0], self.x[1], s), unit(normal))
     }
 
     /// The s whose normal goes through x: a root of (x − p(s)) × n(s), the one nearest to the edge.
     fn projection(&self, x: Point) -> Option<f64> {
-        let [p, q] = self.ends;
-        let [n, k] = self.normals;
+        let ([p, q], [n, k]) = ([0, 1].map(|a| self.x[a]), [0, 1].map(|a| self.normals[a]));
         let (along, turn, to) = (minus(q, p), minus(k, n), minus(x, p));
         // (to − s along) × (n + s turn) = c + b s + a s².
         let a = -cross(along, turn);
         let b = cross(to, turn) - cross(along, n);
         let c = cross(to, n);
-        let roots = if a.abs() * 1e12 < b.abs() {
-            [-c / b; 2]
-        } else {
-            let root = (b * b - 4.0 * a * c).max(0.0).sqrt();
-            // Free of cancellation.
-            let q = -0.5 * (b + root.copysign(b));
-            [q / a, c / q]
-        };
-        let off = |s: &f64| (s - 0.5).abs();
-        let nearest = roots
-            .into_iter()
-            .filter(|s| s.is_finite())
-            .min_by(|s, t| off(s).total_cmp(&off(t)))?;
-        Some(nearest)
+        let on_chord = nearest_root(a, b, c)?;
+        // What is beyond the ends of the chord by so much is beyond those of the curved edge, too, which bends back there.
+        if self.x.len() == 2 || !(-0.5..1.5).contains(&on_chord) {
+            return Some(on_chord);
+        }
+        // By Newton's method on the curved edge, from where that is on its chord.
+        let (mut s, mut step) = (on_chord, f64::INFINITY);
+        for _ in 0..NEWTON {
+            let at = edge_at(self.x, 2.0 * s - 1.0);
+            let turned = edge_at(self.normals, 2.0 * s - 1.0);
+            let to = minus(x, at.place);
+            let slope = cross(to, turned.tangents[0]) - cross(at.tangents[0], turned.place);
+            step = -0.5 * cross(to, turned.place) / slope;
+            s += step;
+            if !(step.abs() > 1e-14) {
+                break;
+            }
+        }
+        (step.abs() < CONVERGED).then_some(s)
     }
 }
 
-/// Where the ray from x along n meets the line through the edge: the parameter on the edge and the distance.
-fn meet(x: Point, n: Point, [p, q]: [Point; 2]) -> (f64, f64) {
-    let (along, to) = (minus(q, p), minus(p, x));
-    let det = cross(n, along);
-    (cross(n, to) / -det, cross(to, along) / det)
+/// More than Newton's method takes on a quadratic edge whose middle is anywhere near its middle.
+const NEWTON: usize = 20;
+
+/// Where the ray from x along n meets an edge: the parameter on the edge and the distance.
+fn meet(x: Point, n: Point, edge: &[Point]) -> (f64, f64) {
+    if let [p, q] = *edge {
+        let (along, to) = (minus(q, p), minus(p, x));
+        let det = cross(n, along);
+        return (cross(n, to) / -det, cross(to, along) / det);
+    }
+    // The edge is p + s b + s² a.
+    let [p, q, m] = [edge[0], edge[1], edge[2]];
+    let b = [0, 1].map(|c| 4.0 * m[c] - 3.0 * p[c] - q[c]);
+    let a = [0, 1].map(|c| 2.0 * (p[c] + q[c]) - 4.0 * m[c]);
+    let root = nearest_root(cross(n, a), cross(n, b), cross(n, minus(p, x)));
+    let s = root.unwrap_or(f64::NAN);
+    let place = edge_at(edge, 2.0 * s - 1.0).place;
+    (s, dot(minus(place, x), n))
 }
 
-fn ends(near: &MasterFacet<2>) -> [Point; 2] {
-    let ([from, to, ..], _) = near.corners;
-    [from, to]
-}
-
-/// What connected parts of the others cover of an edge: three Gauss points on each segment.
+/// What connected parts of the others cover of an edge: three Gauss points on each segment; eight where an edge is of second
+/// order, as one parameter is no polynomial in the other then.
 pub(super) fn covers(
     slave: &SlaveFacet<2>,
     near: &[MasterFacet<2>],
     distance: f64,
 ) -> Vec<Cover<2>> {
     let edge = Edge {
-        ends: [slave.corners[0], slave.corners[1]],
-        normals: [slave.normals[0], slave.normals[1]],
+        x: slave.places(),
+        normals: &slave.normals[..slave.len],
     };
-    let length = length(minus(edge.ends[1], edge.ends[0])) * slave.thickness;
+    let is_curved = slave.len > 2;
+    let chord = length(minus(edge.x[1], edge.x[0])) * slave.thickness;
     let mut covers = Vec::new();
     let segments = segments(&edge, near, distance);
     let connected = |&(a, _, end): &Segment, &(b, start, _): &Segment| {
@@ -88,34 +123,78 @@ pub(super) fn covers(
         let same = SAME.min(SAME_OF_WIDTH * (to - from));
         let is_whole = from <= same && 1.0 - to <= same;
         let site = |s: f64| match s {
-            s if s <= same => (Site::Corner(0), edge.ends[0], 0.5),
-            s if 1.0 - s <= same => (Site::Corner(1), edge.ends[1], 0.5),
+            s if s <= same => (Site::Node(0), edge.x[0], 0.5),
+            s if 1.0 - s <= same => (Site::Node(1), edge.x[1], 0.5),
+            s if is_curved && (s - 0.5).abs() <= same => (Site::Node(2), edge.x[2], 0.5),
             _ => (Site::Inside, edge.at(s).0, 0.5),
         };
+        let mut vertices = vec![site(from), site(to)];
+        if is_whole && is_curved {
+            vertices.push((Site::Node(2), edge.x[2], 1.0));
+        }
+        let [a, b] = [from, to].map(|s| edge.at(s).0);
+        let (along, square) = (minus(b, a), dot(minus(b, a), minus(b, a)));
         let mut cover = Cover {
             part: near[segments[0].0].part,
-            vertices: vec![site(from), site(to)],
+            vertices,
             points: Vec::with_capacity(3 * segments.len()),
+            is_whole,
             functions: Vec::new(),
         };
-        for &(other, a, b) in segments {
-            let ends = ends(&near[other]);
-            // In the parameter of the edge; the weights of a segment add up to its length.
-            for ([s, _], _, w) in edge_points([[a, 0.0], [b, 0.0]]) {
-                let (x, n) = edge.at(s);
-                let (t, between) = meet(x, n, ends);
-                if !is_whole {
+        let mut take = |other: usize, s: f64, weight: f64| {
+            let (x, n) = edge.at(s);
+            let master = &near[other];
+            let (t, distance) = meet(x, n, master.places());
+            let mut point = IntegrationPoint {
+                other,
+                place: x,
+                slave: [0.0; 9],
+                master: [0.0; 9],
+                normals: [slave.normal, master.normal],
+                distance,
+                weight: weight * chord,
+            };
+            if is_curved {
+                let at = edge_at(edge.x, 2.0 * s - 1.0);
+                point.slave = at.shape;
+                let [[dx, dy]] = at.tangents;
+                point.normals[0] = unit([dy, -dx]);
+                point.weight = 2.0 * weight * length([dx, dy]) * slave.thickness;
+            } else {
+                [point.slave[0], point.slave[1]] = [1.0 - s, s];
+            }
+            if master.len > 2 {
+                let at = edge_at(master.places(), 2.0 * t - 1.0);
+                point.master = at.shape;
+                let [[dx, dy]] = at.tangents;
+                point.normals[1] = unit([dy, -dx]);
+            } else {
+                [point.master[0], point.master[1]] = [1.0 - t, t];
+            }
+            match (is_whole, is_curved) {
+                (true, _) => cover.functions.extend(&point.slave[..slave.len]),
+                (false, false) => {
                     let along = (s - from) / (to - from);
                     cover.functions.extend([1.0 - along, along]);
                 }
-                cover.points.push(IntegrationPoint {
-                    other,
-                    place: x,
-                    slave: [1.0 - s, s, 0.0, 0.0],
-                    master: [1.0 - t, t, 0.0, 0.0],
-                    distance: between,
-                    weight: w * (b - a) * length,
-                });
+                // Linear in the place, so that the force of an end acts there.
+                (false, true) => {
+                    let along = dot(minus(x, a), along) / square;
+                    cover.functions.extend([1.0 - along, along]);
+                }
+            }
+            cover.points.push(point);
+        };
+        for &(other, a, b) in segments {
+            if is_curved || near[other].len > 2 {
+                for (xi, weight) in LINE8 {
+                    take(other, a + 0.5 * (1.0 + xi) * (b - a), weight * (b - a));
+                }
+            } else {
+                // In the parameter of the edge; the weights of a segment add up to its length.
+                for ([s, _], _, weight) in edge_points([[a, 0.0], [b, 0.0]]) {
+                    take(other, s, weight * (b - a));
+                }
             }
         }
         covers.push(cover);
@@ -131,7 +210,7 @@ fn segments(edge: &Edge, near: &[MasterFacet<2>], distance: f64) -> Vec<Segment>
     // The part of the edge that each of the others covers.
     let covers: Vec<Segment> = (near.iter().enumerate())
         .filter_map(|(other, near)| {
-            let [a, b] = ends(near).map(|end| edge.projection(end));
+            let [a, b] = [0, 1].map(|end| edge.projection(near.places[end]));
             let (a, b) = (a?, b?);
             let (low, high) = (a.min(b).max(0.0), a.max(b).min(1.0));
             (high - low > 1e-10).then_some((other, low, high))
@@ -148,7 +227,7 @@ fn segments(edge: &Edge, near: &[MasterFacet<2>], distance: f64) -> Vec<Segment>
         let nearest = covers
             .iter()
             .filter(|&&(_, a, b)| a < middle && middle < b)
-            .map(|&(other, ..)| (other, meet(x, n, ends(&near[other])).1))
+            .map(|&(other, ..)| (other, meet(x, n, near[other].places()).1))
             .filter(|(_, gap)| gap.abs() <= distance)
             .min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
         if let Some((other, _)) = nearest {

@@ -4,7 +4,7 @@ use super::{MasterFacet, Mortar, PairOptions, SlaveFacet};
 use crate::contact::ContactError;
 use crate::contact::search::Search;
 use crate::mesh::vector::{dot, length, unit};
-use crate::mesh::{ElementKind, Facet, Groups, Mesh, Topology, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Groups, Mesh, Topology, facet_corners, facet_nodes};
 use std::collections::HashMap;
 
 pub(super) struct Surface<'a, const D: usize>
@@ -35,14 +35,18 @@ where
     ) -> Result<Self, ContactError> {
         let (measure, outward): (Vec<f64>, Vec<_>) =
             facets.iter().map(|facet| mesh.facet_normal(facet)).unzip();
-        let part = smooth_parts(facets, &outward, options.edge_angle);
+        let at_nodes: Vec<_> = (facets.iter().zip(&outward))
+            .map(|(facet, &mean)| normals_at_nodes(mesh, facet, mean))
+            .collect::<Result<_, _>>()?;
+        let part = smooth_parts(facets, &at_nodes, options.edge_angle);
         let mut normals: HashMap<(u32, u32), [f64; D]> = HashMap::new();
-        for ((facet, n), &part) in facets.iter().zip(&outward).zip(&part) {
+        for ((facet, at_nodes), &part) in facets.iter().zip(&at_nodes).zip(&part) {
             let (corners, len) = mesh.corners_of(facet);
             let weights = <ElementKind as Mortar<D>>::corner_weights(&corners[..len]);
-            for (&node, weight) in facet_nodes(facet).iter().zip(weights) {
+            for (k, &node) in facet_nodes(facet).iter().enumerate() {
+                let weight = if k < len { weights[k] } else { 1.0 };
                 let sum = normals.entry((node, part)).or_insert([0.0; D]);
-                *sum = std::array::from_fn(|c| sum[c] + weight * n[c]);
+                *sum = std::array::from_fn(|c| sum[c] + weight * at_nodes[k][c]);
             }
         }
         for (&(node, _), normal) in &mut normals {
@@ -71,12 +75,17 @@ where
     ) -> Vec<MasterFacet<D>> {
         (search.near(<ElementKind as Mortar<D>>::beam(slave, distance)))
             .filter(|&(number, _)| dot(self.outward[number], slave.normal) < super::FACING)
-            .map(|(number, facet)| MasterFacet {
-                number,
-                nodes: std::array::from_fn(|k| facet.as_ref()[k.min(facet.as_ref().len() - 1)]),
-                corners: mesh.corners_of(&facet),
-                normal: self.outward[number],
-                part: self.part[number],
+            .map(|(number, facet)| {
+                let (places, len) = mesh.places_of(&facet);
+                MasterFacet {
+                    number,
+                    len,
+                    nodes: std::array::from_fn(|k| facet.as_ref()[k.min(facet.as_ref().len() - 1)]),
+                    places,
+                    normal: self.outward[number],
+                    slack: super::slack(&places, facet_corners(&facet).len(), len),
+                    part: self.part[number],
+                }
             })
             .collect()
     }
@@ -92,11 +101,39 @@ where
     }
 }
 
-/// The part that each facet belongs to: neighbours whose normals differ by no more than the angle, in degrees, are in
-/// the same one.
+/// The outward unit normals of a facet at its nodes.
+///
+/// # Errors
+/// If it turns away from its mean normal so far that it cannot be projected along that.
+fn normals_at_nodes<const D: usize>(
+    mesh: &Mesh<D>,
+    facet: &Facet<D>,
+    mean: [f64; D],
+) -> Result<[[f64; D]; 9], ContactError>
+where
+    ElementKind: Topology<D>,
+{
+    let mut normals = [mean; 9];
+    let (x, len) = mesh.places_of(facet);
+    // Facets of first order have one normal here: what a quadrilateral is warped by says nothing about the surface.
+    if len > facet_corners(facet).len() {
+        let true_ones = <ElementKind as Topology<D>>::normals_at_nodes(&x[..len]);
+        for ((normal, true_one), &place) in normals.iter_mut().zip(true_ones).zip(&x) {
+            *normal = true_one;
+            if !(dot(true_one, mean) > -super::FACING) {
+                let place = place.into();
+                return Err(ContactError::Folded { place });
+            }
+        }
+    }
+    Ok(normals)
+}
+
+/// The part that each facet belongs to: neighbours whose normals, where they meet, differ by no more than the angle, in
+/// degrees, are in the same one.
 fn smooth_parts<const D: usize>(
     facets: &[Facet<D>],
-    outward: &[[f64; D]],
+    at_nodes: &[[[f64; D]; 9]],
     edge_angle: f64,
 ) -> Vec<u32>
 where
@@ -105,23 +142,24 @@ where
     // Rounding must not decide about meshes that have just this angle between their facets.
     let least = edge_angle.to_radians().cos() - 1e-9;
     let mut groups = Groups::new(facets.len());
-    let mut at_edge: HashMap<[u32; 2], Vec<u32>> = HashMap::new();
-    for (number, facet) in (0..).zip(facets) {
-        let nodes = facet_nodes(facet);
-        for (k, &node) in nodes.iter().enumerate() {
+    let mut at_edge: HashMap<[u32; 2], Vec<(u32, [f64; D])>> = HashMap::new();
+    for ((number, facet), normals) in (0..).zip(facets).zip(at_nodes) {
+        let corners = facet_corners(facet);
+        let is_curved = facet_nodes(facet).len() > corners.len();
+        for (k, &node) in corners.iter().enumerate() {
             // In the plane neighbours have a node in common.
-            let next = if D == 2 {
-                node
-            } else {
-                nodes[(k + 1) % nodes.len()]
+            let (next, met) = match D {
+                2 => (node, k),
+                _ if is_curved => (corners[(k + 1) % corners.len()], corners.len() + k),
+                _ => (corners[(k + 1) % corners.len()], k),
             };
             let beside = at_edge.entry([node.min(next), node.max(next)]).or_default();
-            for &other in &*beside {
-                if dot(outward[number as usize], outward[other as usize]) >= least {
+            for &(other, normal) in &*beside {
+                if dot(normals[met], normal) >= least {
                     groups.join(other, number);
                 }
             }
-            beside.push(number);
+            beside.push((number, normals[met]));
         }
     }
     groups.numbers().1

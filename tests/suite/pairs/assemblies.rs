@@ -3,6 +3,7 @@
 use crate::common::half_space::compare;
 use crate::common::models::{Answer, answer, answer_by, on_the_cpu};
 use crate::common::or_panic::OrPanic as _;
+use crate::common::order::{Order, of_order};
 use crate::common::space::{Vector, close, length};
 use signorini::backend::Precision;
 use signorini::contact::Obstacle;
@@ -19,10 +20,11 @@ fn moved(
     name: &str,
     size: Vector,
     cells: [usize; 3],
-    shape: SolidShape,
+    (shape, order): (SolidShape, Order),
     to: impl Fn(Vector) -> Vector,
 ) -> Mesh<3> {
-    let mut mesh = block([0.0; 3], size, cells, shape, name, &format!("{name}-"));
+    let mesh = block([0.0; 3], size, cells, shape, name, &format!("{name}-"));
+    let mut mesh = of_order(mesh, order);
     mesh.nodes.iter_mut().for_each(|x| *x = to(*x));
     mesh
 }
@@ -57,13 +59,13 @@ fn lame() -> f64 {
 
 /// A quarter of the fit with this many cells around each of them and a tenth as many or more along it; in the second step
 /// the shaft is pushed along its axis, if there is friction to hold it.
-fn press_fit(around: [usize; 2], sides: [&str; 2], mu: f64) -> Model<3> {
+fn press_fit(around: [usize; 2], order: Order, sides: [&str; 2], mu: f64) -> Model<3> {
     let ring = |name: &str, [from, to]: [f64; 2], cells: [usize; 3]| {
         moved(
             name,
             [1.0; 3],
             cells,
-            SolidShape::Hexahedron,
+            (SolidShape::Hexahedron, order),
             |[x, y, z]| {
                 let (sin, cos) = (0.5 * PI * y).sin_cos();
                 let r = from + (to - from) * x;
@@ -74,8 +76,13 @@ fn press_fit(around: [usize; 2], sides: [&str; 2], mu: f64) -> Model<3> {
         )
     };
     let [n, m] = around;
-    let shaft = ring("shaft", [BORE, FIT], [n / 4, n, 3]);
-    let hub = ring("hub", [FIT, OUTSIDE], [m / 3, m, 2]);
+    let [along, across] = if order == Order::First {
+        [3, 2]
+    } else {
+        [1, 1]
+    };
+    let shaft = ring("shaft", [BORE, FIT], [n / 4, n, along]);
+    let hub = ring("hub", [FIT, OUTSIDE], [m / 3, m, across]);
     let push = if mu > 0.0 { -2e-4 } else { 0.0 };
     let mut pair = Pair::new(sides[0], sides[1]).interference(OVERLAP);
     if mu > 0.0 {
@@ -96,22 +103,32 @@ const FITS: [[&str; 2]; 2] = [["hub-left", "shaft-right"], ["shaft-right", "hub-
 
 #[test]
 fn press_fit_has_lames_pressure() {
-    for sides in FITS {
-        let answer = answer(press_fit([24, 18], sides, 0.0), 1e-8, Stiffness::Cholesky);
-        let (mut force, mut area) = (0.0, 0.0);
+    let of = |around, order, sides, [of_mean, of_nodes]: [f64; 2]| {
+        let answer = answer(
+            press_fit(around, order, sides, 0.0),
+            1e-8,
+            Stiffness::Cholesky,
+        );
+        let (mut force, mut area, mut scatter) = (0.0, 0.0, 0.0f64);
         for i in 0..answer.m() {
             force += answer.solution.lambda[i];
             area += answer.area(i);
-            assert!((answer.pressure(i) / lame() - 1.0).abs() < 0.04);
+            scatter = scatter.max((answer.pressure(i) / lame() - 1.0).abs());
         }
-        let name = format!("press fit, λ on {}", sides[0]);
+        let name = format!("press fit {order:?} {around:?}, λ on {}", sides[0]);
+        println!(
+            "{name}: {} places, {} products, single ones off by {scatter:.4}",
+            answer.m(),
+            answer.solution.n_a()
+        );
+        assert!(scatter < of_nodes);
         compare(
             &format!("{name}, area"),
             4.0 * area,
             2.0 * PI * FIT * LENGTH,
             0.005,
         );
-        compare(&format!("{name}, pressure"), force / area, lame(), 0.01);
+        compare(&format!("{name}, pressure"), force / area, lame(), of_mean);
         // What the hub grows by outside: 2 p b² c/(E (c² − b²)).
         let nodes = &answer.built.elastic.mesh.nodes;
         let at = (nodes.iter().zip(answer.displacement()))
@@ -125,6 +142,14 @@ fn press_fit_has_lames_pressure() {
             growth,
             0.01,
         );
+    };
+    for sides in FITS {
+        of([24, 18], Order::First, sides, [0.01, 0.04]);
+        // As many nodes around, and a half of them.
+        for order in [Order::Lagrange, Order::Serendipity] {
+            of([12, 9], order, sides, [0.002, 0.02]);
+            of([8, 6], order, sides, [0.002, 0.02]);
+        }
     }
 }
 
@@ -133,7 +158,7 @@ fn press_fit_has_lames_pressure() {
 fn press_fit_holds_what_friction_bears() {
     let mu = 0.1;
     let options = on_the_cpu(1e-6, Stiffness::Cholesky);
-    let answer = answer_by(press_fit([24, 18], FITS[0], mu), &options);
+    let answer = answer_by(press_fit([24, 18], Order::First, FITS[0], mu), &options);
     let slipping = (0..answer.m()).filter(|&i| answer.solution.sets.slips(i));
     assert_eq!(slipping.count(), answer.m());
     let held = 4.0 * resultant(&answer)[2].abs();
@@ -153,11 +178,17 @@ fn press_fit_holds_what_friction_bears() {
 /// The same on all paths: the factor, PCG on the CPU, and on a GPU in both precisions.
 #[test]
 fn press_fit_on_all_paths() {
+    for order in [Order::First, Order::Serendipity] {
+        on_all_paths(order);
+    }
+}
+
+fn on_all_paths(order: Order) {
     let solve = |place, stiffness, precision| {
         let mut options = on_the_cpu(1e-6, stiffness);
         options.engine.place = place;
         options.engine.gpu.precision = precision;
-        answer_by(press_fit([8, 6], FITS[0], 0.1), &options)
+        answer_by(press_fit([8, 6], order, FITS[0], 0.1), &options)
     };
     let reference = solve(Device::Cpu, Stiffness::Cholesky, None);
     let held = resultant(&reference);
@@ -182,20 +213,37 @@ fn press_fit_on_all_paths() {
 fn wedge_in_space() {
     let material = Material::new(1e6, 0.3);
     for (slope, mu) in [(0.1, 0.1), (0.1, 0.3), (0.115, 0.2), (0.115, 0.3)] {
-        for (sides, shape) in [
-            (["up-bottom", "low-top"], SolidShape::Hexahedron),
-            (["low-top", "up-bottom"], SolidShape::Wedge),
+        for (sides, shape, orders) in [
+            (
+                ["up-bottom", "low-top"],
+                SolidShape::Hexahedron,
+                [Order::First; 2],
+            ),
+            (
+                ["low-top", "up-bottom"],
+                SolidShape::Wedge,
+                [Order::First; 2],
+            ),
+            (
+                ["up-bottom", "low-top"],
+                SolidShape::Tetrahedron,
+                [Order::Serendipity, Order::Lagrange],
+            ),
         ] {
             let low = moved(
                 "low",
                 [6.0, 1.0, 1.0],
                 [9, 4, 2],
-                SolidShape::Hexahedron,
+                (SolidShape::Hexahedron, orders[0]),
                 |[x, y, z]| [x - 1.0, y, z * (1.0 + slope * x) - 1.0 - slope],
             );
-            let up = moved("up", [4.0, 1.0, 1.0], [8, 3, 3], shape, |[x, y, z]| {
-                [x, y, slope * x * (1.0 - z) + 1.2 * z]
-            });
+            let up = moved(
+                "up",
+                [4.0, 1.0, 1.0],
+                [8, 3, 3],
+                (shape, orders[1]),
+                |[x, y, z]| [x, y, slope * x * (1.0 - z) + 1.2 * z],
+            );
             let model = Model::on(join(low, up))
                 .material(material)
                 .support(Support::on("low-bottom").fixed())
@@ -204,7 +252,10 @@ fn wedge_in_space() {
                 .contact(Pair::new(sides[0], sides[1]).coulomb(mu));
             let answer = answer(model, 1e-8, Stiffness::Cholesky);
             let [push, _, lift] = resultant(&answer).map(f64::abs);
-            let name = format!("wedge in space, slope {slope}, μ = {mu}, λ on {}", sides[0]);
+            let name = format!(
+                "wedge in space {orders:?}, slope {slope}, μ = {mu}, λ on {}",
+                sides[0]
+            );
             compare(&format!("{name}, load"), lift, 1000.0, 1e-5);
             compare(
                 &format!("{name}, F/G"),
@@ -229,21 +280,25 @@ fn a_block_slides_on_an_incline_from_the_angle_of_friction_on() {
         density: 1000.0,
         ..Material::new(1e7, 0.3)
     };
-    for mu in [0.3f64, 0.7] {
+    for (mu, orders) in [
+        (0.3f64, [Order::First; 2]),
+        (0.7, [Order::First; 2]),
+        (0.3, [Order::Serendipity, Order::Lagrange]),
+    ] {
         for (part, status) in [(0.99, Status::Converged), (1.01, Status::NotHeld)] {
             let slope = (mu * part).atan();
             let low = moved(
                 "low",
                 [3.0, 2.0, 0.5],
                 [9, 6, 2],
-                SolidShape::Hexahedron,
+                (SolidShape::Hexahedron, orders[0]),
                 |[x, y, z]| [x, y, z - 0.5],
             );
             let up = moved(
                 "up",
                 [1.0, 0.8, 0.4],
                 [5, 4, 3],
-                SolidShape::Tetrahedron,
+                (SolidShape::Tetrahedron, orders[1]),
                 |[x, y, z]| [1.0 + 0.8 * x - 0.6 * y, 0.6 + 0.6 * x + 0.8 * y, z],
             );
             let built = Model::on(join(low, up))
@@ -286,15 +341,19 @@ fn a_block_in_a_corner_on_a_slab() {
     .enumerate()
     {
         for sides in [["low-top", "up-bottom"], ["up-bottom", "low-top"]] {
-            for (mu, stiffness) in [(0.0, Stiffness::Cholesky), (0.3, Stiffness::Pcg)] {
+            for (mu, stiffness, order) in [
+                (0.0, Stiffness::Cholesky, Order::First),
+                (0.3, Stiffness::Pcg, Order::First),
+                (0.3, Stiffness::Pcg, Order::Serendipity),
+            ] {
                 let low = moved(
                     "low",
                     [1.7, 1.6, 0.5],
                     [4 + number, 5, 2],
-                    shape,
+                    (shape, order),
                     |[x, y, z]| [x, y, z - 0.5],
                 );
-                let up = moved("up", [1.0; 3], [3, 3, 3], shape, |x| x);
+                let up = moved("up", [1.0; 3], [3, 3, 3], (shape, order), |x| x);
                 // On all three sides by themselves, each with its own friction.
                 let model = Model::on(join(low, up))
                     .material(material)

@@ -3,6 +3,7 @@
 
 use crate::common::Random;
 use crate::common::models::{Answer, answer};
+use crate::common::order::{Order, of_order};
 use crate::common::space::{UPRIGHT, Vector, cross, dot, length, rotation, times};
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
@@ -65,7 +66,12 @@ fn distort(mesh: &mut Mesh<3>, from: Vector, size: Vector, cells: [usize; 3], se
 }
 
 /// A block of 2 × 1.5 × 2 cut in two by a plane through the middle of its axis, and the normal of the cut, upwards.
-fn cut(shapes: [Shape; 2], cells: [[usize; 3]; 2], [a, b]: [f64; 2]) -> (Mesh<3>, Vector) {
+fn cut(
+    shapes: [Shape; 2],
+    orders: [Order; 2],
+    cells: [[usize; 3]; 2],
+    [a, b]: [f64; 2],
+) -> (Mesh<3>, Vector) {
     let size = [2.0, 1.5, 1.0];
     let [low, up] = [(0, "low"), (1, "up")].map(|(side, name)| {
         let from = [0.0, 0.0, side as f64];
@@ -80,7 +86,7 @@ fn cut(shapes: [Shape; 2], cells: [[usize; 3]; 2], [a, b]: [f64; 2]) -> (Mesh<3>
         for [x, y, z] in &mut mesh.nodes {
             *z += (a * (*x - 1.0) + b * (*y - 0.75)) * (1.0 - (*z - 1.0).abs());
         }
-        mesh
+        of_order(mesh, orders[side])
     });
     let normal = [-a, -b, 1.0];
     (join(low, up), normal.map(|c| c / length(normal)))
@@ -241,15 +247,55 @@ fn patch_test_between_solids() {
         ([WEDGES, TETRAHEDRA], [[4, 4, 2], [5, 3, 2]]),
         ([Shape::Both, Shape::Both], [[6, 3, 2], [4, 5, 2]]),
     ];
+    patch_tests(&meshes.map(|(shapes, cells)| (shapes, [Order::First; 2], cells)));
+}
+
+/// The same with faces of six, eight and nine nodes, against each other and against those of first order.
+#[test]
+fn patch_test_between_solids_of_second_order() {
+    use Order::{First, Lagrange, Serendipity};
+    patch_tests(&[
+        (
+            [HEXAHEDRA, HEXAHEDRA],
+            [Serendipity, Lagrange],
+            [[4, 3, 1], [3, 4, 1]],
+        ),
+        (
+            [TETRAHEDRA, HEXAHEDRA],
+            [Lagrange, Serendipity],
+            [[3, 2, 1], [4, 3, 1]],
+        ),
+        (
+            [TETRAHEDRA, WEDGES],
+            [Lagrange, Lagrange],
+            [[3, 3, 1], [4, 2, 1]],
+        ),
+        (
+            [Shape::Both, TETRAHEDRA],
+            [Serendipity, First],
+            [[4, 3, 1], [4, 3, 1]],
+        ),
+        (
+            [HEXAHEDRA, TETRAHEDRA],
+            [First, Lagrange],
+            [[4, 3, 1], [3, 3, 1]],
+        ),
+    ]);
+}
+
+/// The elements of both sides, their orders and cells.
+type Sides = ([Shape; 2], [Order; 2], [[usize; 3]; 2]);
+
+fn patch_tests(meshes: &[Sides]) {
     let turns = [UPRIGHT, rotation([1.0, -0.4, 2.0], 1.1)];
-    for (shapes, cells) in meshes {
+    for &(shapes, orders, cells) in meshes {
         for slope in [[0.0; 2], [0.3, -0.2]] {
             let mut worst = [0.0f64; 2];
             for sides in SIDES {
                 for law in [Law::None, Law::Tresca, Law::Coulomb] {
                     for (turn, worst) in turns.iter().zip(&mut worst) {
                         let off = patch(
-                            cut(shapes, cells, slope),
+                            cut(shapes, orders, cells, slope),
                             sides,
                             law,
                             turn,
@@ -260,7 +306,7 @@ fn patch_test_between_solids() {
                 }
             }
             println!(
-                "{shapes:?} on a slope of {slope:?}: off by {:.1e}, turned {:.1e}",
+                "{shapes:?} {orders:?} on a slope of {slope:?}: off by {:.1e}, turned {:.1e}",
                 worst[0], worst[1]
             );
             assert!(worst.iter().all(|&off| off < 1e-9), "{worst:?}");
@@ -272,6 +318,16 @@ fn patch_test_between_solids() {
 /// is lost between the bodies, and the pair turns neither of them.
 #[test]
 fn partly_covered_faces_hand_on_all_force() {
+    for orders in [
+        [Order::First; 2],
+        [Order::Serendipity, Order::Lagrange],
+        [Order::Lagrange, Order::First],
+    ] {
+        partly_covered(orders);
+    }
+}
+
+fn partly_covered(orders: [Order; 2]) {
     let turn = rotation([0.3, 1.0, 0.1], -1.6);
     let mut sinks = Vec::new();
     for sides in SIDES {
@@ -284,7 +340,7 @@ fn partly_covered_faces_hand_on_all_force() {
                 [5, 4, 3],
                 "up",
             );
-            let mut mesh = join(low, up);
+            let mut mesh = join(of_order(low, orders[0]), of_order(up, orders[1]));
             for node in &mut mesh.nodes {
                 *node = times(&turn, *node);
             }
@@ -348,7 +404,7 @@ fn partly_covered_faces_hand_on_all_force() {
                 .fold(0.0, f64::min);
             let loose = (0..answer.m()).filter(|&i| answer.solution.sets.is_separated(i));
             println!(
-                "{sides:?} {law:?}: {} contact nodes, {} of them separated, sinks by {sink:.4e}",
+                "{sides:?} {orders:?} {law:?}: {} contact nodes, {} of them separated, sinks by {sink:.4e}",
                 answer.m(),
                 loose.count()
             );

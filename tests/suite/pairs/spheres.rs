@@ -10,6 +10,7 @@ use crate::common::half_space::{
     rings, shear_modulus, sizes, under_a_disc, under_a_drag, under_a_pressed_disc, under_a_torque,
 };
 use crate::common::models::{Answer, answer, answer_in_turn, on_the_cpu};
+use crate::common::order::{Order, of_order};
 use crate::common::space::{Vector, cross};
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
@@ -39,7 +40,13 @@ struct Extent {
 
 /// The block of a sphere above (1) or below (−1) the plane z = 0, with this many elements across the radius of contact;
 /// faces within 1.2 a √2 of the axis are "name-contact", those inside the sphere "name-far".
-fn part(name: &str, side: f64, across: usize, shape: SolidShape, extent: Extent) -> Mesh<3> {
+fn part(
+    name: &str,
+    side: f64,
+    across: usize,
+    (shape, order): (SolidShape, Order),
+    extent: Extent,
+) -> Mesh<3> {
     let h = A / across as f64;
     let inner: Vec<f64> = (0..=across + across / 5).map(|k| h * k as f64).collect();
     let (flat, first) = match extent.rings {
@@ -70,7 +77,12 @@ fn part(name: &str, side: f64, across: usize, shape: SolidShape, extent: Extent)
             true => on_rings(&units, extent.size / A, [i, j]).map(|x| A * x),
             false => [flat[i], flat[j]],
         };
-        let (x, y, depth) = (sign_x * x, sign_y * y, deep[k]);
+        *node = [sign_x * x, sign_y * y, deep[k]];
+    }
+    // Nodes in the middle of sides are bent as all others.
+    let mut mesh = of_order(mesh, order);
+    for node in &mut mesh.nodes {
+        let [x, y, depth] = *node;
         let bent = (x * x + y * y) / (2.0 * RADIUS) * (1.0 - depth / extent.size);
         *node = [x, y, side * (depth + bent)];
     }
@@ -154,7 +166,7 @@ const PAIRS: [[&str; 2]; 2] = [["up-contact", "low-contact"], ["low-contact", "u
 /// Two spheres pressed together: radius and peak for the force that results, and the force for the approach.
 fn hertz(
     name: &str,
-    shapes: [SolidShape; 2],
+    shapes: [(SolidShape, Order); 2],
     across: [usize; 2],
     sides: [&str; 2],
     limit: f64,
@@ -205,13 +217,33 @@ fn hertz(
     );
 }
 
-const HEXAHEDRA: [SolidShape; 2] = [SolidShape::Hexahedron; 2];
+const HEXAHEDRA: [(SolidShape, Order); 2] = [(SolidShape::Hexahedron, Order::First); 2];
 
 #[test]
 fn hertz_spheres() {
     for sides in PAIRS {
         let name = format!("Hertz, 10 and 8 hexahedra across a, λ on {}", sides[0]);
         hertz(&name, HEXAHEDRA, [10, 8], sides, 0.02, Stiffness::Pcg);
+    }
+}
+
+/// Two faces of second order, of another kind on either side.
+const QUADRATIC: [(SolidShape, Order); 2] = [
+    (SolidShape::Hexahedron, Order::Serendipity),
+    (SolidShape::Hexahedron, Order::Lagrange),
+];
+
+#[test]
+fn hertz_spheres_of_second_order() {
+    let tetrahedra = (SolidShape::Tetrahedron, Order::Lagrange);
+    for (name, shapes) in [
+        ("hex20 on hex27", QUADRATIC),
+        ("tet10 on hex27", [tetrahedra, QUADRATIC[1]]),
+    ] {
+        for sides in PAIRS {
+            let name = format!("Hertz, 5 {name} across a, λ on {}", sides[0]);
+            hertz(&name, shapes, [5, 4], sides, 0.02, Stiffness::Pcg);
+        }
     }
 }
 
@@ -222,7 +254,10 @@ fn hertz_spheres_finely() {
         let name = format!("Hertz, 20 and 16 hexahedra across a, λ on {}", sides[0]);
         hertz(&name, HEXAHEDRA, [20, 16], sides, 0.01, Stiffness::Pcg);
     }
-    let shapes = [SolidShape::Tetrahedron, SolidShape::Hexahedron];
+    let shapes = [
+        (SolidShape::Tetrahedron, Order::First),
+        (SolidShape::Hexahedron, Order::First),
+    ];
     hertz(
         "Hertz, 20 tetrahedra and 16 hexahedra",
         shapes,
@@ -238,7 +273,7 @@ const CORK: Material = Material::new(2e11, 0.0);
 
 /// Pressed together, then pushed sideways: c/a = (1 − Q/(μP))^(1/3), q = μ p₀ (√(1 − r²/a²) − c/a √(1 − r²/c²)) along x,
 /// δ = 3μP/(16a) · 2 (2 − ν)/G · (1 − (c/a)²). The push is two thirds of what slips.
-fn cattaneo(across: [usize; 2], sides: [&str; 2]) {
+fn cattaneo(shapes: [(SolidShape, Order); 2], across: [usize; 2], sides: [&str; 2]) {
     let extent = Extent {
         both: [true, false],
         size: 4.0 * A,
@@ -266,8 +301,8 @@ fn cattaneo(across: [usize; 2], sides: [&str; 2]) {
     };
     let model = |pushed: f64| {
         let parts = [
-            part("up", 1.0, across[0], SolidShape::Hexahedron, extent),
-            part("low", -1.0, across[1], SolidShape::Hexahedron, extent),
+            part("up", 1.0, across[0], shapes[0], extent),
+            part("low", -1.0, across[1], shapes[1], extent),
         ];
         let far = [1.0, -1.0].map(|side| {
             move |x: Vector| {
@@ -325,19 +360,26 @@ fn cattaneo(across: [usize; 2], sides: [&str; 2]) {
 
 #[test]
 fn cattaneo_mindlin_spheres() {
-    cattaneo([10, 8], PAIRS[0]);
+    cattaneo(HEXAHEDRA, [10, 8], PAIRS[0]);
 }
 
 #[test]
 #[ignore = "takes a minute"]
 fn cattaneo_mindlin_spheres_either_side() {
-    cattaneo([10, 8], PAIRS[1]);
-    cattaneo([14, 16], PAIRS[0]);
+    cattaneo(HEXAHEDRA, [10, 8], PAIRS[1]);
+    cattaneo(HEXAHEDRA, [14, 16], PAIRS[0]);
+    cattaneo(QUADRATIC, [8, 7], PAIRS[0]);
 }
 
 /// Twisted: without slip θ = 3M/(8Ga³) (the angle between both, Reissner and Sagoci's on either side), and
 /// M = 3πμPa/16 where all slips.
-fn torsion(across: [usize; 2], rings: bool, mu: f64, angle: f64) -> (Answer<3>, f64, f64) {
+fn torsion(
+    shapes: [(SolidShape, Order); 2],
+    across: [usize; 2],
+    rings: bool,
+    mu: f64,
+    angle: f64,
+) -> (Answer<3>, f64, f64) {
     let extent = Extent {
         both: [true; 2],
         size: 4.0 * A,
@@ -349,8 +391,8 @@ fn torsion(across: [usize; 2], rings: bool, mu: f64, angle: f64) -> (Answer<3>, 
     let torque = (8.0 / 3.0 * shear * A.powi(3) * angle).min(most);
     let model = |turned: f64| {
         let parts = [
-            part("up", 1.0, across[0], SolidShape::Hexahedron, extent),
-            part("low", -1.0, across[1], SolidShape::Hexahedron, extent),
+            part("up", 1.0, across[0], shapes[0], extent),
+            part("low", -1.0, across[1], shapes[1], extent),
         ];
         let far = [1.0, -1.0].map(|side| {
             move |x: Vector| {
@@ -386,7 +428,7 @@ fn torsion(across: [usize; 2], rings: bool, mu: f64, angle: f64) -> (Answer<3>, 
 fn torsion_without_slip() {
     // Slip at the edge, where the traction is singular, is smaller than an element: a grid that is fine there.
     let angle = 1e-5;
-    let (_, p, moment) = torsion([10, 8], true, 10.0, angle);
+    let (_, p, moment) = torsion(HEXAHEDRA, [10, 8], true, 10.0, angle);
     let cube = 0.75 * p * 0.5 * RADIUS / (0.5 * modulus(STEEL));
     compare(
         "torsion without slip, θ",
@@ -401,7 +443,12 @@ fn torsion_with_slip() {
     let mu = 0.1;
     let p0 = 1.5 * force(STEEL) / (PI * A * A);
     let angle = 20.0 * mu * p0 / shear_modulus(STEEL);
-    let (answer, p, moment) = torsion([8, 6], false, mu, angle);
+    for (shapes, across) in [(HEXAHEDRA, [8, 6]), (QUADRATIC, [4, 3])] {
+        all_slips(torsion(shapes, across, false, mu, angle), mu);
+    }
+}
+
+fn all_slips((answer, p, moment): (Answer<3>, f64, f64), mu: f64) {
     let a = (0.75 * p * 0.5 * RADIUS / (0.5 * modulus(STEEL))).cbrt();
     compare(
         "torsion, all slips, M",

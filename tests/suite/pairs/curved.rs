@@ -1,0 +1,140 @@
+//! Curved faces of second order: a wavy interface under pressure from all sides, and rings of the plane pressed into each
+//! other.
+
+use crate::common::models::answer;
+use crate::common::order::{Order, of_order};
+use crate::common::solve_case;
+use crate::common::space::Vector;
+use signorini::elasticity::Material;
+use signorini::engine::Stiffness;
+use signorini::mesh::structured::{SolidShape, block, join};
+use signorini::model::{Model, Pair, Support, Traction};
+use std::f64::consts::PI;
+
+const RUBBER: Material = Material::new(3000.0, 0.3);
+
+/// A cube under pressure from all sides, cut along a wave, with these faces along either axis of the lower side and a few less
+/// on the upper one: how far the pressures of single places are off at most, and in
+/// the mean.
+fn wavy(shapes: [(SolidShape, Order); 2], [a, b]: [usize; 2], sides: [&str; 2]) -> [f64; 2] {
+    let part = |name: &str, (shape, order), cells: [usize; 2], up: f64| {
+        let mesh = block(
+            [0.0, 0.0, up],
+            [1.0; 3],
+            [cells[0], cells[1], 2],
+            shape,
+            name,
+            &format!("{name}-"),
+        );
+        let mut mesh = of_order(mesh, order);
+        for [x, y, z] in &mut mesh.nodes {
+            let wave = 0.05 * (2.0 * PI * *x).sin() * (PI * *y).cos();
+            *z += wave * (1.0 - (*z - 1.0).abs());
+        }
+        mesh
+    };
+    let low = part("low", shapes[0], [a, b], 0.0);
+    let up = part("up", shapes[1], [a - a / 4, b - b / 4], 1.0);
+    let shrunk = |c: usize| move |x: Vector| -(1.0 - 2.0 * 0.3) / 3000.0 * x[c];
+    let mut model = Model::on(join(low, up))
+        .material(RUBBER)
+        .support(
+            Support::on(["low-bottom", "up-top"])
+                .x(shrunk(0))
+                .y(shrunk(1))
+                .z(shrunk(2)),
+        )
+        .contact(Pair::new(sides[0], sides[1]).gap(0.0));
+    for body in ["low", "up"] {
+        for side in ["left", "right", "front", "back"] {
+            model = model.traction(Traction::on(format!("{body}-{side}")).pressure(1.0));
+        }
+    }
+    let answer = answer(model, 1e-10, Stiffness::Cholesky);
+    let off = (0..answer.m()).map(|i| (answer.pressure(i) - 1.0).abs());
+    let off: Vec<f64> = off.collect();
+    let mean = off.iter().sum::<f64>() / off.len() as f64;
+    let worst = off.iter().copied().fold(0.0, f64::max);
+    println!(
+        "a wave of {a} × {b} {shapes:?}, λ on {}: pressures off by {worst:.1e}, in the mean by {mean:.1e}",
+        sides[0]
+    );
+    [worst, mean]
+}
+
+#[test]
+fn a_wave_under_pressure_from_all_sides() {
+    let first = (SolidShape::Hexahedron, Order::First);
+    let serendipity = (SolidShape::Hexahedron, Order::Serendipity);
+    let lagrange = (SolidShape::Hexahedron, Order::Lagrange);
+    let tetrahedra = (SolidShape::Tetrahedron, Order::Lagrange);
+    for sides in [["low-top", "up-bottom"], ["up-bottom", "low-top"]] {
+        wavy([first; 2], [8, 10], sides);
+        for shapes in [
+            [serendipity, lagrange],
+            [tetrahedra, serendipity],
+            [lagrange, first],
+        ] {
+            let coarse = wavy(shapes, [4, 5], sides);
+            let fine = wavy(shapes, [8, 10], sides);
+            assert!(
+                fine[0] < 2e-2 && fine[1] < 0.6 * coarse[1],
+                "{coarse:?} {fine:?}"
+            );
+        }
+    }
+}
+
+/// A quarter of a ring in another one, which is pressed on by δ/b = 1e-3: mean and scatter of the pressure, of the exact one.
+fn rings(order: usize, shape: &str, interference: f64, sides: &str) -> [f64; 2] {
+    let ring = |name: &str, low: f64, high: f64, cells: [usize; 2]| {
+        let r = format!("({low} + {}*x)", high - low);
+        format!(
+            "[[mesh.part]]\nname = \"{name}\"\nrectangle = {{ size = [1, 1], cells = {cells:?}, {shape} \
+             map = [\"{r}*cos(pi/2*y)\", \"{r}*sin(pi/2*y)\"] }}\n"
+        )
+    };
+    let text = format!(
+        "[mesh]\norder = {order}\n{}{}[[material]]\nyoung = 1000\npoisson = 0.3\n\
+         [[support]]\nboundary = [\"in-bottom\", \"out-bottom\"]\ny = 0\n\
+         [[support]]\nboundary = [\"in-top\", \"out-top\"]\nx = 0\n\
+         [[contact]]\n{sides}\ninterference = {interference}\n",
+        ring("in", 0.5, 1.0, [4, 8]),
+        ring("out", 1.0, 2.0, [6, 11]),
+    );
+    let solved = solve_case(&text, 1e-10);
+    let fields = solved.fields();
+    let m = fields.pressure.len();
+    // In plane strain: δ = p (1 − ν²)/E (s + 4/3 + s' ...) with both rings' compliances.
+    let (e, nu) = (1000.0 / (1.0 - 0.09), 0.3 / 0.7);
+    let ratio = |low: f64, high: f64| (high * high + low * low) / (high * high - low * low);
+    let exact = interference * e / (ratio(1.0, 2.0) + nu + ratio(0.5, 1.0) - nu);
+    let mean = fields.pressure.iter().sum::<f64>() / m as f64;
+    let squares = fields.pressure.iter().map(|p| (p - mean).powi(2));
+    let scatter = (squares.sum::<f64>() / m as f64).sqrt() / exact;
+    let worst = fields.pressure.iter().map(|p| (p / exact - 1.0).abs());
+    println!(
+        "rings, order {order} {shape}, {sides:?}: mean {:+.3e}, scatter {scatter:.1e}, at most {:.1e}; {} products",
+        mean / exact - 1.0,
+        worst.fold(0.0, f64::max),
+        solved.solution().n_a()
+    );
+    [(mean / exact - 1.0).abs(), scatter]
+}
+
+#[test]
+fn rings_pressed_into_each_other() {
+    for sides in [
+        "boundary = \"in-right\"\nagainst = \"out-left\"",
+        "boundary = \"out-left\"\nagainst = \"in-right\"",
+    ] {
+        rings(1, "", 1e-3, sides);
+        for (shape, limits) in [("", [1e-4, 1e-4]), ("shape = \"triangle\",", [2e-3, 5e-3])] {
+            let [mean, scatter] = rings(2, shape, 1e-3, sides);
+            assert!(
+                mean < limits[0] && scatter < limits[1],
+                "{mean:e} {scatter:e}"
+            );
+        }
+    }
+}
