@@ -21,6 +21,7 @@ pub use rows::{ContactRows, contact_rows};
 use crate::elasticity::{Body, Field};
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Location, Topology, bounds};
+use crate::problem::{SIZES, is_sized};
 use std::collections::HashMap;
 
 /// A friction law on a contact boundary.
@@ -72,6 +73,9 @@ pub struct PairOptions<'a, const D: usize = 2> {
     pub interference: Option<Field<'a, D>>,
     /// Gaps and overlaps up to this distance count as touching.
     pub adjust: f64,
+    /// Stiffnesses per area of the contact itself, normal and tangential, in Pa/m, as functions of the place: the gap may close by
+    /// pressure / stiffness, and slip begins after traction / stiffness. None: hard.
+    pub stiffness: [Option<Field<'a, D>>; 2],
     /// Between bodies: edges sharper than this angle between the normals of neighbouring facets, in degrees, cut a
     /// boundary into parts with contact forces and normals of their own.
     pub edge_angle: f64,
@@ -89,6 +93,7 @@ impl<const D: usize> Default for PairOptions<'_, D> {
             gap: None,
             interference: None,
             adjust: 0.0,
+            stiffness: [None; 2],
             edge_angle: EDGE_ANGLE,
             symmetry: None,
             search_distance: None,
@@ -108,6 +113,26 @@ impl<const D: usize> PairOptions<'_, D> {
         } else {
             gap
         }
+    }
+
+    /// How far a place gives way per force, normal and along its tangents: 1/(k a).
+    fn compliance_at(&self, x: [f64; D], area: f64) -> Result<[f64; 2], ContactError> {
+        let mut compliance = [0.0; 2];
+        for (compliance, stiffness) in compliance.iter_mut().zip(self.stiffness) {
+            let Some(stiffness) = stiffness else { continue };
+            let (value, place) = (stiffness(x), x.into());
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(ContactError::Stiffness { place, value });
+            }
+            *compliance = 1.0 / (value * area);
+            if !is_sized(*compliance) {
+                return Err(ContactError::Compliance {
+                    place,
+                    value: *compliance,
+                });
+            }
+        }
+        Ok(compliance)
     }
 
     /// A unit normal of a boundary turned into all planes of symmetry that some nodes have in common, as if its mirror
@@ -177,6 +202,8 @@ pub struct ContactPlace<const D: usize = 2> {
     pub pool: u32,
     /// The slip bound as a nodal force.
     pub slip_bound: SlipBound,
+    /// By how much the contact itself gives way per force, along ν and along the tangents, in m/N; 0: hard.
+    pub compliance: [f64; 2],
 }
 
 impl<const D: usize> ContactPlace<D> {
@@ -349,6 +376,24 @@ pub enum ContactError {
         distance: f64,
         /// How far the boxes around their facets are apart at least.
         nearest: f64,
+    },
+    /// A stiffness of contact that is none.
+    #[error(
+        "the contact stiffness is {value} at {place}: it must be a finite number > 0; leave it out where contact is hard"
+    )]
+    Stiffness {
+        /// Where.
+        place: Location,
+        /// The value there.
+        value: f64,
+    },
+    /// A stiffness of contact so small or so large that nothing can be computed with it.
+    #[error("the contact gives way by {value:e} per force at {place}: {SIZES}")]
+    Compliance {
+        /// Where.
+        place: Location,
+        /// 1 / (stiffness · area).
+        value: f64,
     },
     /// A value that must be finite and not negative.
     #[error("the {what} is {value} at {place}: it must be a finite number ≥ 0")]

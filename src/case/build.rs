@@ -218,6 +218,10 @@ impl Case {
             Some(path) => matrix(path)?.into_vector()?,
             None => Vec::new(),
         };
+        let compliance = match &table.compliance {
+            Some(path) => matrix(path)?.into_vector()?,
+            None => Vec::new(),
+        };
         let load = matrix(&table.load)?.into_vector()?;
         let (normal, tangential) = (matrix(&table.normal)?, matrix(&table.tangential)?);
         let gap = matrix(&table.gap)?.into_vector()?;
@@ -246,6 +250,7 @@ impl Case {
             slip_bound,
             slip_origin,
             coefficient,
+            compliance,
             coordinates,
         };
         Ok(match dimension {
@@ -287,8 +292,8 @@ impl Case {
             }));
         }
         let checked = match read.dependent_rows {
-            true => ContactProblem::of_bodies(data),
-            false => ContactProblem::new(data),
+            true => ContactProblem::of_bodies(data, read.compliance),
+            false => ContactProblem::compliant(data, read.compliance),
         };
         let mut problem = checked
             .and_then(|problem| problem.with_friction_coefficient(read.coefficient))
@@ -316,6 +321,7 @@ struct OfMatrices {
     slip_bound: Vec<f64>,
     slip_origin: Option<Vec<f64>>,
     coefficient: Vec<f64>,
+    compliance: Vec<f64>,
     /// A row per node.
     coordinates: Option<Matrix>,
 }

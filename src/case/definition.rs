@@ -260,6 +260,10 @@ impl ContactTable {
         };
         pair = with_quantity(pair, &self.gap, Pair::gap)?;
         pair = with_quantity(pair, &self.interference, Pair::interference)?;
+        if let Some(stiffness) = &self.stiffness {
+            pair = with_quantity(pair, &stiffness.normal, Pair::normal_stiffness)?;
+            pair = with_quantity(pair, &stiffness.tangential, Pair::tangential_stiffness)?;
+        }
         pair = with(pair, &self.adjust, Pair::adjust);
         pair = with(pair, &self.edge_angle, Pair::edge_angle);
         Ok(with(pair, &self.search_distance, Pair::search_distance))

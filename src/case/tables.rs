@@ -314,12 +314,24 @@ pub struct ContactTable {
     pub gap: Option<Spanned<NumberOrExpression>>,
     /// How far the sides overlap where they meet, in m, instead of a gap.
     pub interference: Option<Spanned<NumberOrExpression>>,
+    /// How far the contact itself gives way; hard if left out.
+    pub stiffness: Option<StiffnessTable>,
     /// Gaps and overlaps up to this distance in m count as touching.
     pub adjust: Option<f64>,
     /// Edges of the boundaries that are sharper, in degrees between the normals of neighbours, cut them into smooth parts.
     pub edge_angle: Option<f64>,
     /// What is farther apart is no candidate with `against`, and not rubbed by Tresca's bound on an obstacle; in m.
     pub search_distance: Option<f64>,
+}
+
+/// `{ normal = …, tangential = … }`: pressure over what the gap closes by, and traction over what comes before slip, in Pa/m.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StiffnessTable {
+    /// Along the normal; hard if left out.
+    pub normal: Option<Spanned<NumberOrExpression>>,
+    /// Along the boundary; hard if left out.
+    pub tangential: Option<Spanned<NumberOrExpression>>,
 }
 
 /// What the boundary may touch: two shapes in the plane, three in space.
@@ -426,6 +438,8 @@ pub struct AlgebraicTable {
     pub friction_coefficient: Option<PathBuf>,
     /// Where slip is counted from, an entry per row of T; zero if left out.
     pub slip_origin: Option<PathBuf>,
+    /// The diagonal of C, an entry per row of N, then one per row of T: compliant contact; zero if left out.
+    pub compliance: Option<PathBuf>,
     /// Whether rows of N and T may depend on each other, as those of bodies do where several parts of one lie under one facet
     /// of another: forces on the bodies are unique even so, multipliers need not be.
     #[serde(default)]
@@ -448,6 +462,7 @@ impl AlgebraicTable {
             &self.slip_bound,
             &self.friction_coefficient,
             &self.slip_origin,
+            &self.compliance,
             &self.coordinates,
         ];
         needed.into_iter().chain(others.into_iter().flatten())

@@ -310,6 +310,9 @@ where
         pair.within,
         pair.search_distance,
     ));
+    if let Some(stiffness) = &pair.stiffness {
+        lines.push(format!("              compliant: stiffness {stiffness}"));
+    }
     if let Some(text) = pair.unmet_text(&case.units()) {
         lines.push(format!("              {text}"));
     }

@@ -204,6 +204,7 @@ where
                 area: area[i],
                 pool: number,
                 slip_bound,
+                compliance: options.compliance_at(place, area[i])?,
             })
         })
         .collect()

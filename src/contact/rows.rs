@@ -35,6 +35,8 @@ pub struct ContactRows<const D: usize = 2> {
     pub slip_bound: Vec<f64>,
     /// μ of the places; 0 under the other laws and where one has no friction.
     pub coefficient: Vec<f64>,
+    /// The diagonal of C, a row of N or T each; empty where all contact is hard.
+    pub compliance: Vec<f64>,
     /// What prescribed displacements add to N u and to T u, row by row.
     held: [Vec<Vec<Held>>; 2],
     /// Candidates whose normal motion is prescribed altogether: their place, gap, and that motion.
@@ -48,12 +50,12 @@ pub struct ContactRows<const D: usize = 2> {
 ///
 /// A node may stand in several contacts, and supports may hold it, or what it meets, in any direction: what they
 /// prescribe counts in [`ContactRows::gap`] and [`ContactRows::held_motion`]. A place whose normal motion is prescribed
-/// altogether has no row and is only checked ([`ContactRows::check`]). On a rigid obstacle a node gets an empty row in T
-/// where supports or another obstacle keep it from sliding along the tangent, and no friction where that leaves none. In
-/// space the tangents of a place that a support holds in one direction are turned so that the first is free of it.
+/// altogether has no row and is only checked ([`ContactRows::check`]), unless the contact itself gives way. On a rigid obstacle a node gets an empty row in T
+/// where supports or another obstacle keep it from sliding along the tangent, and no friction where that leaves none; what
+/// gives way by itself lets the other obstacle keep its friction. In space the tangents of a place that a support holds in one direction are turned so that the first is free of it.
 ///
 /// # Errors
-/// If the normals of the rigid obstacles that a node meets are not independent.
+/// If the normals of the hard rigid obstacles that a node meets are not independent.
 pub fn contact_rows<const D: usize>(
     body: &Body<D>,
     unknowns: &Unknowns<D>,
@@ -72,7 +74,7 @@ where
         // On an obstacle a place moves with its node; the others that it may have only say what of that counts.
         let left = unknowns.free_part(candidate.own[0].0, candidate.frame[0]);
         let is_held = candidate.partners.is_empty() && length(left) <= 1e-8;
-        if entries.is_empty() || is_held {
+        if (entries.is_empty() || is_held) && candidate.compliance[0] == 0.0 {
             fixed.push((candidate.place.into(), candidate.gap, motion));
             continue;
         }
@@ -94,6 +96,14 @@ where
         numbers.push(number);
     }
     make_independent(&mut rows, &places, unknowns)?;
+    let tangents = places
+        .iter()
+        .flat_map(|place| vec![place.compliance[1]; D - 1]);
+    let mut compliance: Vec<f64> = places.iter().map(|place| place.compliance[0]).collect();
+    compliance.extend(tangents);
+    if compliance.iter().all(|&c| c == 0.0) {
+        compliance.clear();
+    }
 
     let (mut slip_bound, mut coefficient, mut along_one) = (Vec::new(), Vec::new(), Vec::new());
     for (i, (rows, place)) in rows[1].chunks(D - 1).zip(&places).enumerate() {
@@ -129,14 +139,15 @@ where
         candidate: numbers,
         slip_bound,
         coefficient,
+        compliance,
         held,
         fixed,
         along_one,
     })
 }
 
-/// Checks that normal rows on rigid obstacles are independent, and empties tangential ones there that depend on what
-/// comes before them.
+/// Checks that hard normal rows on rigid obstacles are independent, and empties hard tangential ones there that depend on what
+/// comes before them. A compliant row may depend on any: A + C is definite all the same.
 fn make_independent<const D: usize>(
     rows: &mut [Vec<Vec<Entry>>; 2],
     places: &[ContactPlace<D>],
@@ -154,13 +165,15 @@ fn make_independent<const D: usize>(
         unknowns.block(node).filter(|_| times[&node] == 1)
     };
     for (row, place) in rows[0].iter().zip(places) {
-        if on_obstacles(&place) && !independent.add(row, own(place)) {
+        let is_hard = on_obstacles(&place) && place.compliance[0] == 0.0;
+        if is_hard && !independent.add(row, own(place)) {
             let place = place.place.into();
             return Err(ContactError::Twice { place });
         }
     }
     for (rows, place) in rows[1].chunks_mut(D - 1).zip(places) {
-        for row in rows.iter_mut().filter(|_| on_obstacles(&place)) {
+        let is_hard = on_obstacles(&place) && place.compliance[1] == 0.0;
+        for row in rows.iter_mut().filter(|_| is_hard) {
             if !row.is_empty() && !independent.add(row, own(place)) {
                 row.clear();
             }
@@ -360,6 +373,7 @@ impl<const D: usize> ContactRows<D> {
         rows: [Csr; 2],
         slip_bound: Vec<f64>,
         coefficient: Vec<f64>,
+        compliance: Vec<f64>,
     ) -> Self {
         let [normal, tangential] = rows;
         Self {
@@ -369,6 +383,7 @@ impl<const D: usize> ContactRows<D> {
             tangential,
             slip_bound,
             coefficient,
+            compliance,
             held: Default::default(),
             fixed: Vec::new(),
             along_one: Vec::new(),

@@ -189,7 +189,7 @@ where
     let failed = |error| Entity::all(EntityKind::Model).error(Fault::Problem(error));
     // A prescribed motion may have closed a gap, and an interference is meant: what overlaps by mistake, the search for
     // contact nodes has refused.
-    let problem = ContactProblem::of_bodies(ContactData {
+    let data = ContactData {
         stiffness,
         load: load.clone(),
         normal: contact.normal.clone(),
@@ -199,9 +199,10 @@ where
             .collect(),
         slip_bound: contact.slip_bound.clone(),
         coordinates: Some(unknowns.coordinates(body.mesh)),
-    })
-    .map_err(failed)?
-    .with_free_unknowns(unknowns.n_free());
+    };
+    let problem = ContactProblem::of_bodies(data, contact.compliance.clone())
+        .map_err(failed)?
+        .with_free_unknowns(unknowns.n_free());
     let problem = match vertices(body, unknowns) {
         Some(vertices) => problem.with_vertices(vertices),
         None => problem,

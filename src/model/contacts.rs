@@ -33,6 +33,8 @@ where
     pub friction: String,
     /// Whether that is Tresca's.
     pub tresca: bool,
+    /// The stiffness of the contact itself; None where it is hard.
+    pub stiffness: Option<String>,
     /// How far apart candidates for contact may be; with an obstacle, up to where Tresca's bound acts.
     pub search_distance: f64,
     /// What of the master boundary lies opposite within the search distance, but is not met.
@@ -105,6 +107,10 @@ where
         };
         let gap = |x| self.gap.as_ref().map_or(0.0, |gap| gap.at(x));
         let overlap = |x| (self.interference.as_ref()).map_or(0.0, |overlap| overlap.at(x));
+        let [normal, tangential] = [0, 1].map(|way: usize| {
+            let stiffness = self.stiffness[way].as_ref();
+            move |x| stiffness.map_or(f64::NAN, |k| k.at(x))
+        });
         let mut options = PairOptions {
             friction: match &self.law {
                 Law::None => Friction::None,
@@ -113,6 +119,10 @@ where
             },
             gap: self.gap.is_some().then_some(&gap),
             interference: self.interference.is_some().then_some(&overlap),
+            stiffness: [
+                self.stiffness[0].is_some().then_some(&normal),
+                self.stiffness[1].is_some().then_some(&tangential),
+            ],
             adjust: self.adjust,
             edge_angle: self.edge_angle.unwrap_or(EDGE_ANGLE),
             symmetry: Some(symmetry),
@@ -149,6 +159,7 @@ where
             },
             friction: self.friction(units),
             tresca: matches!(self.law, Law::Tresca(_)),
+            stiffness: self.compliance(units),
             search_distance,
             unmet,
             within: 0,

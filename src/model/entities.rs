@@ -399,6 +399,8 @@ pub struct Pair<const D: usize = 2> {
     pub(super) law: Law<D>,
     pub(super) gap: Option<Quantity<D>>,
     pub(super) interference: Option<Quantity<D>>,
+    /// Normal and tangential.
+    pub(super) stiffness: [Option<Quantity<D>>; 2],
     pub(super) adjust: f64,
     pub(super) edge_angle: Option<f64>,
     pub(super) search_distance: Option<f64>,
@@ -427,6 +429,7 @@ impl<const D: usize> Pair<D> {
             law: Law::None,
             gap: None,
             interference: None,
+            stiffness: [const { None }; 2],
             adjust: 0.0,
             edge_angle: None,
             search_distance: None,
@@ -468,6 +471,18 @@ impl<const D: usize> Pair<D> {
         self
     }
 
+    /// Compliant contact: the pressure over what the gap closes by, in Pa/m. Hard without.
+    pub fn normal_stiffness(mut self, stiffness: impl Into<Quantity<D>>) -> Self {
+        self.stiffness[0] = Some(stiffness.into());
+        self
+    }
+
+    /// The tangential traction over what the sides move by before they slip, in Pa/m. Without it they stick altogether.
+    pub fn tangential_stiffness(mut self, stiffness: impl Into<Quantity<D>>) -> Self {
+        self.stiffness[1] = Some(stiffness.into());
+        self
+    }
+
     /// Gaps and overlaps up to this distance in m count as touching.
     pub fn adjust(mut self, distance: f64) -> Self {
         self.adjust = distance;
@@ -504,6 +519,15 @@ impl<const D: usize> Pair<D> {
             Law::Tresca(bound) => format!("Tresca bound {bound} {}", units.stress()),
             Law::Coulomb(coefficient) => format!("Coulomb coefficient {coefficient}"),
         }
+    }
+
+    /// The stiffness of the contact itself, in words; None where it is hard.
+    pub(super) fn compliance(&self, units: &Units) -> Option<String> {
+        let parts = ["normal", "tangential"].into_iter().zip(&self.stiffness);
+        let parts = parts.filter_map(|(way, k)| Some(format!("{way} {}", k.as_ref()?)));
+        let parts: Vec<String> = parts.collect();
+        let unit = format!("{}/{}", units.stress(), units.length);
+        (!parts.is_empty()).then(|| format!("{} {unit}", parts.join(", ")))
     }
 
     pub(super) fn fault(&self) -> Option<&'static str> {

@@ -43,6 +43,7 @@ pub(crate) struct Common {
     pair_of: Vec<u32>,
     slip_bound: Vec<f64>,
     coefficient: Vec<f64>,
+    compliance: Vec<f64>,
     pub areas: Vec<f64>,
     pub bodies: Vec<Body>,
     pub steps: Vec<Step>,
@@ -61,6 +62,7 @@ struct Place {
     /// Given, or under Coulomb's law.
     bound: f64,
     is_coulomb: bool,
+    compliance: [f64; 2],
 }
 
 /// A body that can move as a whole.
@@ -341,6 +343,7 @@ where
             pair_of: elastic.pair_of.clone(),
             slip_bound: contact.slip_bound.clone(),
             coefficient: contact.coefficient.clone(),
+            compliance: contact.compliance.clone(),
             areas: contact.pooled_areas(),
             bodies,
             steps,
@@ -648,6 +651,7 @@ impl Place {
             pool: place.pool,
             bound,
             is_coulomb,
+            compliance: place.compliance,
         }
     }
 
@@ -666,6 +670,7 @@ impl Place {
                 true => SlipBound::Coulomb(self.bound),
                 false => SlipBound::Given(self.bound),
             },
+            compliance: self.compliance,
         }
     }
 }
@@ -733,6 +738,7 @@ where
             matrices,
             common.slip_bound.clone(),
             common.coefficient.clone(),
+            common.compliance.clone(),
         );
         let held = part
             .held

@@ -204,6 +204,10 @@ fn shared_table<const D: usize>(
     if mu.is_empty() || g.iter().any(|&g| g > 0.0) {
         name("slip_bound", files.columns("g", &[g.to_vec()])?);
     }
+    let compliance = problem.contact_compliance();
+    if !compliance.is_empty() {
+        name("compliance", files.columns("c", &[compliance.to_vec()])?);
+    }
     if let Some(points) = problem.coordinates() {
         let column = |c: usize| points.iter().map(|point| point[c]).collect();
         let columns: Vec<Vec<f64>> = (0..D).map(column).collect();

@@ -64,7 +64,7 @@ impl NodeStatus {
 /// What happens at the m contact places, in the units of the case. Tangential fields have a component per node in the
 /// plane; in space those along the two tangents of a node stand side by side.
 pub struct ContactFields<const D: usize = 2> {
-    /// Gap after loading, d − Nu, length m.
+    /// Gap after loading, d − Nu, length m; of compliant contact negative where it is pressed.
     pub gap: Vec<f64>,
     /// Contact pressure λν / area, ≥ 0, length m: of places with little area beside that of the mesh together with those
     /// next to them ([`crate::contact::ContactPlace::pool`]), as the tractions and bounds.
@@ -74,7 +74,8 @@ pub struct ContactFields<const D: usize = 2> {
     pub traction: Vec<f64>,
     /// The slip bound g / area that the traction obeys, length m.
     pub bound: Vec<f64>,
-    /// Displacement along the tangents relative to the other side, Tu, length (D − 1) m.
+    /// Displacement along the tangents relative to the other side, Tu, length (D − 1) m; of compliant contact with what it gives
+    /// way by before it slips.
     pub slip: Vec<f64>,
     /// ν and the tangents of each node.
     frames: Vec<[[f64; D]; D]>,

@@ -4,7 +4,7 @@
 //! earlier, larger load:
 //!
 //! - lengths to the largest deformation, which is u without the mean rigid motion of each connected body, or
-//!   if that is larger to what a contact force would do to its own node alone (Σ Bᵢⱼ²/Kⱼⱼ · λᵢ);
+//!   if that is larger to what a contact force would do to its own node alone ((Σ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ);
 //! - forces to those that act: the larger of ‖f‖ (without what prescribed displacements add) and ‖Bᵀλ‖.
 //!
 //! A difference that is no more than the rounding of its terms (32 units in the last place) counts as none: f64
@@ -97,11 +97,11 @@ impl<const D: usize, K> ContactProblem<D, K> {
         let m = self.m();
         let scales = self.scales(u, lambda);
         let (lambda_n, lambda_t) = lambda.split_at(m);
-        let mut closing = self.times(self.normal(), u);
+        let mut closing = self.beyond_compliance(self.normal(), 0, u, lambda);
         for (closing, d) in closing.iter_mut().zip(self.gap()) {
             *closing = beyond(*closing - d, scales.rounding);
         }
-        let mut slip = self.times(self.tangential(), u);
+        let mut slip = self.beyond_compliance(self.tangential(), m, u, lambda);
         for (slip, origin) in slip.iter_mut().zip(self.slip_origin()) {
             *slip = beyond(*slip - origin, scales.rounding);
         }
@@ -164,14 +164,17 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// What violations at (u, λ) are measured by.
     pub(crate) fn scales(&self, u: &[f64], lambda: &[f64]) -> Scales {
         let deformation = self.deformation(u);
-        let own: Vec<f64> = (self.compliance().iter().zip(lambda))
-            .map(|(c, l)| c * l)
-            .collect();
+        let times = |compliance: &[f64]| -> Vec<f64> {
+            let each = compliance.iter().zip(lambda);
+            each.map(|(c, l)| c * l).collect()
+        };
+        let own = times(self.compliance());
+        let given_way = norm_max(&times(self.contact_compliance()));
         Scales {
             length: self.ranks().norm_max(&deformation).max(norm_max(&own)),
             deformation: self.ranks().norm(&deformation).max(norm(&own)),
             force: self.acting_forces(lambda),
-            rounding: ROUNDING * (self.ranks().norm_max(u) + self.load_case().reach()),
+            rounding: ROUNDING * (self.ranks().norm_max(u) + self.load_case().reach() + given_way),
         }
     }
 

@@ -8,6 +8,7 @@ mod common;
 
 mod campaign;
 mod case_c;
+mod compliance;
 mod contact;
 mod coulomb;
 mod coulomb_space;

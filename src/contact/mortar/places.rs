@@ -379,6 +379,7 @@ impl<const D: usize> Sums<D> {
             area: self.area,
             pool: 0,
             slip_bound,
+            compliance: options.compliance_at(x, self.area)?,
         })
     }
 }
