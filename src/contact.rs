@@ -71,6 +71,8 @@ pub struct PairOptions<'a, const D: usize = 2> {
     /// How far the boundaries overlap where they touch, as a function of the place: what is pressed or shrunk on. It
     /// stands instead of a gap, and whatever the meshes overlap.
     pub interference: Option<Field<'a, D>>,
+    /// Whether what the meshes overlap, beyond what counts as touching, is an interference: it is pressed apart.
+    pub overlap: bool,
     /// Gaps and overlaps up to this distance count as touching.
     pub adjust: f64,
     /// Stiffnesses per area of the contact itself, normal and tangential, in Pa/m, as functions of the place: the gap may close by
@@ -92,6 +94,7 @@ impl<const D: usize> Default for PairOptions<'_, D> {
             friction: Friction::None,
             gap: None,
             interference: None,
+            overlap: false,
             adjust: 0.0,
             stiffness: [None; 2],
             edge_angle: EDGE_ANGLE,
@@ -133,6 +136,11 @@ impl<const D: usize> PairOptions<'_, D> {
             }
         }
         Ok(compliance)
+    }
+
+    /// Whether a gap may be negative.
+    fn may_overlap(&self) -> bool {
+        self.interference.is_some() || self.overlap
     }
 
     /// A unit normal of a boundary turned into all planes of symmetry that some nodes have in common, as if its mirror
@@ -255,13 +263,16 @@ pub trait Space<const D: usize>: Topology<D> + Mortar<D> {}
 
 impl<const D: usize, T: Topology<D> + Mortar<D>> Space<D> for T {}
 
+/// What else can be done about overlaps in a drawing.
+const OVERLAPS: &str = "or say what it means: overlaps up to some distance count as touching (adjust), the gap is another one than \
+     drawn (gap), or what overlaps is pressed apart (overlap = \"interference\")";
+
 /// What is wrong with a contact definition.
 #[derive(Debug, thiserror::Error)]
 pub enum ContactError {
     /// A node lies in the obstacle.
     #[error(
-        "the node at {place} lies {depth:.3e} inside the obstacle: move the body or the obstacle apart, \
-         or let overlaps up to that count as touching (adjust)"
+        "the node at {place} lies {depth:.3e} inside the obstacle: move the body or the obstacle apart, {OVERLAPS}"
     )]
     Overlap {
         /// The node.
@@ -270,10 +281,7 @@ pub enum ContactError {
         depth: f64,
     },
     /// Two bodies lie in each other.
-    #[error(
-        "the boundaries overlap by {depth:.3e} at {place}: move the bodies apart, let overlaps up to \
-         that count as touching (adjust), or give the gap"
-    )]
+    #[error("the boundaries overlap by {depth:.3e} at {place}: move the bodies apart, {OVERLAPS}")]
     BodiesOverlap {
         /// Where they do so most.
         place: Location,

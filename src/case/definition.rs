@@ -2,7 +2,7 @@
 
 use super::tables::{
     AxisTable, BodyForceTable, ContactTable, FrictionTable, MaterialTable, ObstacleTable,
-    SupportTable, TractionTable,
+    OverlapTable, SupportTable, TractionTable,
 };
 use super::{NumberOrExpression, Tables};
 use crate::contact::Obstacle;
@@ -260,6 +260,9 @@ impl ContactTable {
         };
         pair = with_quantity(pair, &self.gap, Pair::gap)?;
         pair = with_quantity(pair, &self.interference, Pair::interference)?;
+        if let Some(OverlapTable::Interference) = self.overlap {
+            pair = pair.overlap_as_interference();
+        }
         if let Some(stiffness) = &self.stiffness {
             pair = with_quantity(pair, &stiffness.normal, Pair::normal_stiffness)?;
             pair = with_quantity(pair, &stiffness.tangential, Pair::tangential_stiffness)?;

@@ -314,6 +314,8 @@ pub struct ContactTable {
     pub gap: Option<Spanned<NumberOrExpression>>,
     /// How far the sides overlap where they meet, in m, instead of a gap.
     pub interference: Option<Spanned<NumberOrExpression>>,
+    /// What an overlap of the meshes is; an error if left out.
+    pub overlap: Option<OverlapTable>,
     /// How far the contact itself gives way; hard if left out.
     pub stiffness: Option<StiffnessTable>,
     /// Gaps and overlaps up to this distance in m count as touching.
@@ -322,6 +324,14 @@ pub struct ContactTable {
     pub edge_angle: Option<f64>,
     /// What is farther apart is no candidate with `against`, and not rubbed by Tresca's bound on an obstacle; in m.
     pub search_distance: Option<f64>,
+}
+
+/// What an overlap of the meshes is.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OverlapTable {
+    /// `"interference"`: it is pressed apart.
+    Interference,
 }
 
 /// `{ normal = …, tangential = … }`: pressure over what the gap closes by, and traction over what comes before slip, in Pa/m.

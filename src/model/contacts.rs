@@ -123,6 +123,7 @@ where
                 self.stiffness[0].is_some().then_some(&normal),
                 self.stiffness[1].is_some().then_some(&tangential),
             ],
+            overlap: self.overlap,
             adjust: self.adjust,
             edge_angle: self.edge_angle.unwrap_or(EDGE_ANGLE),
             symmetry: Some(symmetry),

@@ -399,6 +399,7 @@ pub struct Pair<const D: usize = 2> {
     pub(super) law: Law<D>,
     pub(super) gap: Option<Quantity<D>>,
     pub(super) interference: Option<Quantity<D>>,
+    pub(super) overlap: bool,
     /// Normal and tangential.
     pub(super) stiffness: [Option<Quantity<D>>; 2],
     pub(super) adjust: f64,
@@ -429,6 +430,7 @@ impl<const D: usize> Pair<D> {
             law: Law::None,
             gap: None,
             interference: None,
+            overlap: false,
             stiffness: [const { None }; 2],
             adjust: 0.0,
             edge_angle: None,
@@ -468,6 +470,13 @@ impl<const D: usize> Pair<D> {
     /// How far in m the sides overlap where they meet, of what is pressed or shrunk on; instead of a gap.
     pub fn interference(mut self, overlap: impl Into<Quantity<D>>) -> Self {
         self.interference = Some(overlap.into());
+        self
+    }
+
+    /// What the meshes overlap is pressed apart, as what is pressed or shrunk on is; elsewhere the gap is the distance of the
+    /// meshes.
+    pub fn overlap_as_interference(mut self) -> Self {
+        self.overlap = true;
         self
     }
 
@@ -546,6 +555,11 @@ impl<const D: usize> Pair<D> {
         }
         if self.gap.is_some() && self.interference.is_some() {
             return Some("gap and interference exclude each other: state one of them");
+        }
+        if self.overlap && (self.gap.is_some() || self.interference.is_some()) {
+            return Some(
+                "overlap = \"interference\" is about the gap that the meshes have: state no gap and no interference beside it",
+            );
         }
         match &self.against {
             Against::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),

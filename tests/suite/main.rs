@@ -22,6 +22,7 @@ mod invariance;
 mod manufactured;
 mod nested;
 mod other_meshes;
+mod overlap;
 mod pairs;
 mod quasistatic;
 mod second_order;

@@ -371,7 +371,7 @@ impl<const D: usize> Sums<D> {
             partners,
             frame,
             // ψ has negative parts, so that the mean of a gap that is nowhere negative may be, by O(h²).
-            gap: if options.interference.is_some() {
+            gap: if options.may_overlap() {
                 gap
             } else {
                 gap.max(0.0)
