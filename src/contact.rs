@@ -33,6 +33,8 @@ pub enum Friction<'a, const D: usize = 2> {
     Tresca(Field<'a, D>),
     /// A coefficient μ: the bound is μ times the contact pressure.
     Coulomb(Field<'a, D>),
+    /// The sides hold together in every direction.
+    Tied,
 }
 
 impl<const D: usize> Friction<'_, D> {
@@ -45,6 +47,7 @@ impl<const D: usize> Friction<'_, D> {
                 SlipBound::Given(checked("Tresca bound", x, force)?)
             }
             Self::Coulomb(mu) => SlipBound::Coulomb(checked("coefficient of friction", x, mu(x))?),
+            Self::Tied => SlipBound::Tied,
         })
     }
 }
@@ -56,6 +59,8 @@ pub enum SlipBound {
     Given(f64),
     /// This coefficient times the normal force (Coulomb).
     Coulomb(f64),
+    /// None: the place is tied to what it meets.
+    Tied,
 }
 
 /// Between the 45° of a circle of eight facets and the 60° of a hexagon.
@@ -253,8 +258,10 @@ pub fn frame<const D: usize>(normal: [f64; D]) -> [[f64; D]; D] {
 impl SlipBound {
     /// Whether it allows any friction.
     pub fn is_any(&self) -> bool {
-        let (Self::Given(figure) | Self::Coulomb(figure)) = *self;
-        figure > 0.0
+        match *self {
+            Self::Given(figure) | Self::Coulomb(figure) => figure > 0.0,
+            Self::Tied => true,
+        }
     }
 }
 
@@ -318,6 +325,17 @@ pub enum ContactError {
     DrivenAlong {
         /// The node.
         place: Location,
+    },
+    /// Prescribed displacements move the sides of a tie apart.
+    #[error(
+        "supports move the sides of the tie at {place} by {apart:.3e} against each other, and leave neither the freedom to follow: \
+         change what they prescribe"
+    )]
+    DrivenApart {
+        /// The place.
+        place: Location,
+        /// By how much.
+        apart: f64,
     },
     /// Elements of second order on one of two boundaries that meet.
     #[error(

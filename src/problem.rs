@@ -32,6 +32,7 @@ pub(crate) use share::Share;
 pub use system::System;
 pub use vertices::Vertices;
 
+use crate::constraint::TIED;
 use crate::sparse::{BlockCsr, Csr, norm};
 use std::borrow::Cow;
 use std::ops::{Deref, Range};
@@ -121,10 +122,13 @@ impl<const D: usize> ContactProblem<D> {
     pub(crate) fn of_bodies(
         data: ContactData<D>,
         compliance: Vec<f64>,
+        tied: &[bool],
     ) -> Result<Self, ProblemError> {
         let n = data.load.len();
-        let data = check::checked_but_for_rank(data, &compliance)?;
-        Self::from_checked(data, n).with_compliance(compliance)
+        let data = check::checked_but_for_rank(data, &compliance, tied)?;
+        Self::from_checked(data, n)
+            .with_compliance(compliance)?
+            .with_ties(tied)
     }
 
     /// The same with a compliance, which lets rows depend on each other that have one; those without must not.
@@ -133,7 +137,7 @@ impl<const D: usize> ContactProblem<D> {
         compliance: Vec<f64>,
     ) -> Result<Self, ProblemError> {
         let n = data.load.len();
-        let data = check::checked_but_for_rank(data, &compliance)?;
+        let data = check::checked_but_for_rank(data, &compliance, &[])?;
         check::rank(&data.normal, &data.tangential, n, &compliance)?;
         Self::from_checked(data, n).with_compliance(compliance)
     }
@@ -231,6 +235,22 @@ impl<const D: usize, K> ContactProblem<D, K> {
         if !(compliance.is_empty() && self.contact_compliance().is_empty()) {
             Arc::make_mut(&mut self.system).set_compliance(compliance);
         }
+        Ok(self)
+    }
+
+    /// Ties contact nodes: their multipliers are free in every direction, and N u = d and T u = 0 hold there (with a compliance,
+    /// N u − Cν λν and T u − Cτ λτ). Their slip bound is infinite from here on. m entries, or none: no node is tied.
+    ///
+    /// # Errors
+    /// If the length is neither m nor 0.
+    pub fn with_ties(mut self, tied: &[bool]) -> Result<Self, ProblemError> {
+        if !tied.is_empty() {
+            check::length_of("the ties", tied.len(), self.m(), check::PER_NODE)?;
+        }
+        let bounds = self.case.slip_bound.iter_mut().zip(tied);
+        bounds
+            .filter(|(_, tied)| **tied)
+            .for_each(|(bound, _)| *bound = TIED);
         Ok(self)
     }
 
@@ -361,7 +381,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         &self.case.slip_origin
     }
 
-    /// g, as far as it is given: [`ContactProblem::bounds`] has all of it.
+    /// g, as far as it is given: [`ContactProblem::bounds`] has all of it. Infinite where a node is tied.
     pub fn slip_bound(&self) -> &[f64] {
         &self.case.slip_bound
     }
@@ -379,7 +399,12 @@ impl<const D: usize, K> ContactProblem<D, K> {
         !self.friction_coefficient().is_empty()
     }
 
-    /// Whether a law of friction acts on contact node i: a slip bound, or a coefficient, above 0.
+    /// Whether contact node i is tied.
+    pub fn is_tied(&self, i: usize) -> bool {
+        self.case.slip_bound[i] == TIED
+    }
+
+    /// Whether a law of friction acts on contact node i, or a tie: a slip bound, or a coefficient, above 0.
     pub fn has_friction(&self, i: usize) -> bool {
         let mu = self.friction_coefficient().get(i);
         self.slip_bound()[i] > 0.0 || mu.is_some_and(|&mu| mu > 0.0)

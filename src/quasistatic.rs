@@ -16,7 +16,7 @@ mod springs;
 use crate::dual::balance::BALANCED;
 use crate::dual::{DualOperator, conditions};
 use crate::problem::{ContactProblem, Elsewhere, Kkt, LoadCase, System};
-use crate::sparse::{difference, norm, norm_max};
+use crate::sparse::{norm, norm_max};
 use crate::ssnm::{
     self, Cause, Info, Numbers, RecycledSubspace, Sets, SettingsError, Solution, SolveError,
     Status, Step, WarmStart,
@@ -491,7 +491,7 @@ where
         };
         let friction_change = frozen.map_or(0.0, |bounds| {
             let law = self.lawful.bounds(&solution.lambda);
-            self.relative(&solution.lambda, &difference(&law, bounds))
+            self.relative(&solution.lambda, &changes(&law, bounds))
         });
         self.made.push(Round {
             round: self.made.len() + 1,
@@ -574,6 +574,13 @@ where
             rounds: self.made,
         }
     }
+}
+
+/// How bounds have changed; those of ties stay infinite.
+fn changes(now: &[f64], before: &[f64]) -> Vec<f64> {
+    let each = now.iter().zip(before);
+    each.map(|(now, before)| if now == before { 0.0 } else { now - before })
+        .collect()
 }
 
 /// The bodies that an imbalance pushes, and which way they go.

@@ -2,7 +2,7 @@
 
 use super::tables::{
     AxisTable, BodyForceTable, ContactTable, FrictionTable, MaterialTable, ObstacleTable,
-    OverlapTable, SupportTable, TractionTable,
+    OverlapTable, SupportTable, TieTable, TractionTable,
 };
 use super::{NumberOrExpression, Tables};
 use crate::contact::Obstacle;
@@ -273,6 +273,14 @@ impl ContactTable {
     }
 }
 
+impl TieTable {
+    fn pair<const D: usize>(&self) -> Pair<D> {
+        let pair = Pair::tied(self.boundary.clone(), self.against.clone());
+        let pair = with(pair, &self.adjust, Pair::adjust);
+        with(pair, &self.edge_angle, Pair::edge_angle)
+    }
+}
+
 impl Tables {
     /// What they say of a model on a mesh of D dimensions; if a table says nothing that can be meant, its place and
     /// why.
@@ -315,6 +323,9 @@ impl Tables {
             tractions: tractions.collect::<Result<_, _>>()?,
             body_forces: forces.collect::<Result<_, _>>()?,
             pairs: pairs.collect::<Result<_, _>>()?,
+            ties: (self.tie.iter())
+                .map(|table| table.get_ref().pair())
+                .collect(),
             steps: self.factors().map(<[f64]>::to_vec),
             units: self.units(),
         })
@@ -349,6 +360,7 @@ impl Tables {
             EntityKind::Traction => of(&self.traction, number),
             EntityKind::BodyForce => of(&self.body_force, number),
             EntityKind::Contact => of(&self.contact, number),
+            EntityKind::Tie => of(&self.tie, number),
             EntityKind::Thickness => self.analysis.thickness.as_ref().map(Spanned::span),
             EntityKind::Steps => self.steps.as_ref().map(Spanned::span),
             EntityKind::Units => self.units.as_ref().map(Spanned::span),

@@ -41,6 +41,9 @@ pub struct Tables {
     /// Contact pairs and their friction.
     #[serde(default)]
     pub contact: Vec<Spanned<ContactTable>>,
+    /// Boundaries that hold together.
+    #[serde(default)]
+    pub tie: Vec<Spanned<TieTable>>,
     /// Load steps.
     pub steps: Option<Spanned<StepsTable>>,
     /// Matrices of the user's own, instead of a mesh.
@@ -326,6 +329,20 @@ pub struct ContactTable {
     pub search_distance: Option<f64>,
 }
 
+/// `[[tie]]`: boundaries of two bodies that hold together in every direction.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TieTable {
+    /// The boundary that carries the multipliers, or several as one.
+    pub boundary: Names,
+    /// The boundary of another body that it is tied to (or several).
+    pub against: Names,
+    /// How far apart they may be, in m.
+    pub adjust: Option<f64>,
+    /// Edges of the boundaries that are sharper, in degrees between the normals of neighbours, cut them into smooth parts.
+    pub edge_angle: Option<f64>,
+}
+
 /// What an overlap of the meshes is.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -446,6 +463,8 @@ pub struct AlgebraicTable {
     pub slip_bound: Option<PathBuf>,
     /// μ, m: Coulomb friction.
     pub friction_coefficient: Option<PathBuf>,
+    /// Which nodes are tied, an entry per row of N: 1, or 0. None if left out.
+    pub tied: Option<PathBuf>,
     /// Where slip is counted from, an entry per row of T; zero if left out.
     pub slip_origin: Option<PathBuf>,
     /// The diagonal of C, an entry per row of N, then one per row of T: compliant contact; zero if left out.
@@ -471,6 +490,7 @@ impl AlgebraicTable {
         let others = [
             &self.slip_bound,
             &self.friction_coefficient,
+            &self.tied,
             &self.slip_origin,
             &self.compliance,
             &self.coordinates,

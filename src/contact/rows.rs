@@ -6,6 +6,7 @@
 //! there is no friction along it ([`contact_rows`]).
 
 use super::{ContactError, ContactPlace, SlipBound};
+use crate::constraint::TIED;
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Location, Mesh, Topology};
@@ -31,7 +32,7 @@ pub struct ContactRows<const D: usize = 2> {
     pub normal: Csr,
     /// T: D − 1 rows per contact place, one after the other, along the tangents of its frame.
     pub tangential: Csr,
-    /// Given slip bounds of the places; 0 under Coulomb's law and where one has no friction.
+    /// Given slip bounds of the places; 0 under Coulomb's law and where one has no friction, infinite where it is tied.
     pub slip_bound: Vec<f64>,
     /// μ of the places; 0 under the other laws and where one has no friction.
     pub coefficient: Vec<f64>,
@@ -41,6 +42,8 @@ pub struct ContactRows<const D: usize = 2> {
     held: [Vec<Vec<Held>>; 2],
     /// Candidates whose normal motion is prescribed altogether: their place, gap, and that motion.
     fixed: Vec<(Location, f64, Vec<Held>)>,
+    /// Tied places, of which a motion of both sides against each other is prescribed altogether, and that motion.
+    fixed_ties: Vec<(Location, Vec<Held>)>,
     /// In space: nodes with friction along one tangent only, what supports prescribe along the other, and the part of it
     /// that they may be off by.
     along_one: Vec<(Location, Vec<Held>, f64)>,
@@ -65,6 +68,7 @@ where
     ElementKind: Topology<D>,
 {
     let (mut places, mut numbers, mut fixed) = (Vec::new(), Vec::new(), Vec::new());
+    let mut fixed_ties = Vec::new();
     let mut rows: [Vec<Vec<Entry>>; 2] = Default::default();
     let mut held: [Vec<Vec<Held>>; 2] = Default::default();
     // What supports prescribe along the tangents of nodes that they keep from sliding there.
@@ -74,15 +78,23 @@ where
         // On an obstacle a place moves with its node; the others that it may have only say what of that counts.
         let left = unknowns.free_part(candidate.own[0].0, candidate.frame[0]);
         let is_held = candidate.partners.is_empty() && length(left) <= 1e-8;
-        if (entries.is_empty() || is_held) && candidate.compliance[0] == 0.0 {
+        let is_tied = candidate.slip_bound == SlipBound::Tied;
+        if (entries.is_empty() || is_held) && candidate.compliance[0] == 0.0 && !is_tied {
             fixed.push((candidate.place.into(), candidate.gap, motion));
             continue;
         }
+        let mut tie = |entries: &[Entry], motion: &[Held]| {
+            if is_tied && entries.is_empty() {
+                fixed_ties.push((candidate.place.into(), motion.to_vec()));
+            }
+        };
+        tie(&entries, &motion);
         rows[0].push(entries);
         held[0].push(motion);
         let place = turned(candidate, unknowns);
         for &tangent in &place.frame[1..] {
             let (entries, motion) = row(unknowns, &place, tangent);
+            tie(&entries, &motion);
             let is_kept = !entries.is_empty() && kept_along(body.mesh, unknowns, &place, tangent);
             let (entries, motion, instead) = match is_kept {
                 true => (Vec::new(), Vec::new(), Some(motion)),
@@ -110,6 +122,7 @@ where
         let empty: Vec<usize> = (0..D - 1).filter(|&a| rows[a].is_empty()).collect();
         if let (3, [a]) = (D, &empty[..])
             && place.slip_bound.is_any()
+            && place.slip_bound != SlipBound::Tied
         {
             let row = (D - 1) * i + a;
             let (motion, rest) = match &kept[row] {
@@ -119,6 +132,7 @@ where
             along_one.push((place.place.into(), motion.clone(), rest));
         }
         let (given, mu) = match place.slip_bound {
+            SlipBound::Tied => (TIED, 0.0),
             _ if rows.iter().all(Vec::is_empty) => (0.0, 0.0),
             SlipBound::Given(bound) => (bound, 0.0),
             SlipBound::Coulomb(mu) => (0.0, mu),
@@ -142,6 +156,7 @@ where
         compliance,
         held,
         fixed,
+        fixed_ties,
         along_one,
     })
 }
@@ -386,6 +401,7 @@ impl<const D: usize> ContactRows<D> {
             compliance,
             held: Default::default(),
             fixed: Vec::new(),
+            fixed_ties: Vec::new(),
             along_one: Vec::new(),
         }
     }
@@ -414,7 +430,8 @@ impl<const D: usize> ContactRows<D> {
     ///
     /// # Errors
     /// [`ContactError::Driven`] if the prescribed displacements of `unknowns` push one of them into what it meets,
-    /// [`ContactError::DrivenAlong`] if they drive one across the direction in which it can slide.
+    /// [`ContactError::DrivenAlong`] if they drive one across the direction in which it can slide,
+    /// [`ContactError::DrivenApart`] if they move the sides of a tie against each other.
     pub fn check(&self, unknowns: &Unknowns<D>) -> Result<(), ContactError> {
         for (place, gap, held) in &self.fixed {
             let moved = motion(held, unknowns);
@@ -422,6 +439,14 @@ impl<const D: usize> ContactRows<D> {
             if depth > 1e-9 * gap.max(moved.abs()) {
                 let place = place.clone();
                 return Err(ContactError::Driven { place, depth });
+            }
+        }
+        for (place, held) in &self.fixed_ties {
+            let terms = held.iter().map(|held| motion(&[*held], unknowns).abs());
+            let apart = motion(held, unknowns).abs();
+            if apart > 1e-9 * terms.fold(0.0, f64::max) {
+                let place = place.clone();
+                return Err(ContactError::DrivenApart { place, apart });
             }
         }
         let mut driven = self.along_one.iter();
@@ -435,6 +460,14 @@ impl<const D: usize> ContactRows<D> {
             }),
             None => Ok(()),
         }
+    }
+
+    /// Which places are tied.
+    pub fn tied(&self) -> Vec<bool> {
+        let places = self.places.iter();
+        places
+            .map(|place| place.slip_bound == SlipBound::Tied)
+            .collect()
     }
 
     /// The area that the pressure of each place is shown and judged with: that of its pool.

@@ -143,7 +143,7 @@ where
             .map(|&i| candidates.pair_of[i])
             .collect();
         definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?;
-        definition.count_places(&contact, &pair_of, &mut candidates.pairs)?;
+        definition.count_places(&mesh, &contact, &pair_of, &mut candidates.pairs)?;
 
         let support_centres = definition.support_centres(&body, &prescriptions);
         let elastic = Elastic {
@@ -197,10 +197,13 @@ where
         gap: (contact.places.iter())
             .map(|place| place.gap.max(0.0))
             .collect(),
-        slip_bound: contact.slip_bound.clone(),
+        // Ties have none: below.
+        slip_bound: (contact.slip_bound.iter())
+            .map(|&g| if g.is_finite() { g } else { 0.0 })
+            .collect(),
         coordinates: Some(unknowns.coordinates(body.mesh)),
     };
-    let problem = ContactProblem::of_bodies(data, contact.compliance.clone())
+    let problem = ContactProblem::of_bodies(data, contact.compliance.clone(), &contact.tied())
         .map_err(failed)?
         .with_free_unknowns(unknowns.n_free());
     let problem = match vertices(body, unknowns) {

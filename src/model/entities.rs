@@ -420,6 +420,7 @@ pub(super) enum Law<const D: usize> {
     None,
     Tresca(Quantity<D>),
     Coulomb(Quantity<D>),
+    Tied,
 }
 
 impl<const D: usize> Pair<D> {
@@ -442,6 +443,25 @@ impl<const D: usize> Pair<D> {
     /// as one.
     pub fn new(boundary: impl Into<Names>, against: impl Into<Names>) -> Self {
         Self::with(boundary.into(), Against::Boundary(against.into()))
+    }
+
+    /// The boundary of a body and that of another one (each may be several that count as one) that hold together in every
+    /// direction, for [`Model::tie`](super::Model::tie): their meshes need not match, and what is between them as they are drawn stays.
+    /// [`Pair::adjust`] says how far apart they may be; without, a quarter of the longest facet of the first one.
+    pub fn tied(boundary: impl Into<Names>, against: impl Into<Names>) -> Self {
+        Self {
+            law: Law::Tied,
+            ..Self::new(boundary, against)
+        }
+    }
+
+    /// Whether the gap is the distance of the meshes.
+    pub(super) fn has_gap_of_meshes(&self) -> bool {
+        self.gap.is_none() && self.interference.is_none()
+    }
+
+    pub(super) fn is_tie(&self) -> bool {
+        matches!(self.law, Law::Tied)
     }
 
     /// The boundary of a body, or several that count as one, and a rigid obstacle.
@@ -515,7 +535,11 @@ impl<const D: usize> Pair<D> {
 
     pub(super) fn entity(&self, number: usize) -> Entity {
         Entity::one(
-            EntityKind::Contact,
+            if self.is_tie() {
+                EntityKind::Tie
+            } else {
+                EntityKind::Contact
+            },
             number,
             format!("on \"{}\"", self.boundary),
         )
@@ -525,6 +549,7 @@ impl<const D: usize> Pair<D> {
     pub(super) fn friction(&self, units: &Units) -> String {
         match &self.law {
             Law::None => "no friction".to_owned(),
+            Law::Tied => "tied".to_owned(),
             Law::Tresca(bound) => format!("Tresca bound {bound} {}", units.stress()),
             Law::Coulomb(coefficient) => format!("Coulomb coefficient {coefficient}"),
         }

@@ -11,6 +11,7 @@ use super::error::ModelError;
 use super::loads::{StepData, acting};
 use super::supports::Prescriptions;
 use super::{Definition, Units};
+use crate::constraint::TIED;
 use crate::contact::{ContactPlace, ContactRows, SlipBound, Space};
 use crate::elasticity::{Material, Plane, Unknowns, load_vector};
 use crate::mesh::{Element, ElementKind, Groups, Mesh, Topology, facet_nodes};
@@ -642,6 +643,7 @@ impl Place {
         let (bound, is_coulomb) = match place.slip_bound {
             SlipBound::Given(bound) => (bound, false),
             SlipBound::Coulomb(mu) => (mu, true),
+            SlipBound::Tied => (TIED, false),
         };
         Self {
             place: place.place.to_vec(),
@@ -668,6 +670,7 @@ impl Place {
             pool: self.pool,
             slip_bound: match self.is_coulomb {
                 true => SlipBound::Coulomb(self.bound),
+                false if self.bound == TIED => SlipBound::Tied,
                 false => SlipBound::Given(self.bound),
             },
             compliance: self.compliance,

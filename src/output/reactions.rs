@@ -44,7 +44,7 @@ pub struct ContactReport {
     pub area: f64,
     /// Places that touch nothing.
     pub separated: usize,
-    /// Places in contact, their traction below the slip bound.
+    /// Places in contact, their traction below the slip bound, or tied.
     pub stick: usize,
     /// Places in contact, their traction at the slip bound.
     pub slip: usize,
@@ -173,7 +173,7 @@ where
         let status = fields.status(i);
         *match status {
             NodeStatus::Separated => &mut contact.separated,
-            NodeStatus::Stick => &mut contact.stick,
+            NodeStatus::Stick | NodeStatus::Tied => &mut contact.stick,
             NodeStatus::Slip => &mut contact.slip,
             NodeStatus::Frictionless => &mut contact.frictionless,
         } += 1;

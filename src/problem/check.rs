@@ -187,10 +187,11 @@ const SYMMETRY_LIMIT: f64 = 1e-9;
 
 /// The data, with the last block completed where n is no multiple of D, if all is as it should be but for the rank of
 /// B = (N; T): shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0, no rows of B without entries but those
-/// of N with a compliance.
+/// of N with a compliance or a tie.
 pub(super) fn checked_but_for_rank<const D: usize>(
     mut data: ContactData<D>,
     softness: &[f64],
+    tied: &[bool],
 ) -> Result<ContactData<D>, ProblemError> {
     shapes(&data)?;
     compliance::<D>(softness, data.gap.len())?;
@@ -223,7 +224,7 @@ pub(super) fn checked_but_for_rank<const D: usize>(
         });
     }
     slip_bound(&data.slip_bound, data.gap.len())?;
-    no_zero_rows(&data, softness)?;
+    no_zero_rows(&data, softness, tied)?;
     Ok(data)
 }
 
@@ -317,12 +318,22 @@ pub(super) fn length(
     expected: usize,
     reason: &'static str,
 ) -> Result<(), ProblemError> {
-    if vector.len() == expected {
+    length_of(name, vector.len(), expected, reason)
+}
+
+/// A list has as many entries as it should.
+pub(super) fn length_of(
+    name: &'static str,
+    found: usize,
+    expected: usize,
+    reason: &'static str,
+) -> Result<(), ProblemError> {
+    if found == expected {
         return Ok(());
     }
     Err(ProblemError::Length {
         name,
-        found: vector.len(),
+        found,
         expected,
         reason,
     })
@@ -476,11 +487,13 @@ fn can_slide<const D: usize>(tangential: &Csr, i: usize) -> bool {
 fn no_zero_rows<const D: usize>(
     data: &ContactData<D>,
     compliance: &[f64],
+    tied: &[bool],
 ) -> Result<(), ProblemError> {
     for (name, matrix) in [("N", &data.normal), ("T", &data.tangential)] {
         for i in (0..matrix.n_rows()).filter(|&i| entries(matrix, i).next().is_none()) {
             let tangential = name == "T";
-            if !tangential && compliance.get(i).is_some_and(|&c| c > 0.0) {
+            let is_soft = compliance.get(i).is_some_and(|&c| c > 0.0);
+            if !tangential && (is_soft || tied.get(i).is_some_and(|&tied| tied)) {
                 continue;
             }
             if tangential {

@@ -11,6 +11,7 @@
 //! holds nothing smaller.
 
 use super::{ContactProblem, tangents_of};
+use crate::constraint::TIED;
 use crate::dense::pseudo_inverse;
 use crate::rigid::{self, Frame};
 use crate::rounding::{DEPENDENT, ROUNDING};
@@ -25,7 +26,7 @@ use faer::Mat;
 pub struct Kkt {
     /// ‖Ku + Nᵀλν + Tᵀλτ − f‖ / the acting forces.
     pub equilibrium: f64,
-    /// max (Nu − d)₊ / the deformation.
+    /// max (Nu − Cν λν − d)₊ / the deformation; of ties |Nu − Cν λν − d|.
     pub penetration: f64,
     /// max (−λν)₊ / ‖λ‖∞.
     pub tension: f64,
@@ -119,17 +120,31 @@ impl<const D: usize, K> ContactProblem<D, K> {
             let compliance = norm_max(&compliance[at(i)]);
             slip_violation(&lambda_t[at(i)], &slip[at(i)], bound[i], compliance)
         });
+        let is_tied = |i: usize| bound[i] == TIED;
+        // The sides of a tie neither come nearer to each other nor move apart.
+        let closed = &mut (0..m).map(|i| {
+            if is_tied(i) {
+                closing[i].abs()
+            } else {
+                closing[i]
+            }
+        });
+        let pulled = &mut (0..m).map(|i| if is_tied(i) { 0.0 } else { -lambda_n[i] });
+        let bounded: Vec<usize> = (0..m).filter(|&i| !is_tied(i)).collect();
+        let largest = norm_max(&bounded.iter().map(|&i| bound[i]).collect::<Vec<_>>());
         Kkt {
             equilibrium: ratio(self.imbalance(lambda, product), scales.force),
-            penetration: ratio(positive(&mut closing.iter().copied()), scales.length),
-            tension: ratio(positive(&mut lambda_n.iter().map(|v| -v)), norm_max(lambda)),
+            penetration: ratio(positive(closed), scales.length),
+            tension: ratio(positive(pulled), norm_max(lambda)),
             complementarity: ratio(
                 dot(lambda_n, &closing).abs(),
                 norm(lambda) * scales.deformation,
             ),
             friction_bound: ratio(
-                positive(&mut (0..m).map(|i| rigid::length(&lambda_t[at(i)]) - bound[i])),
-                norm_max(&bound),
+                positive(
+                    &mut (bounded.iter()).map(|&i| rigid::length(&lambda_t[at(i)]) - bound[i]),
+                ),
+                largest,
             ),
             slip: ratio(positive(slips), scales.length),
         }

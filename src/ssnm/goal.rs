@@ -57,8 +57,11 @@ impl Goal {
         let m = problem.m();
         let (ln, lt) = lambda.split_at(m);
         let (rn, rt) = r.split_at(m);
-        let penetration = rn.iter().fold(0.0, |acc: f64, r| acc.max(-r));
         let (g, c) = (problem.bounds(lambda), &problem.compliance()[m..]);
+        let penetration = (rn.iter().zip(g.iter())).fold(0.0, |acc: f64, (r, &g)| {
+            let is_tied = Disc { g }.is_tied();
+            acc.max(if is_tied { r.abs() } else { -r })
+        });
         let slip = (0..m).fold(0.0, |acc: f64, i| {
             let at = tangents_of::<D>(i);
             let slip: [f64; D] = from_fn(|a| if a == 0 { 0.0 } else { -rt[at.start + a - 1] });

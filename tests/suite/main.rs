@@ -31,4 +31,5 @@ mod solid_cases;
 mod solids;
 
 mod statics;
+mod ties;
 mod validation;
