@@ -120,13 +120,21 @@ impl<const D: usize> NodeSets<D> {
     }
 }
 
-/// λν ≥ 0 and ‖λτ‖ ≤ g, with the bound g given: Λ on one node.
+/// The bound of a tied node, whose multipliers are free in every direction.
+pub(crate) const TIED: f64 = f64::INFINITY;
+
+/// λν ≥ 0 and ‖λτ‖ ≤ g, with the bound g given: Λ on one node. With g = [`TIED`] all multipliers are allowed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Disc {
     pub g: f64,
 }
 
 impl Disc {
+    /// Whether the node is tied.
+    pub fn is_tied(self) -> bool {
+        self.g == TIED
+    }
+
     /// P_Λ: the projections (4) and (5).
     ///
     /// The sum of max-functions in (5) is the clamp to [−g, g]; written as such it leaves what is inside exactly as it
@@ -138,6 +146,10 @@ impl Disc {
     /// P_Λ with its derivative.
     pub fn nearest<const D: usize>(self, z: [f64; D]) -> Projected<D> {
         let (mut end, mut derivative) = (z, [[0.0; D]; D]);
+        if self.is_tied() {
+            (0..D).for_each(|a| derivative[a][a] = 1.0);
+            return (end, derivative);
+        }
         end[0] = z[0].max(0.0);
         derivative[0][0] = f64::from(u8::from(z[0] > 0.0));
         let length = tangential(z);
@@ -181,6 +193,9 @@ impl Disc {
         r: [f64; D],
         z: [f64; D],
     ) -> NodeSets<D> {
+        if self.is_tied() {
+            return NodeSets::FREE;
+        }
         if D > 2 && self.g > 0.0 {
             let mut sets = self.predict(z);
             sets.contact &= lambda[0] > 0.0;
@@ -196,6 +211,9 @@ impl Disc {
     }
 
     fn sets<const D: usize>(self, contact: bool, slip: Option<[f64; D]>) -> NodeSets<D> {
+        if self.is_tied() {
+            return NodeSets::FREE;
+        }
         NodeSets {
             contact,
             slip,
@@ -336,7 +354,7 @@ mod tests {
 
     #[test]
     fn projections_are_nearest_and_have_their_derivative() {
-        for g in [0.0, 0.3, 1.2] {
+        for g in [0.0, 0.3, 1.2, TIED] {
             check_projection::<2>(|z| Disc { g }.nearest(z));
             check_projection::<3>(|z| Disc { g }.nearest(z));
         }

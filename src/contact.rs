@@ -21,6 +21,7 @@ pub use rows::{ContactRows, contact_rows};
 use crate::elasticity::{Body, Field};
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Location, Topology, bounds};
+use crate::problem::{SIZES, is_sized};
 use std::collections::HashMap;
 
 /// A friction law on a contact boundary.
@@ -32,6 +33,8 @@ pub enum Friction<'a, const D: usize = 2> {
     Tresca(Field<'a, D>),
     /// A coefficient μ: the bound is μ times the contact pressure.
     Coulomb(Field<'a, D>),
+    /// The sides hold together in every direction.
+    Tied,
 }
 
 impl<const D: usize> Friction<'_, D> {
@@ -44,6 +47,7 @@ impl<const D: usize> Friction<'_, D> {
                 SlipBound::Given(checked("Tresca bound", x, force)?)
             }
             Self::Coulomb(mu) => SlipBound::Coulomb(checked("coefficient of friction", x, mu(x))?),
+            Self::Tied => SlipBound::Tied,
         })
     }
 }
@@ -55,6 +59,8 @@ pub enum SlipBound {
     Given(f64),
     /// This coefficient times the normal force (Coulomb).
     Coulomb(f64),
+    /// None: the place is tied to what it meets.
+    Tied,
 }
 
 /// Between the 45° of a circle of eight facets and the 60° of a hexagon.
@@ -70,8 +76,13 @@ pub struct PairOptions<'a, const D: usize = 2> {
     /// How far the boundaries overlap where they touch, as a function of the place: what is pressed or shrunk on. It
     /// stands instead of a gap, and whatever the meshes overlap.
     pub interference: Option<Field<'a, D>>,
+    /// Whether what the meshes overlap, beyond what counts as touching, is an interference: it is pressed apart.
+    pub overlap: bool,
     /// Gaps and overlaps up to this distance count as touching.
     pub adjust: f64,
+    /// Stiffnesses per area of the contact itself, normal and tangential, in Pa/m, as functions of the place: the gap may close by
+    /// pressure / stiffness, and slip begins after traction / stiffness. None: hard.
+    pub stiffness: [Option<Field<'a, D>>; 2],
     /// Between bodies: edges sharper than this angle between the normals of neighbouring facets, in degrees, cut a
     /// boundary into parts with contact forces and normals of their own.
     pub edge_angle: f64,
@@ -88,7 +99,9 @@ impl<const D: usize> Default for PairOptions<'_, D> {
             friction: Friction::None,
             gap: None,
             interference: None,
+            overlap: false,
             adjust: 0.0,
+            stiffness: [None; 2],
             edge_angle: EDGE_ANGLE,
             symmetry: None,
             search_distance: None,
@@ -108,6 +121,31 @@ impl<const D: usize> PairOptions<'_, D> {
         } else {
             gap
         }
+    }
+
+    /// How far a place gives way per force, normal and along its tangents: 1/(k a).
+    fn compliance_at(&self, x: [f64; D], area: f64) -> Result<[f64; 2], ContactError> {
+        let mut compliance = [0.0; 2];
+        for (compliance, stiffness) in compliance.iter_mut().zip(self.stiffness) {
+            let Some(stiffness) = stiffness else { continue };
+            let (value, place) = (stiffness(x), x.into());
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(ContactError::Stiffness { place, value });
+            }
+            *compliance = 1.0 / (value * area);
+            if !is_sized(*compliance) {
+                return Err(ContactError::Compliance {
+                    place,
+                    value: *compliance,
+                });
+            }
+        }
+        Ok(compliance)
+    }
+
+    /// Whether a gap may be negative.
+    fn may_overlap(&self) -> bool {
+        self.interference.is_some() || self.overlap
     }
 
     /// A unit normal of a boundary turned into all planes of symmetry that some nodes have in common, as if its mirror
@@ -178,6 +216,8 @@ pub struct ContactPlace<const D: usize = 2> {
     pub pool: u32,
     /// The slip bound as a nodal force.
     pub slip_bound: SlipBound,
+    /// By how much the contact itself gives way per force, along ν and along the tangents, in m/N; 0: hard.
+    pub compliance: [f64; 2],
 }
 
 impl<const D: usize> ContactPlace<D> {
@@ -219,8 +259,10 @@ pub fn frame<const D: usize>(normal: [f64; D]) -> [[f64; D]; D] {
 impl SlipBound {
     /// Whether it allows any friction.
     pub fn is_any(&self) -> bool {
-        let (Self::Given(figure) | Self::Coulomb(figure)) = *self;
-        figure > 0.0
+        match *self {
+            Self::Given(figure) | Self::Coulomb(figure) => figure > 0.0,
+            Self::Tied => true,
+        }
     }
 }
 
@@ -229,13 +271,16 @@ pub trait Space<const D: usize>: Topology<D> + Mortar<D> {}
 
 impl<const D: usize, T: Topology<D> + Mortar<D>> Space<D> for T {}
 
+/// What else can be done about overlaps in a drawing.
+const OVERLAPS: &str = "or say what it means: overlaps up to some distance count as touching (adjust), the gap is another one than \
+     drawn (gap), or what overlaps is pressed apart (overlap = \"interference\")";
+
 /// What is wrong with a contact definition.
 #[derive(Debug, thiserror::Error)]
 pub enum ContactError {
     /// A node lies in the obstacle.
     #[error(
-        "the node at {place} lies {depth:.3e} inside the obstacle: move the body or the obstacle apart, \
-         or let overlaps up to that count as touching (adjust)"
+        "the node at {place} lies {depth:.3e} inside the obstacle: move the body or the obstacle apart, {OVERLAPS}"
     )]
     Overlap {
         /// The node.
@@ -244,10 +289,7 @@ pub enum ContactError {
         depth: f64,
     },
     /// Two bodies lie in each other.
-    #[error(
-        "the boundaries overlap by {depth:.3e} at {place}: move the bodies apart, let overlaps up to \
-         that count as touching (adjust), or give the gap"
-    )]
+    #[error("the boundaries overlap by {depth:.3e} at {place}: move the bodies apart, {OVERLAPS}")]
     BodiesOverlap {
         /// Where they do so most.
         place: Location,
@@ -284,6 +326,17 @@ pub enum ContactError {
     DrivenAlong {
         /// The node.
         place: Location,
+    },
+    /// Prescribed displacements move the sides of a tie apart.
+    #[error(
+        "supports move the sides of the tie at {place} by {apart:.3e} against each other, and leave neither the freedom to follow: \
+         change what they prescribe"
+    )]
+    DrivenApart {
+        /// The place.
+        place: Location,
+        /// By how much.
+        apart: f64,
     },
     /// A node on both sides.
     #[error("the node at {place} belongs to both boundaries of the contact")]
@@ -341,6 +394,24 @@ pub enum ContactError {
         distance: f64,
         /// How far the boxes around their facets are apart at least.
         nearest: f64,
+    },
+    /// A stiffness of contact that is none.
+    #[error(
+        "the contact stiffness is {value} at {place}: it must be a finite number > 0; leave it out where contact is hard"
+    )]
+    Stiffness {
+        /// Where.
+        place: Location,
+        /// The value there.
+        value: f64,
+    },
+    /// A stiffness of contact so small or so large that nothing can be computed with it.
+    #[error("the contact gives way by {value:e} per force at {place}: {SIZES}")]
+    Compliance {
+        /// Where.
+        place: Location,
+        /// 1 / (stiffness · area).
+        value: f64,
     },
     /// A value that must be finite and not negative.
     #[error("the {what} is {value} at {place}: it must be a finite number ≥ 0")]

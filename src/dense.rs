@@ -93,7 +93,6 @@ pub(crate) fn right_singular(matrix: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)> 
 }
 
 /// The x with the least ‖M x − b‖, for a matrix with no fewer rows than columns.
-#[cfg(any(feature = "plots", test))]
 pub(crate) fn least_squares(mut matrix: Mat<f64>, b: &[f64]) -> Vec<f64> {
     let (m, n) = (matrix.nrows(), matrix.ncols());
     let block = no_pivoting::factor::recommended_block_size::<f64>(m, n);

@@ -33,6 +33,7 @@
 //! ```
 
 mod analysis;
+mod arcs;
 mod axis;
 mod build;
 mod contacts;
@@ -92,6 +93,7 @@ pub(crate) struct Definition<const D: usize = 2> {
     pub(crate) tractions: Vec<Traction<D>>,
     pub(crate) body_forces: Vec<BodyForce<D>>,
     pub(crate) pairs: Vec<Pair<D>>,
+    pub(crate) ties: Vec<Pair<D>>,
     /// The factors of the load steps; None: one step with the factor 1.
     pub(crate) steps: Option<Vec<f64>>,
     /// None: not stated.
@@ -109,6 +111,7 @@ impl<const D: usize> Default for Definition<D> {
             tractions: Vec::new(),
             body_forces: Vec::new(),
             pairs: Vec::new(),
+            ties: Vec::new(),
             steps: None,
             units: None,
         }
@@ -182,6 +185,12 @@ where
     /// Adds a contact.
     pub fn contact(mut self, pair: Pair<D>) -> Self {
         self.definition.pairs.push(pair);
+        self
+    }
+
+    /// Adds a tie: [`Pair::tied`].
+    pub fn tie(mut self, pair: Pair<D>) -> Self {
+        self.definition.ties.push(pair);
         self
     }
 
@@ -274,9 +283,19 @@ impl<const D: usize> Definition<D> {
             let twice = twice.then_some(
                 "this contact stands above with its boundaries the other way round: name each pair once",
             );
-            (pair.entity(i), pair.fault().or(twice))
+            let stray = (pair.is_tie()).then_some("this is a tie: add it with Model::tie");
+            (pair.entity(i), pair.fault().or(twice).or(stray))
         });
-        let mut all = supports.chain(tractions).chain(forces).chain(pairs);
+        let ties = (self.ties.iter().enumerate()).map(|(i, tie)| {
+            let stray =
+                (!tie.is_tie()).then_some("this is a contact and no tie: Pair::tied makes one");
+            (tie.entity(i), tie.fault().or(stray))
+        });
+        let mut all = supports
+            .chain(tractions)
+            .chain(forces)
+            .chain(pairs)
+            .chain(ties);
         match all.find_map(|(entity, fault)| Some(entity.error(fault?))) {
             Some(error) => Err(error),
             None => Ok(()),

@@ -32,6 +32,7 @@ pub(crate) use share::Share;
 pub use system::System;
 pub use vertices::Vertices;
 
+use crate::constraint::TIED;
 use crate::sparse::{BlockCsr, Csr, norm};
 use std::borrow::Cow;
 use std::ops::{Deref, Range};
@@ -47,7 +48,8 @@ use std::sync::Arc;
 /// (3)  |λτ,i| ≤ gᵢ;   |λτ,i| < gᵢ ⇒ (T u)ᵢ = 0;   |λτ,i| = gᵢ ⇒ (T u)ᵢ = cᵢ λτ,i with cᵢ ≥ 0
 /// ```
 ///
-/// In space |λτ,i| is the Euclidean length of the two components, and (3) keeps it in a disc.
+/// In space |λτ,i| is the Euclidean length of the two components, and (3) keeps it in a disc. Where contact is compliant
+/// ([`ContactProblem::with_compliance`]), N u − Cν λν stands for N u and T u − Cτ λτ for T u in (2) and (3).
 #[derive(Clone, Debug)]
 pub struct ContactData<const D: usize = 2> {
     /// K, n × n, symmetric positive definite, or semidefinite where bodies can move as a whole. Where n is no
@@ -112,15 +114,32 @@ impl<const D: usize> ContactProblem<D> {
     /// # Errors
     /// What is wrong with which entry.
     pub fn new(data: ContactData<D>) -> Result<Self, ProblemError> {
-        let n = data.load.len();
-        Ok(Self::from_checked(check::checked(data)?, n))
+        Self::compliant(data, Vec::new())
     }
 
     /// The same for rows that bodies in contact give rise to: those may depend on each other, where several parts of one
     /// body lie under one facet of another. Forces are unique even so, multipliers need not be.
-    pub(crate) fn of_bodies(data: ContactData<D>) -> Result<Self, ProblemError> {
+    pub(crate) fn of_bodies(
+        data: ContactData<D>,
+        compliance: Vec<f64>,
+        tied: &[bool],
+    ) -> Result<Self, ProblemError> {
         let n = data.load.len();
-        Ok(Self::from_checked(check::checked_but_for_rank(data)?, n))
+        let data = check::checked_but_for_rank(data, &compliance, tied)?;
+        Self::from_checked(data, n)
+            .with_compliance(compliance)?
+            .with_ties(tied)
+    }
+
+    /// The same with a compliance, which lets rows depend on each other that have one; those without must not.
+    pub(crate) fn compliant(
+        data: ContactData<D>,
+        compliance: Vec<f64>,
+    ) -> Result<Self, ProblemError> {
+        let n = data.load.len();
+        let data = check::checked_but_for_rank(data, &compliance, &[])?;
+        check::rank(&data.normal, &data.tangential, n, &compliance)?;
+        Self::from_checked(data, n).with_compliance(compliance)
     }
 
     fn from_checked(data: ContactData<D>, n: usize) -> Self {
@@ -136,7 +155,8 @@ impl<const D: usize> ContactProblem<D> {
     /// Whether rows of B are seen to depend on each other, which [`ContactProblem::new`] refuses.
     #[cfg(feature = "case")]
     pub(crate) fn has_dependent_rows(&self) -> bool {
-        check::rank(self.normal(), self.tangential(), self.n()).is_err()
+        let compliance = self.contact_compliance();
+        check::rank(self.normal(), self.tangential(), self.n(), compliance).is_err()
     }
 
     /// K; where n is no multiple of D with decoupled unknowns that complete the last block.
@@ -198,6 +218,39 @@ impl<const D: usize, K> ContactProblem<D, K> {
             });
         }
         Arc::make_mut(&mut self.system).areas = areas;
+        Ok(self)
+    }
+
+    /// Makes contact compliant: with C = diag(`compliance`) ≥ 0, length D m, in the order of λ and in m/N (1/(k a) for a stiffness
+    /// k per area on an area a), (2) and (3) are about N u − Cν λν and T u − Cτ λτ. The gap may close by Cν λν, and slip begins
+    /// after Cτ λτ. An empty vector, or zeros: hard contact.
+    ///
+    /// In space both tangents of a node have the same. A row of T without entries has none. Rows with a compliance may depend on
+    /// each other: see [`Matrices::compliance`].
+    ///
+    /// # Errors
+    /// If the length is neither D m nor 0, an entry is negative or not finite, or the two tangents of a node differ.
+    pub fn with_compliance(mut self, compliance: Vec<f64>) -> Result<Self, ProblemError> {
+        check::compliance::<D>(&compliance, self.m())?;
+        if !(compliance.is_empty() && self.contact_compliance().is_empty()) {
+            Arc::make_mut(&mut self.system).set_compliance(compliance);
+        }
+        Ok(self)
+    }
+
+    /// Ties contact nodes: their multipliers are free in every direction, and N u = d and T u = 0 hold there (with a compliance,
+    /// N u − Cν λν and T u − Cτ λτ). Their slip bound is infinite from here on. m entries, or none: no node is tied.
+    ///
+    /// # Errors
+    /// If the length is neither m nor 0.
+    pub fn with_ties(mut self, tied: &[bool]) -> Result<Self, ProblemError> {
+        if !tied.is_empty() {
+            check::length_of("the ties", tied.len(), self.m(), check::PER_NODE)?;
+        }
+        let bounds = self.case.slip_bound.iter_mut().zip(tied);
+        bounds
+            .filter(|(_, tied)| **tied)
+            .for_each(|(bound, _)| *bound = TIED);
         Ok(self)
     }
 
@@ -328,7 +381,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         &self.case.slip_origin
     }
 
-    /// g, as far as it is given: [`ContactProblem::bounds`] has all of it.
+    /// g, as far as it is given: [`ContactProblem::bounds`] has all of it. Infinite where a node is tied.
     pub fn slip_bound(&self) -> &[f64] {
         &self.case.slip_bound
     }
@@ -346,7 +399,12 @@ impl<const D: usize, K> ContactProblem<D, K> {
         !self.friction_coefficient().is_empty()
     }
 
-    /// Whether a law of friction acts on contact node i: a slip bound, or a coefficient, above 0.
+    /// Whether contact node i is tied.
+    pub fn is_tied(&self, i: usize) -> bool {
+        self.case.slip_bound[i] == TIED
+    }
+
+    /// Whether a law of friction acts on contact node i, or a tie: a slip bound, or a coefficient, above 0.
     pub fn has_friction(&self, i: usize) -> bool {
         let mu = self.friction_coefficient().get(i);
         self.slip_bound()[i] > 0.0 || mu.is_some_and(|&mu| mu > 0.0)

@@ -2,7 +2,7 @@
 //!
 //! **Load steps.** In a quasi-static process friction acts on the slip since the last step. A step is a problem
 //! (1)–(3) in the whole displacement u under the whole load, with T(u − ū) in place of T u, ū the displacement
-//! before: the history is in the origin of slip alone, so that nothing of an earlier, larger load is left in
+//! before (of compliant contact less what it gives way by itself): the history is in the origin of slip alone, so that nothing of an earlier, larger load is left in
 //! the load or the gap of a small one.
 //!
 //! **Coulomb friction** is part of the Newton steps (`ssnm`). As no function falls along them, they may fail.
@@ -16,7 +16,7 @@ mod springs;
 use crate::dual::balance::BALANCED;
 use crate::dual::{DualOperator, conditions};
 use crate::problem::{ContactProblem, Elsewhere, Kkt, LoadCase, System};
-use crate::sparse::{difference, norm, norm_max};
+use crate::sparse::{norm, norm_max};
 use crate::ssnm::{
     self, Cause, Info, Numbers, RecycledSubspace, Sets, SettingsError, Solution, SolveError,
     Status, Step, WarmStart,
@@ -81,9 +81,10 @@ impl State {
         }
     }
 
-    /// Where slip is counted from in a step to this load: T ū, less what prescribed displacements slide meanwhile.
+    /// Where slip is counted from in a step to this load: T ū − Cτ λ̄τ, less what prescribed displacements slide meanwhile.
     pub(crate) fn slip_origin<const D: usize>(&self, system: &System<D>, load: &Load) -> Vec<f64> {
-        let mut origin = system.times(system.tangential(), &self.u);
+        let (rows, m) = (system.tangential(), system.m());
+        let mut origin = system.beyond_compliance(rows, m, &self.u, &self.lambda);
         for (i, origin) in origin.iter_mut().enumerate() {
             *origin -= load.slide[i] - self.slide[i];
         }
@@ -193,7 +194,7 @@ pub struct StepSolution<const D: usize = 2> {
     pub lambda: Vec<f64>,
     /// The slip bounds that the multipliers obey, length m.
     pub slip_bound: Vec<f64>,
-    /// Slip in this step (T u and [`Load::slide`], their change), an entry per row of T.
+    /// Slip in this step (T u − Cτ λτ and [`Load::slide`], their change), an entry per row of T.
     pub slip: Vec<f64>,
     /// The sets at the end.
     pub sets: Sets<D>,
@@ -490,7 +491,7 @@ where
         };
         let friction_change = frozen.map_or(0.0, |bounds| {
             let law = self.lawful.bounds(&solution.lambda);
-            self.relative(&solution.lambda, &difference(&law, bounds))
+            self.relative(&solution.lambda, &changes(&law, bounds))
         });
         self.made.push(Round {
             round: self.made.len() + 1,
@@ -556,7 +557,8 @@ where
     /// The end of the step with a solution, and the bounds that were frozen for it.
     fn end(self, solution: Solution<D>, frozen: Option<Vec<f64>>) -> StepSolution<D> {
         let origin = self.lawful.slip_origin();
-        let mut slip = self.lawful.times(self.lawful.tangential(), &solution.u);
+        let (rows, m) = (self.lawful.tangential(), self.lawful.m());
+        let mut slip = (self.lawful).beyond_compliance(rows, m, &solution.u, &solution.lambda);
         (slip.iter_mut().zip(origin)).for_each(|(s, o)| *s -= o);
         let proven = (self.made.last()).is_some_and(|last| !last.on_springs && !last.frozen);
         let not_held = pushed(&self.lawful, &solution, proven);
@@ -572,6 +574,13 @@ where
             rounds: self.made,
         }
     }
+}
+
+/// How bounds have changed; those of ties stay infinite.
+fn changes(now: &[f64], before: &[f64]) -> Vec<f64> {
+    let each = now.iter().zip(before);
+    each.map(|(now, before)| if now == before { 0.0 } else { now - before })
+        .collect()
 }
 
 /// The bodies that an imbalance pushes, and which way they go.

@@ -179,6 +179,9 @@ impl Case {
             _ if entity.kind == EntityKind::Contact && entity.number.is_some() => {
                 format!("contact {}: {fault}", entity.place)
             }
+            _ if entity.kind == EntityKind::Tie && entity.number.is_some() => {
+                format!("tie {}: {fault}", entity.place)
+            }
             _ => fault.to_string(),
         };
         let span = self.tables.span(&entity);
@@ -218,6 +221,19 @@ impl Case {
             Some(path) => matrix(path)?.into_vector()?,
             None => Vec::new(),
         };
+        let compliance = match &table.compliance {
+            Some(path) => matrix(path)?.into_vector()?,
+            None => Vec::new(),
+        };
+        let tied = match &table.tied {
+            Some(path) => matrix(path)?.into_vector()?,
+            None => Vec::new(),
+        };
+        if let Some(i) = tied.iter().position(|&v| v != 0.0 && v != 1.0) {
+            let message = format!("entry {} of tied is {}: it must be 1, or 0", i + 1, tied[i]);
+            return Err(self.unsupported(message));
+        }
+        let tied = tied.iter().map(|&v| v == 1.0).collect();
         let load = matrix(&table.load)?.into_vector()?;
         let (normal, tangential) = (matrix(&table.normal)?, matrix(&table.tangential)?);
         let gap = matrix(&table.gap)?.into_vector()?;
@@ -246,6 +262,8 @@ impl Case {
             slip_bound,
             slip_origin,
             coefficient,
+            compliance,
+            tied,
             coordinates,
         };
         Ok(match dimension {
@@ -287,8 +305,9 @@ impl Case {
             }));
         }
         let checked = match read.dependent_rows {
-            true => ContactProblem::of_bodies(data),
-            false => ContactProblem::new(data),
+            true => ContactProblem::of_bodies(data, read.compliance, &read.tied),
+            false => (ContactProblem::compliant(data, read.compliance))
+                .and_then(|problem| problem.with_ties(&read.tied)),
         };
         let mut problem = checked
             .and_then(|problem| problem.with_friction_coefficient(read.coefficient))
@@ -316,6 +335,8 @@ struct OfMatrices {
     slip_bound: Vec<f64>,
     slip_origin: Option<Vec<f64>>,
     coefficient: Vec<f64>,
+    compliance: Vec<f64>,
+    tied: Vec<bool>,
     /// A row per node.
     coordinates: Option<Matrix>,
 }

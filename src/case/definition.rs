@@ -2,7 +2,7 @@
 
 use super::tables::{
     AxisTable, BodyForceTable, ContactTable, FrictionTable, MaterialTable, ObstacleTable,
-    SupportTable, TractionTable,
+    OverlapTable, SupportTable, TieTable, TractionTable,
 };
 use super::{NumberOrExpression, Tables};
 use crate::contact::Obstacle;
@@ -260,9 +260,24 @@ impl ContactTable {
         };
         pair = with_quantity(pair, &self.gap, Pair::gap)?;
         pair = with_quantity(pair, &self.interference, Pair::interference)?;
+        if let Some(OverlapTable::Interference) = self.overlap {
+            pair = pair.overlap_as_interference();
+        }
+        if let Some(stiffness) = &self.stiffness {
+            pair = with_quantity(pair, &stiffness.normal, Pair::normal_stiffness)?;
+            pair = with_quantity(pair, &stiffness.tangential, Pair::tangential_stiffness)?;
+        }
         pair = with(pair, &self.adjust, Pair::adjust);
         pair = with(pair, &self.edge_angle, Pair::edge_angle);
         Ok(with(pair, &self.search_distance, Pair::search_distance))
+    }
+}
+
+impl TieTable {
+    fn pair<const D: usize>(&self) -> Pair<D> {
+        let pair = Pair::tied(self.boundary.clone(), self.against.clone());
+        let pair = with(pair, &self.adjust, Pair::adjust);
+        with(pair, &self.edge_angle, Pair::edge_angle)
     }
 }
 
@@ -308,6 +323,9 @@ impl Tables {
             tractions: tractions.collect::<Result<_, _>>()?,
             body_forces: forces.collect::<Result<_, _>>()?,
             pairs: pairs.collect::<Result<_, _>>()?,
+            ties: (self.tie.iter())
+                .map(|table| table.get_ref().pair())
+                .collect(),
             steps: self.factors().map(<[f64]>::to_vec),
             units: self.units(),
         })
@@ -342,6 +360,7 @@ impl Tables {
             EntityKind::Traction => of(&self.traction, number),
             EntityKind::BodyForce => of(&self.body_force, number),
             EntityKind::Contact => of(&self.contact, number),
+            EntityKind::Tie => of(&self.tie, number),
             EntityKind::Thickness => self.analysis.thickness.as_ref().map(Spanned::span),
             EntityKind::Steps => self.steps.as_ref().map(Spanned::span),
             EntityKind::Units => self.units.as_ref().map(Spanned::span),

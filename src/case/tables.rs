@@ -41,6 +41,9 @@ pub struct Tables {
     /// Contact pairs and their friction.
     #[serde(default)]
     pub contact: Vec<Spanned<ContactTable>>,
+    /// Boundaries that hold together.
+    #[serde(default)]
+    pub tie: Vec<Spanned<TieTable>>,
     /// Load steps.
     pub steps: Option<Spanned<StepsTable>>,
     /// Matrices of the user's own, instead of a mesh.
@@ -314,12 +317,48 @@ pub struct ContactTable {
     pub gap: Option<Spanned<NumberOrExpression>>,
     /// How far the sides overlap where they meet, in m, instead of a gap.
     pub interference: Option<Spanned<NumberOrExpression>>,
+    /// What an overlap of the meshes is; an error if left out.
+    pub overlap: Option<OverlapTable>,
+    /// How far the contact itself gives way; hard if left out.
+    pub stiffness: Option<StiffnessTable>,
     /// Gaps and overlaps up to this distance in m count as touching.
     pub adjust: Option<f64>,
     /// Edges of the boundaries that are sharper, in degrees between the normals of neighbours, cut them into smooth parts.
     pub edge_angle: Option<f64>,
     /// What is farther apart is no candidate with `against`, and not rubbed by Tresca's bound on an obstacle; in m.
     pub search_distance: Option<f64>,
+}
+
+/// `[[tie]]`: boundaries of two bodies that hold together in every direction.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TieTable {
+    /// The boundary that carries the multipliers, or several as one.
+    pub boundary: Names,
+    /// The boundary of another body that it is tied to (or several).
+    pub against: Names,
+    /// How far apart they may be, in m.
+    pub adjust: Option<f64>,
+    /// Edges of the boundaries that are sharper, in degrees between the normals of neighbours, cut them into smooth parts.
+    pub edge_angle: Option<f64>,
+}
+
+/// What an overlap of the meshes is.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OverlapTable {
+    /// `"interference"`: it is pressed apart.
+    Interference,
+}
+
+/// `{ normal = …, tangential = … }`: pressure over what the gap closes by, and traction over what comes before slip, in Pa/m.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StiffnessTable {
+    /// Along the normal; hard if left out.
+    pub normal: Option<Spanned<NumberOrExpression>>,
+    /// Along the boundary; hard if left out.
+    pub tangential: Option<Spanned<NumberOrExpression>>,
 }
 
 /// What the boundary may touch: two shapes in the plane, three in space.
@@ -424,8 +463,12 @@ pub struct AlgebraicTable {
     pub slip_bound: Option<PathBuf>,
     /// μ, m: Coulomb friction.
     pub friction_coefficient: Option<PathBuf>,
+    /// Which nodes are tied, an entry per row of N: 1, or 0. None if left out.
+    pub tied: Option<PathBuf>,
     /// Where slip is counted from, an entry per row of T; zero if left out.
     pub slip_origin: Option<PathBuf>,
+    /// The diagonal of C, an entry per row of N, then one per row of T: compliant contact; zero if left out.
+    pub compliance: Option<PathBuf>,
     /// Whether rows of N and T may depend on each other, as those of bodies do where several parts of one lie under one facet
     /// of another: forces on the bodies are unique even so, multipliers need not be.
     #[serde(default)]
@@ -447,7 +490,9 @@ impl AlgebraicTable {
         let others = [
             &self.slip_bound,
             &self.friction_coefficient,
+            &self.tied,
             &self.slip_origin,
+            &self.compliance,
             &self.coordinates,
         ];
         needed.into_iter().chain(others.into_iter().flatten())

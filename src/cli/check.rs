@@ -298,8 +298,13 @@ where
 {
     let length = case.units().length;
     lines.push(format!(
-        "contact       \"{}\" / {}: {} places, {:.4e} {length}², initial gap {:.4e} to {:.4e} {length}, {}; \
+        "{}\"{}\" / {}: {} places, {:.4e} {length}², initial gap {:.4e} to {:.4e} {length}, {}; \
          {} of them within the search distance {:.4e} {length}",
+        if pair.tied {
+            "tie           "
+        } else {
+            "contact       "
+        },
         pair.boundary,
         pair.against,
         pair.places,
@@ -310,7 +315,13 @@ where
         pair.within,
         pair.search_distance,
     ));
+    if let Some(stiffness) = &pair.stiffness {
+        lines.push(format!("              compliant: stiffness {stiffness}"));
+    }
     if let Some(text) = pair.unmet_text(&case.units()) {
+        lines.push(format!("              {text}"));
+    }
+    if let Some(text) = pair.arcs_text(&case.units()) {
         lines.push(format!("              {text}"));
     }
     if pair.kept > 0 {

@@ -485,7 +485,7 @@ where
             let beta = functions(number);
             let gap = options.gap_at(x, point.distance, rounding.max(slave.slack + other.slack));
             // NaN from an expression must stay.
-            if gap < -all.depth && options.interference.is_none() {
+            if gap < -all.depth && !options.may_overlap() {
                 all.depth = -gap;
                 all.place = x;
             }

@@ -143,7 +143,8 @@ where
     };
     let inside = |&node: &u32| obstacle.distance(mesh.nodes[node as usize]).0 < -rounding;
     let round = !matches!(obstacle, Obstacle::HalfSpace { .. });
-    if (round && nodes.iter().all(inside)) || !facets.iter().any(faces) {
+    let within = round && !options.overlap && nodes.iter().all(inside);
+    if within || !facets.iter().any(faces) {
         return Err(obstacle.unseen());
     }
     let near = options.distance_to(body, facets, obstacle);
@@ -184,7 +185,7 @@ where
                 checked("interference", place, -gap)?;
             } else if options.gap.is_some() {
                 checked("gap", place, gap)?;
-            } else if gap < 0.0 {
+            } else if gap < 0.0 && !options.overlap {
                 return Err(ContactError::Overlap {
                     place: place.into(),
                     depth: -gap,
@@ -204,6 +205,7 @@ where
                 area: area[i],
                 pool: number,
                 slip_bound,
+                compliance: options.compliance_at(place, area[i])?,
             })
         })
         .collect()

@@ -6,6 +6,7 @@
 //! there is no friction along it ([`contact_rows`]).
 
 use super::{ContactError, ContactPlace, SlipBound};
+use crate::constraint::TIED;
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Location, Mesh, Topology};
@@ -31,14 +32,18 @@ pub struct ContactRows<const D: usize = 2> {
     pub normal: Csr,
     /// T: D − 1 rows per contact place, one after the other, along the tangents of its frame.
     pub tangential: Csr,
-    /// Given slip bounds of the places; 0 under Coulomb's law and where one has no friction.
+    /// Given slip bounds of the places; 0 under Coulomb's law and where one has no friction, infinite where it is tied.
     pub slip_bound: Vec<f64>,
     /// μ of the places; 0 under the other laws and where one has no friction.
     pub coefficient: Vec<f64>,
+    /// The diagonal of C, a row of N or T each; empty where all contact is hard.
+    pub compliance: Vec<f64>,
     /// What prescribed displacements add to N u and to T u, row by row.
     held: [Vec<Vec<Held>>; 2],
     /// Candidates whose normal motion is prescribed altogether: their place, gap, and that motion.
     fixed: Vec<(Location, f64, Vec<Held>)>,
+    /// Tied places, of which a motion of both sides against each other is prescribed altogether, and that motion.
+    fixed_ties: Vec<(Location, Vec<Held>)>,
     /// In space: nodes with friction along one tangent only, what supports prescribe along the other, and the part of it
     /// that they may be off by.
     along_one: Vec<(Location, Vec<Held>, f64)>,
@@ -48,12 +53,12 @@ pub struct ContactRows<const D: usize = 2> {
 ///
 /// A node may stand in several contacts, and supports may hold it, or what it meets, in any direction: what they
 /// prescribe counts in [`ContactRows::gap`] and [`ContactRows::held_motion`]. A place whose normal motion is prescribed
-/// altogether has no row and is only checked ([`ContactRows::check`]). On a rigid obstacle a node gets an empty row in T
-/// where supports or another obstacle keep it from sliding along the tangent, and no friction where that leaves none. In
-/// space the tangents of a place that a support holds in one direction are turned so that the first is free of it.
+/// altogether has no row and is only checked ([`ContactRows::check`]), unless the contact itself gives way. On a rigid obstacle a node gets an empty row in T
+/// where supports or another obstacle keep it from sliding along the tangent, and no friction where that leaves none; what
+/// gives way by itself lets the other obstacle keep its friction. In space the tangents of a place that a support holds in one direction are turned so that the first is free of it.
 ///
 /// # Errors
-/// If the normals of the rigid obstacles that a node meets are not independent.
+/// If the normals of the hard rigid obstacles that a node meets are not independent.
 pub fn contact_rows<const D: usize>(
     body: &Body<D>,
     unknowns: &Unknowns<D>,
@@ -63,6 +68,7 @@ where
     ElementKind: Topology<D>,
 {
     let (mut places, mut numbers, mut fixed) = (Vec::new(), Vec::new(), Vec::new());
+    let mut fixed_ties = Vec::new();
     let mut rows: [Vec<Vec<Entry>>; 2] = Default::default();
     let mut held: [Vec<Vec<Held>>; 2] = Default::default();
     // What supports prescribe along the tangents of nodes that they keep from sliding there.
@@ -72,15 +78,23 @@ where
         // On an obstacle a place moves with its node; the others that it may have only say what of that counts.
         let left = unknowns.free_part(candidate.own[0].0, candidate.frame[0]);
         let is_held = candidate.partners.is_empty() && length(left) <= 1e-8;
-        if entries.is_empty() || is_held {
+        let is_tied = candidate.slip_bound == SlipBound::Tied;
+        if (entries.is_empty() || is_held) && candidate.compliance[0] == 0.0 && !is_tied {
             fixed.push((candidate.place.into(), candidate.gap, motion));
             continue;
         }
+        let mut tie = |entries: &[Entry], motion: &[Held]| {
+            if is_tied && entries.is_empty() {
+                fixed_ties.push((candidate.place.into(), motion.to_vec()));
+            }
+        };
+        tie(&entries, &motion);
         rows[0].push(entries);
         held[0].push(motion);
         let place = turned(candidate, unknowns);
         for &tangent in &place.frame[1..] {
             let (entries, motion) = row(unknowns, &place, tangent);
+            tie(&entries, &motion);
             let is_kept = !entries.is_empty() && kept_along(body.mesh, unknowns, &place, tangent);
             let (entries, motion, instead) = match is_kept {
                 true => (Vec::new(), Vec::new(), Some(motion)),
@@ -94,12 +108,21 @@ where
         numbers.push(number);
     }
     make_independent(&mut rows, &places, unknowns)?;
+    let tangents = places
+        .iter()
+        .flat_map(|place| vec![place.compliance[1]; D - 1]);
+    let mut compliance: Vec<f64> = places.iter().map(|place| place.compliance[0]).collect();
+    compliance.extend(tangents);
+    if compliance.iter().all(|&c| c == 0.0) {
+        compliance.clear();
+    }
 
     let (mut slip_bound, mut coefficient, mut along_one) = (Vec::new(), Vec::new(), Vec::new());
     for (i, (rows, place)) in rows[1].chunks(D - 1).zip(&places).enumerate() {
         let empty: Vec<usize> = (0..D - 1).filter(|&a| rows[a].is_empty()).collect();
         if let (3, [a]) = (D, &empty[..])
             && place.slip_bound.is_any()
+            && place.slip_bound != SlipBound::Tied
         {
             let row = (D - 1) * i + a;
             let (motion, rest) = match &kept[row] {
@@ -109,6 +132,7 @@ where
             along_one.push((place.place.into(), motion.clone(), rest));
         }
         let (given, mu) = match place.slip_bound {
+            SlipBound::Tied => (TIED, 0.0),
             _ if rows.iter().all(Vec::is_empty) => (0.0, 0.0),
             SlipBound::Given(bound) => (bound, 0.0),
             SlipBound::Coulomb(mu) => (0.0, mu),
@@ -129,14 +153,16 @@ where
         candidate: numbers,
         slip_bound,
         coefficient,
+        compliance,
         held,
         fixed,
+        fixed_ties,
         along_one,
     })
 }
 
-/// Checks that normal rows on rigid obstacles are independent, and empties tangential ones there that depend on what
-/// comes before them.
+/// Checks that hard normal rows on rigid obstacles are independent, and empties hard tangential ones there that depend on what
+/// comes before them. A compliant row may depend on any: A + C is definite all the same.
 fn make_independent<const D: usize>(
     rows: &mut [Vec<Vec<Entry>>; 2],
     places: &[ContactPlace<D>],
@@ -154,13 +180,15 @@ fn make_independent<const D: usize>(
         unknowns.block(node).filter(|_| times[&node] == 1)
     };
     for (row, place) in rows[0].iter().zip(places) {
-        if on_obstacles(&place) && !independent.add(row, own(place)) {
+        let is_hard = on_obstacles(&place) && place.compliance[0] == 0.0;
+        if is_hard && !independent.add(row, own(place)) {
             let place = place.place.into();
             return Err(ContactError::Twice { place });
         }
     }
     for (rows, place) in rows[1].chunks_mut(D - 1).zip(places) {
-        for row in rows.iter_mut().filter(|_| on_obstacles(&place)) {
+        let is_hard = on_obstacles(&place) && place.compliance[1] == 0.0;
+        for row in rows.iter_mut().filter(|_| is_hard) {
             if !row.is_empty() && !independent.add(row, own(place)) {
                 row.clear();
             }
@@ -360,6 +388,7 @@ impl<const D: usize> ContactRows<D> {
         rows: [Csr; 2],
         slip_bound: Vec<f64>,
         coefficient: Vec<f64>,
+        compliance: Vec<f64>,
     ) -> Self {
         let [normal, tangential] = rows;
         Self {
@@ -369,8 +398,10 @@ impl<const D: usize> ContactRows<D> {
             tangential,
             slip_bound,
             coefficient,
+            compliance,
             held: Default::default(),
             fixed: Vec::new(),
+            fixed_ties: Vec::new(),
             along_one: Vec::new(),
         }
     }
@@ -399,7 +430,8 @@ impl<const D: usize> ContactRows<D> {
     ///
     /// # Errors
     /// [`ContactError::Driven`] if the prescribed displacements of `unknowns` push one of them into what it meets,
-    /// [`ContactError::DrivenAlong`] if they drive one across the direction in which it can slide.
+    /// [`ContactError::DrivenAlong`] if they drive one across the direction in which it can slide,
+    /// [`ContactError::DrivenApart`] if they move the sides of a tie against each other.
     pub fn check(&self, unknowns: &Unknowns<D>) -> Result<(), ContactError> {
         for (place, gap, held) in &self.fixed {
             let moved = motion(held, unknowns);
@@ -407,6 +439,14 @@ impl<const D: usize> ContactRows<D> {
             if depth > 1e-9 * gap.max(moved.abs()) {
                 let place = place.clone();
                 return Err(ContactError::Driven { place, depth });
+            }
+        }
+        for (place, held) in &self.fixed_ties {
+            let terms = held.iter().map(|held| motion(&[*held], unknowns).abs());
+            let apart = motion(held, unknowns).abs();
+            if apart > 1e-9 * terms.fold(0.0, f64::max) {
+                let place = place.clone();
+                return Err(ContactError::DrivenApart { place, apart });
             }
         }
         let mut driven = self.along_one.iter();
@@ -420,6 +460,14 @@ impl<const D: usize> ContactRows<D> {
             }),
             None => Ok(()),
         }
+    }
+
+    /// Which places are tied.
+    pub fn tied(&self) -> Vec<bool> {
+        let places = self.places.iter();
+        places
+            .map(|place| place.slip_bound == SlipBound::Tied)
+            .collect()
     }
 
     /// The area that the pressure of each place is shown and judged with: that of its pool.

@@ -38,6 +38,7 @@ fn node<const D: usize>(
         area: 1.0,
         pool: 0,
         slip_bound,
+        compliance: [0.0; 2],
     }
 }
 
@@ -281,6 +282,7 @@ fn places_of_a_pool_have_their_forces_in_common() {
         area: 1.0,
         pool,
         slip_bound: SlipBound::Given(0.0),
+        compliance: [0.0; 2],
     };
     let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     // The third has its tangents the other way round.

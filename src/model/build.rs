@@ -143,7 +143,7 @@ where
             .map(|&i| candidates.pair_of[i])
             .collect();
         definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?;
-        definition.count_places(&contact, &pair_of, &mut candidates.pairs)?;
+        definition.count_places(&mesh, &contact, &pair_of, &mut candidates.pairs)?;
 
         let support_centres = definition.support_centres(&body, &prescriptions);
         let elastic = Elastic {
@@ -189,7 +189,7 @@ where
     let failed = |error| Entity::all(EntityKind::Model).error(Fault::Problem(error));
     // A prescribed motion may have closed a gap, and an interference is meant: what overlaps by mistake, the search for
     // contact nodes has refused.
-    let problem = ContactProblem::of_bodies(ContactData {
+    let data = ContactData {
         stiffness,
         load: load.clone(),
         normal: contact.normal.clone(),
@@ -197,11 +197,15 @@ where
         gap: (contact.places.iter())
             .map(|place| place.gap.max(0.0))
             .collect(),
-        slip_bound: contact.slip_bound.clone(),
+        // Ties have none: below.
+        slip_bound: (contact.slip_bound.iter())
+            .map(|&g| if g.is_finite() { g } else { 0.0 })
+            .collect(),
         coordinates: Some(unknowns.coordinates(body.mesh)),
-    })
-    .map_err(failed)?
-    .with_free_unknowns(unknowns.n_free());
+    };
+    let problem = ContactProblem::of_bodies(data, contact.compliance.clone(), &contact.tied())
+        .map_err(failed)?
+        .with_free_unknowns(unknowns.n_free());
     let problem = match vertices(body, unknowns) {
         Some(vertices) => problem.with_vertices(vertices),
         None => problem,

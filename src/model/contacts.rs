@@ -1,5 +1,6 @@
 //! The contacts of a model: their nodes, and what is said of them.
 
+use super::arcs::between_arcs;
 use super::entities::{Against, Law};
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::outer_facets;
@@ -10,7 +11,8 @@ use crate::contact::{
     Unmet, mortar_contact, obstacle_contact,
 };
 use crate::elasticity::{Body, Unknowns};
-use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_nodes};
+use crate::mesh::vector::{length, minus};
+use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes};
 use std::collections::{HashMap, HashSet};
 
 /// A contact as it was understood.
@@ -33,10 +35,16 @@ where
     pub friction: String,
     /// Whether that is Tresca's.
     pub tresca: bool,
+    /// Whether it is a tie.
+    pub tied: bool,
+    /// The stiffness of the contact itself; None where it is hard.
+    pub stiffness: Option<String>,
     /// How far apart candidates for contact may be; with an obstacle, up to where Tresca's bound acts.
     pub search_distance: f64,
     /// What of the master boundary lies opposite within the search distance, but is not met.
     pub unmet: Option<Unmet<D>>,
+    /// The gap between sides that are drawn as arcs about one axis, where that of their facets scatters by more than a tenth.
+    pub arcs: Option<f64>,
     /// Contact places.
     pub places: usize,
     /// Those of them within the search distance.
@@ -73,6 +81,21 @@ where
     }
 }
 
+impl<const D: usize> PairData<D>
+where
+    ElementKind: Topology<D>,
+{
+    /// That the gap had better be stated, in words.
+    pub fn arcs_text(&self, units: &Units) -> Option<String> {
+        let (gap, length) = (self.arcs?, &units.length);
+        let [low, high] = self.gap;
+        Some(format!(
+            "both sides are drawn as arcs about one axis, {gap:.3e} {length} apart, but between their facets the gap goes from \
+             {low:.3e} to {high:.3e} {length}: state the gap (gap = {gap:.4e}), and nothing depends on how facets happen to meet"
+        ))
+    }
+}
+
 /// The contact places of all pairs, before supports.
 pub(super) struct Candidates<const D: usize>
 where
@@ -82,6 +105,27 @@ where
     /// Which pair each belongs to.
     pub(super) pair_of: Vec<u32>,
     pub(super) pairs: Vec<PairData<D>>,
+}
+
+/// How far apart the sides of a tie may be where nobody has said it, in facets of its first boundary: what curved sides and coarse
+/// meshes make of a common surface. (An arc of eight facets has a tenth of one between it and the circle.)
+const TIE_DISTANCE: f64 = 0.25;
+
+/// The longest way between corners of a facet.
+fn largest_facet<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>]) -> f64
+where
+    ElementKind: Topology<D>,
+{
+    let size = |facet: &Facet<D>| {
+        let corners = || {
+            facet_corners(facet)
+                .iter()
+                .map(|&node| mesh.nodes[node as usize])
+        };
+        let ways = corners().flat_map(|x| corners().map(move |y| length(minus(x, y))));
+        ways.fold(0.0, f64::max)
+    };
+    facets.iter().map(size).fold(0.0, f64::max)
 }
 
 /// The contact places of a pair, and what is known of it so far.
@@ -100,19 +144,29 @@ where
     ) -> Result<Found<D>, Fault> {
         let facets = outer_facets(body.mesh, self.boundary.all())?;
         let law = |x| match &self.law {
-            Law::None => 0.0,
+            Law::None | Law::Tied => 0.0,
             Law::Tresca(value) | Law::Coulomb(value) => value.at(x),
         };
         let gap = |x| self.gap.as_ref().map_or(0.0, |gap| gap.at(x));
         let overlap = |x| (self.interference.as_ref()).map_or(0.0, |overlap| overlap.at(x));
+        let [normal, tangential] = [0, 1].map(|way: usize| {
+            let stiffness = self.stiffness[way].as_ref();
+            move |x| stiffness.map_or(f64::NAN, |k| k.at(x))
+        });
         let mut options = PairOptions {
             friction: match &self.law {
                 Law::None => Friction::None,
+                Law::Tied => Friction::Tied,
                 Law::Tresca(_) => Friction::Tresca(&law),
                 Law::Coulomb(_) => Friction::Coulomb(&law),
             },
-            gap: self.gap.is_some().then_some(&gap),
+            gap: (self.gap.is_some() || self.is_tie()).then_some(&gap),
             interference: self.interference.is_some().then_some(&overlap),
+            stiffness: [
+                self.stiffness[0].is_some().then_some(&normal),
+                self.stiffness[1].is_some().then_some(&tangential),
+            ],
+            overlap: self.overlap,
             adjust: self.adjust,
             edge_angle: self.edge_angle.unwrap_or(EDGE_ANGLE),
             symmetry: Some(symmetry),
@@ -122,6 +176,10 @@ where
         let (found, against, search_distance) = match &self.against {
             Against::Boundary(names) => {
                 others = outer_facets(body.mesh, names.all())?;
+                if self.is_tie() && options.search_distance.is_none() {
+                    options.search_distance =
+                        Some(TIE_DISTANCE * largest_facet(body.mesh, &facets));
+                }
                 let distance = options.distance_between(body, &facets, &others);
                 options.search_distance = Some(distance);
                 let found = mortar_contact(body, &facets, &others, &options).map(|found| {
@@ -149,8 +207,11 @@ where
             },
             friction: self.friction(units),
             tresca: matches!(self.law, Law::Tresca(_)),
+            tied: self.is_tie(),
+            stiffness: self.compliance(units),
             search_distance,
             unmet,
+            arcs: None,
             within: 0,
             kept: 0,
             places: 0,
@@ -174,9 +235,10 @@ where
             pair_of: Vec::new(),
             pairs: Vec::new(),
         };
-        for (number, pair) in self.pairs.iter().enumerate() {
+        for (number, pair) in self.pairs.iter().chain(&self.ties).enumerate() {
             let found = pair.find(body, &units, &symmetry);
-            let (mut places, data) = found.map_err(|fault| pair.entity(number).error(fault))?;
+            let (mut places, data) =
+                found.map_err(|fault| self.pair_entity(number).error(fault))?;
             let before = all.places.len() as u32;
             places.iter_mut().for_each(|place| place.pool += before);
             all.pair_of.extend(places.iter().map(|_| number as u32));
@@ -189,6 +251,7 @@ where
     /// Completes what is said of the contacts with the places that are left of them.
     pub(super) fn count_places(
         &self,
+        mesh: &Mesh<D>,
         contact: &ContactRows<D>,
         pair_of: &[u32],
         pairs: &mut [PairData<D>],
@@ -200,6 +263,12 @@ where
             pair.kept += usize::from(contact.keeps_from_sliding(i));
             pair.area += place.area;
             pair.gap = [pair.gap[0].min(place.gap), pair.gap[1].max(place.gap)];
+        }
+        for (number, data) in pairs.iter_mut().enumerate() {
+            let as_drawn = (self.pairs.get(number)).is_some_and(Pair::has_gap_of_meshes);
+            if as_drawn && data.obstacle.is_none() && data.places > 0 {
+                data.arcs = between_arcs(mesh, [&data.facets, &data.others], data.gap);
+            }
         }
         // A corner between two obstacles is a matter of one node; all of a boundary without friction is not.
         for (i, &pair) in pair_of.iter().enumerate() {
@@ -217,7 +286,7 @@ where
                 other != pair && common.any(|facet| here.contains(facet))
             });
             if shared {
-                return Err(self.pairs[pair].entity(pair).error(
+                return Err(self.pair_entity(pair).error(
                     "where the same part of a boundary meets several rigid obstacles there can be no friction: split \
                      the boundary so that each part meets one, or state none",
                 ));
@@ -225,9 +294,17 @@ where
         }
         match pairs.iter().position(|pair| pair.places == 0) {
             None => Ok(()),
-            Some(pair) => Err(self.pairs[pair]
-                .entity(pair)
+            Some(pair) => Err(self
+                .pair_entity(pair)
                 .error("supports hold every node of it, and of what it meets")),
+        }
+    }
+
+    /// A contact or, of numbers beyond these, a tie.
+    fn pair_entity(&self, number: usize) -> Entity {
+        match number.checked_sub(self.pairs.len()) {
+            None => self.pairs[number].entity(number),
+            Some(tie) => self.ties[tie].entity(tie),
         }
     }
 
@@ -262,11 +339,11 @@ where
                 unknowns.prescribed(node)[c].unwrap_or(0.0).abs()
             };
             let driving = match &error {
-                ContactError::Driven { place, .. } | ContactError::DrivenAlong { place } => {
-                    (prescriptions.held().into_iter())
-                        .filter(|(node, ..)| place.0 == mesh.nodes[*node as usize])
-                        .max_by(|a, b| by(a).total_cmp(&by(b)))
-                }
+                ContactError::Driven { place, .. }
+                | ContactError::DrivenApart { place, .. }
+                | ContactError::DrivenAlong { place } => (prescriptions.held().into_iter())
+                    .filter(|(node, ..)| place.0 == mesh.nodes[*node as usize])
+                    .max_by(|a, b| by(a).total_cmp(&by(b))),
                 _ => None,
             };
             let entity = match driving {

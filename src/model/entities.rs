@@ -399,6 +399,9 @@ pub struct Pair<const D: usize = 2> {
     pub(super) law: Law<D>,
     pub(super) gap: Option<Quantity<D>>,
     pub(super) interference: Option<Quantity<D>>,
+    pub(super) overlap: bool,
+    /// Normal and tangential.
+    pub(super) stiffness: [Option<Quantity<D>>; 2],
     pub(super) adjust: f64,
     pub(super) edge_angle: Option<f64>,
     pub(super) search_distance: Option<f64>,
@@ -417,6 +420,7 @@ pub(super) enum Law<const D: usize> {
     None,
     Tresca(Quantity<D>),
     Coulomb(Quantity<D>),
+    Tied,
 }
 
 impl<const D: usize> Pair<D> {
@@ -427,6 +431,8 @@ impl<const D: usize> Pair<D> {
             law: Law::None,
             gap: None,
             interference: None,
+            overlap: false,
+            stiffness: [const { None }; 2],
             adjust: 0.0,
             edge_angle: None,
             search_distance: None,
@@ -437,6 +443,25 @@ impl<const D: usize> Pair<D> {
     /// as one.
     pub fn new(boundary: impl Into<Names>, against: impl Into<Names>) -> Self {
         Self::with(boundary.into(), Against::Boundary(against.into()))
+    }
+
+    /// The boundary of a body and that of another one (each may be several that count as one) that hold together in every
+    /// direction, for [`Model::tie`](super::Model::tie): their meshes need not match, and what is between them as they are drawn stays.
+    /// [`Pair::adjust`] says how far apart they may be; without, a quarter of the longest facet of the first one.
+    pub fn tied(boundary: impl Into<Names>, against: impl Into<Names>) -> Self {
+        Self {
+            law: Law::Tied,
+            ..Self::new(boundary, against)
+        }
+    }
+
+    /// Whether the gap is the distance of the meshes.
+    pub(super) fn has_gap_of_meshes(&self) -> bool {
+        self.gap.is_none() && self.interference.is_none()
+    }
+
+    pub(super) fn is_tie(&self) -> bool {
+        matches!(self.law, Law::Tied)
     }
 
     /// The boundary of a body, or several that count as one, and a rigid obstacle.
@@ -468,6 +493,25 @@ impl<const D: usize> Pair<D> {
         self
     }
 
+    /// What the meshes overlap is pressed apart, as what is pressed or shrunk on is; elsewhere the gap is the distance of the
+    /// meshes.
+    pub fn overlap_as_interference(mut self) -> Self {
+        self.overlap = true;
+        self
+    }
+
+    /// Compliant contact: the pressure over what the gap closes by, in Pa/m. Hard without.
+    pub fn normal_stiffness(mut self, stiffness: impl Into<Quantity<D>>) -> Self {
+        self.stiffness[0] = Some(stiffness.into());
+        self
+    }
+
+    /// The tangential traction over what the sides move by before they slip, in Pa/m. Without it they stick altogether.
+    pub fn tangential_stiffness(mut self, stiffness: impl Into<Quantity<D>>) -> Self {
+        self.stiffness[1] = Some(stiffness.into());
+        self
+    }
+
     /// Gaps and overlaps up to this distance in m count as touching.
     pub fn adjust(mut self, distance: f64) -> Self {
         self.adjust = distance;
@@ -491,7 +535,11 @@ impl<const D: usize> Pair<D> {
 
     pub(super) fn entity(&self, number: usize) -> Entity {
         Entity::one(
-            EntityKind::Contact,
+            if self.is_tie() {
+                EntityKind::Tie
+            } else {
+                EntityKind::Contact
+            },
             number,
             format!("on \"{}\"", self.boundary),
         )
@@ -501,9 +549,19 @@ impl<const D: usize> Pair<D> {
     pub(super) fn friction(&self, units: &Units) -> String {
         match &self.law {
             Law::None => "no friction".to_owned(),
+            Law::Tied => "tied".to_owned(),
             Law::Tresca(bound) => format!("Tresca bound {bound} {}", units.stress()),
             Law::Coulomb(coefficient) => format!("Coulomb coefficient {coefficient}"),
         }
+    }
+
+    /// The stiffness of the contact itself, in words; None where it is hard.
+    pub(super) fn compliance(&self, units: &Units) -> Option<String> {
+        let parts = ["normal", "tangential"].into_iter().zip(&self.stiffness);
+        let parts = parts.filter_map(|(way, k)| Some(format!("{way} {}", k.as_ref()?)));
+        let parts: Vec<String> = parts.collect();
+        let unit = format!("{}/{}", units.stress(), units.length);
+        (!parts.is_empty()).then(|| format!("{} {unit}", parts.join(", ")))
     }
 
     pub(super) fn fault(&self) -> Option<&'static str> {
@@ -522,6 +580,11 @@ impl<const D: usize> Pair<D> {
         }
         if self.gap.is_some() && self.interference.is_some() {
             return Some("gap and interference exclude each other: state one of them");
+        }
+        if self.overlap && (self.gap.is_some() || self.interference.is_some()) {
+            return Some(
+                "overlap = \"interference\" is about the gap that the meshes have: state no gap and no interference beside it",
+            );
         }
         match &self.against {
             Against::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),

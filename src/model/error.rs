@@ -42,6 +42,8 @@ pub enum EntityKind {
     BodyForce,
     /// A contact.
     Contact,
+    /// A tie.
+    Tie,
     /// The thickness.
     Thickness,
     /// Gravity.
@@ -140,6 +142,7 @@ impl fmt::Display for Entity {
             EntityKind::Traction => ("traction", "tractions"),
             EntityKind::BodyForce => ("body force", "body forces"),
             EntityKind::Contact => ("contact", "contacts"),
+            EntityKind::Tie => ("tie", "ties"),
             EntityKind::Thickness => ("thickness", "thickness"),
             EntityKind::Gravity => ("gravity", "gravity"),
             EntityKind::Steps => ("load steps", "load steps"),

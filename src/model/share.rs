@@ -11,6 +11,7 @@ use super::error::ModelError;
 use super::loads::{StepData, acting};
 use super::supports::Prescriptions;
 use super::{Definition, Units};
+use crate::constraint::TIED;
 use crate::contact::{ContactPlace, ContactRows, SlipBound, Space};
 use crate::elasticity::{Material, Plane, Unknowns, load_vector};
 use crate::mesh::{Element, ElementKind, Groups, Mesh, Topology, facet_nodes};
@@ -43,6 +44,7 @@ pub(crate) struct Common {
     pair_of: Vec<u32>,
     slip_bound: Vec<f64>,
     coefficient: Vec<f64>,
+    compliance: Vec<f64>,
     pub areas: Vec<f64>,
     pub bodies: Vec<Body>,
     pub steps: Vec<Step>,
@@ -61,6 +63,7 @@ struct Place {
     /// Given, or under Coulomb's law.
     bound: f64,
     is_coulomb: bool,
+    compliance: [f64; 2],
 }
 
 /// A body that can move as a whole.
@@ -341,6 +344,7 @@ where
             pair_of: elastic.pair_of.clone(),
             slip_bound: contact.slip_bound.clone(),
             coefficient: contact.coefficient.clone(),
+            compliance: contact.compliance.clone(),
             areas: contact.pooled_areas(),
             bodies,
             steps,
@@ -639,6 +643,7 @@ impl Place {
         let (bound, is_coulomb) = match place.slip_bound {
             SlipBound::Given(bound) => (bound, false),
             SlipBound::Coulomb(mu) => (mu, true),
+            SlipBound::Tied => (TIED, false),
         };
         Self {
             place: place.place.to_vec(),
@@ -648,6 +653,7 @@ impl Place {
             pool: place.pool,
             bound,
             is_coulomb,
+            compliance: place.compliance,
         }
     }
 
@@ -664,8 +670,10 @@ impl Place {
             pool: self.pool,
             slip_bound: match self.is_coulomb {
                 true => SlipBound::Coulomb(self.bound),
+                false if self.bound == TIED => SlipBound::Tied,
                 false => SlipBound::Given(self.bound),
             },
+            compliance: self.compliance,
         }
     }
 }
@@ -733,6 +741,7 @@ where
             matrices,
             common.slip_bound.clone(),
             common.coefficient.clone(),
+            common.compliance.clone(),
         );
         let held = part
             .held

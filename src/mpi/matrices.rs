@@ -49,6 +49,7 @@ pub(super) struct More {
     n: Option<[usize; 2]>,
     slip_origin: Vec<f64>,
     areas: Vec<f64>,
+    compliance: Vec<f64>,
     /// Bodies that can move as a whole, with their own blocks here.
     bodies: Vec<(Motions, Vec<u32>)>,
     /// Components of own blocks that do not move.
@@ -66,6 +67,7 @@ pub(super) struct Made<const D: usize> {
     pub tangential: Csr,
     pub coordinates: Option<Vec<[f64; D]>>,
     pub areas: Vec<f64>,
+    pub compliance: Vec<f64>,
     pub free: FloatingBodies<D>,
     pub parts: Vec<u32>,
     pub case: LoadCase,
@@ -178,6 +180,7 @@ impl<const D: usize> OwnMatrices<D> {
             n: sizes,
             slip_origin,
             areas,
+            compliance,
             bodies,
             fixed,
             ties,
@@ -205,6 +208,7 @@ impl<const D: usize> OwnMatrices<D> {
             free: FloatingBodies::of_ranks(bodies.collect(), ranks),
             coordinates,
             areas: or(areas, m, 1.0),
+            compliance,
             parts,
             case: LoadCase {
                 acting: ranks.norm(case.force()),
@@ -408,6 +412,7 @@ fn cut<const D: usize>(problem: &ContactProblem<D>, owners: &[u32], ranks: usize
             more: More {
                 n: Some([problem.n(), problem.n_free()]),
                 slip_origin: problem.slip_origin().to_vec(),
+                compliance: problem.contact_compliance().to_vec(),
                 areas: problem.areas().to_vec(),
                 bodies: bodies.collect(),
                 fixed: held.map(|i| i as u32).collect(),

@@ -222,6 +222,7 @@ where
                 free: received.floating_bodies(&points, &ranks),
                 coordinates: Some(points),
                 areas: received.common.areas.clone(),
+                compliance: contact.compliance.clone(),
                 parts: received.part.parts.clone(),
                 case: LoadCase {
                     acting: first.load.acting,
@@ -315,6 +316,7 @@ where
                 tangential: made.tangential,
                 coordinates: made.coordinates,
                 areas: made.areas,
+                compliance: made.compliance,
                 free: made.free,
                 parts: made.parts,
                 case: made.case,

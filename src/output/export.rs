@@ -202,7 +202,16 @@ fn shared_table<const D: usize>(
         name("friction_coefficient", files.columns("mu", &[mu.to_vec()])?);
     }
     if mu.is_empty() || g.iter().any(|&g| g > 0.0) {
-        name("slip_bound", files.columns("g", &[g.to_vec()])?);
+        let g = g.iter().map(|&g| if g.is_finite() { g } else { 0.0 });
+        name("slip_bound", files.columns("g", &[g.collect()])?);
+    }
+    let tied = (0..m).map(|i| f64::from(u8::from(problem.is_tied(i))));
+    if (0..m).any(|i| problem.is_tied(i)) {
+        name("tied", files.columns("tied", &[tied.collect()])?);
+    }
+    let compliance = problem.contact_compliance();
+    if !compliance.is_empty() {
+        name("compliance", files.columns("c", &[compliance.to_vec()])?);
     }
     if let Some(points) = problem.coordinates() {
         let column = |c: usize| points.iter().map(|point| point[c]).collect();

@@ -47,6 +47,8 @@ pub enum NodeStatus {
     Stick,
     /// It is in contact, its traction at the slip bound.
     Slip,
+    /// It is tied.
+    Tied,
 }
 
 impl NodeStatus {
@@ -57,6 +59,7 @@ impl NodeStatus {
             Self::Frictionless => "contact",
             Self::Stick => "stick",
             Self::Slip => "slip",
+            Self::Tied => "tied",
         }
     }
 }
@@ -64,7 +67,7 @@ impl NodeStatus {
 /// What happens at the m contact places, in the units of the case. Tangential fields have a component per node in the
 /// plane; in space those along the two tangents of a node stand side by side.
 pub struct ContactFields<const D: usize = 2> {
-    /// Gap after loading, d − Nu, length m.
+    /// Gap after loading, d − Nu, length m; of compliant contact negative where it is pressed.
     pub gap: Vec<f64>,
     /// Contact pressure λν / area, ≥ 0, length m: of places with little area beside that of the mesh together with those
     /// next to them ([`crate::contact::ContactPlace::pool`]), as the tractions and bounds.
@@ -72,14 +75,16 @@ pub struct ContactFields<const D: usize = 2> {
     /// Traction on the body along the tangents of [`crate::contact::ContactPlace::frame`] (in the plane ν turned
     /// counter-clockwise): −λτ / area, length (D − 1) m.
     pub traction: Vec<f64>,
-    /// The slip bound g / area that the traction obeys, length m.
+    /// The slip bound g / area that the traction obeys, length m; 0 where a node is tied.
     pub bound: Vec<f64>,
-    /// Displacement along the tangents relative to the other side, Tu, length (D − 1) m.
+    /// Displacement along the tangents relative to the other side, Tu, length (D − 1) m; of compliant contact with what it gives
+    /// way by before it slips.
     pub slip: Vec<f64>,
     /// ν and the tangents of each node.
     frames: Vec<[[f64; D]; D]>,
     /// Whether a law of friction acts on the node.
     has_friction: Vec<bool>,
+    tied: Vec<bool>,
     sets: Sets<D>,
 }
 
@@ -107,14 +112,20 @@ where
         let places = &elastic.contact.places;
         let areas = elastic.contact.pooled_areas();
         let pooled = |forces: &[f64]| pooled(places, forces);
+        let tied = elastic.contact.tied();
+        let bounds = solution.slip_bound.iter().zip(&tied);
+        let bounds: Vec<f64> = bounds
+            .map(|(&g, &tied)| if tied { 0.0 } else { g })
+            .collect();
         Self {
             gap,
             pressure: per_area(&pooled(normal), &areas, 1.0),
             traction: per_area(&pooled(tangential), &areas, -1.0),
-            bound: per_area(&pooled(&solution.slip_bound), &areas, 1.0),
+            bound: per_area(&pooled(&bounds), &areas, 1.0),
             slip,
             frames: places.iter().map(|place| place.frame).collect(),
             has_friction: (0..m).map(|i| problem.has_friction(i)).collect(),
+            tied,
             sets: solution.sets.clone(),
         }
     }
@@ -137,7 +148,9 @@ where
 
     /// The state of contact node i.
     pub fn status(&self, i: usize) -> NodeStatus {
-        if self.sets.is_separated(i) {
+        if self.tied[i] {
+            NodeStatus::Tied
+        } else if self.sets.is_separated(i) {
             NodeStatus::Separated
         } else if !self.has_friction[i] {
             NodeStatus::Frictionless
@@ -151,7 +164,10 @@ where
     /// Whether a law of friction acts on any node.
     #[cfg(feature = "plots")]
     pub(super) fn any_friction(&self) -> bool {
-        self.has_friction.contains(&true)
+        self.has_friction
+            .iter()
+            .zip(&self.tied)
+            .any(|(has, tied)| *has && !tied)
     }
 
     /// `contact.csv`, in the order of the contacts, of their places along x, then y, then z.

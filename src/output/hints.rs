@@ -70,7 +70,9 @@ where
     let (low, high) = elastic.mesh.bounding_box();
     let size = length(minus(high, low));
     let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));
-    for (number, (pair, contact)) in elastic.pairs.iter().zip(contacts).enumerate() {
+    let pairs = elastic.pairs.iter().zip(contacts).enumerate();
+    // What is tied neither opens nor rubs.
+    for (number, (pair, contact)) in pairs.filter(|(_, (pair, _))| !pair.tied) {
         let name = format!("contact {} / {}", pair.boundary, pair.against);
         let rows = || (0..elastic.pair_of.len()).filter(|&i| elastic.pair_of[i] as usize == number);
         let touching = contact.stick + contact.slip + contact.frictionless;
@@ -99,6 +101,9 @@ where
             ));
         }
         if let Some(text) = pair.unmet_text(&elastic.units) {
+            hints.push(format!("{name}: {text}"));
+        }
+        if let Some(text) = pair.arcs_text(&elastic.units) {
             hints.push(format!("{name}: {text}"));
         }
         if pair.kept > rim::<D>(pair.places) {

@@ -23,6 +23,9 @@ pub struct ContactReport {
     pub against: String,
     /// The law and its bound or coefficient.
     pub friction: String,
+    /// The stiffness of the contact itself, where it is compliant.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stiffness: Option<String>,
     /// Resultant on the body of `boundary` along the axes, in the unit of force as all that follow.
     pub force: Vec<f64>,
     /// Its moment about `centre`, in the unit of force times that of length: in the plane one number, about z.
@@ -41,7 +44,7 @@ pub struct ContactReport {
     pub area: f64,
     /// Places that touch nothing.
     pub separated: usize,
-    /// Places in contact, their traction below the slip bound.
+    /// Places in contact, their traction below the slip bound, or tied.
     pub stick: usize,
     /// Places in contact, their traction at the slip bound.
     pub slip: usize,
@@ -133,6 +136,7 @@ where
             boundary: pair.boundary.clone(),
             against: pair.against.clone(),
             friction: pair.friction.clone(),
+            stiffness: pair.stiffness.clone(),
             force: vec![0.0; D],
             moment: moment([0.0; D], [0.0; D]),
             centre: centre.to_vec(),
@@ -154,8 +158,12 @@ where
             &moment(minus(place, centres[pair]), whole),
         );
         for k in (D - 1) * i..(D - 1) * (i + 1) {
-            let from = before.get(k).copied().unwrap_or(0.0);
-            contact.slipping_work += tangential[k] * (fields.slip[k] - from);
+            // What a compliant contact gives way by comes back.
+            let slip = match elastic.contact.compliance.is_empty() {
+                true => fields.slip[k] - before.get(k).copied().unwrap_or(0.0),
+                false => solution.slip[k],
+            };
+            contact.slipping_work += tangential[k] * slip;
         }
         contact.normal_force += normal[i];
         if D == 2 {
@@ -165,7 +173,7 @@ where
         let status = fields.status(i);
         *match status {
             NodeStatus::Separated => &mut contact.separated,
-            NodeStatus::Stick => &mut contact.stick,
+            NodeStatus::Stick | NodeStatus::Tied => &mut contact.stick,
             NodeStatus::Slip => &mut contact.slip,
             NodeStatus::Frictionless => &mut contact.frictionless,
         } += 1;

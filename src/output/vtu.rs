@@ -175,6 +175,7 @@ where
             NodeStatus::Stick => 2,
             NodeStatus::Slip => 3,
             NodeStatus::Frictionless => 4,
+            NodeStatus::Tied => 5,
         })
     };
     let at_points = |at_nodes: &mut Arrays| {

@@ -118,6 +118,19 @@ pub enum ProblemError {
     /// A coefficient of friction is negative.
     #[error("the coefficient of friction μ has the negative entry μ({row}) = {value:e}")]
     NegativeFriction { row: usize, value: f64 },
+    /// A compliance is negative.
+    #[error("the compliance has the negative entry {row}: {value:e}")]
+    NegativeCompliance { row: usize, value: f64 },
+    /// The compliance of a node depends on the direction of slip.
+    #[error(
+        "the compliance of contact node {node} along its first tangent is {first:e} and along the second {second:e}: both need \
+         the same"
+    )]
+    UnequalCompliance {
+        node: usize,
+        first: f64,
+        second: f64,
+    },
     /// A contact node has no area.
     #[error("the area of contact node {row} is {value:e}, must be > 0")]
     Area { row: usize, value: f64 },
@@ -172,22 +185,16 @@ pub(super) fn sized_load(load: &[f64]) -> Result<(), ProblemError> {
 /// Relative asymmetry of K that counts as rounding.
 const SYMMETRY_LIMIT: f64 = 1e-9;
 
-/// The data, with the last block completed where n is no multiple of D, if all is as it should be: shapes, finite
-/// values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0, no zero or parallel rows in B = (N; T).
-pub(super) fn checked<const D: usize>(
-    data: ContactData<D>,
-) -> Result<ContactData<D>, ProblemError> {
-    let n = data.load.len();
-    let data = checked_but_for_rank(data)?;
-    rank(&data.normal, &data.tangential, n)?;
-    Ok(data)
-}
-
-/// The same for rows of B that may depend on each other, but for those without entries.
+/// The data, with the last block completed where n is no multiple of D, if all is as it should be but for the rank of
+/// B = (N; T): shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0, no rows of B without entries but those
+/// of N with a compliance or a tie.
 pub(super) fn checked_but_for_rank<const D: usize>(
     mut data: ContactData<D>,
+    softness: &[f64],
+    tied: &[bool],
 ) -> Result<ContactData<D>, ProblemError> {
     shapes(&data)?;
+    compliance::<D>(softness, data.gap.len())?;
     finite_entries(&data)?;
     let n = data.load.len();
     if !n.is_multiple_of(D) {
@@ -217,7 +224,7 @@ pub(super) fn checked_but_for_rank<const D: usize>(
         });
     }
     slip_bound(&data.slip_bound, data.gap.len())?;
-    no_zero_rows(&data)?;
+    no_zero_rows(&data, softness, tied)?;
     Ok(data)
 }
 
@@ -311,12 +318,22 @@ pub(super) fn length(
     expected: usize,
     reason: &'static str,
 ) -> Result<(), ProblemError> {
-    if vector.len() == expected {
+    length_of(name, vector.len(), expected, reason)
+}
+
+/// A list has as many entries as it should.
+pub(super) fn length_of(
+    name: &'static str,
+    found: usize,
+    expected: usize,
+    reason: &'static str,
+) -> Result<(), ProblemError> {
+    if found == expected {
         return Ok(());
     }
     Err(ProblemError::Length {
         name,
-        found: vector.len(),
+        found,
         expected,
         reason,
     })
@@ -371,6 +388,33 @@ pub(super) fn friction<const D: usize>(
         }
     }
     Ok(())
+}
+
+/// C is as it should be: of length D m or 0, finite, not negative, the same along both tangents of a node.
+pub(super) fn compliance<const D: usize>(c: &[f64], m: usize) -> Result<(), ProblemError> {
+    if c.is_empty() {
+        return Ok(());
+    }
+    let reason = "one entry per row of N, then one per row of T";
+    length("the compliance", c, D * m, reason)?;
+    finite("the compliance", c)?;
+    if let Some(i) = c.iter().position(|&v| v < 0.0) {
+        return Err(ProblemError::NegativeCompliance {
+            row: i + 1,
+            value: c[i],
+        });
+    }
+    let tangents = c[m..].chunks(super::tangents::<D>());
+    let mut differ =
+        (tangents.enumerate()).filter(|(_, of_node)| of_node.iter().any(|c| *c != of_node[0]));
+    match differ.next() {
+        None => Ok(()),
+        Some((i, of_node)) => Err(ProblemError::UnequalCompliance {
+            node: i + 1,
+            first: of_node[0],
+            second: of_node[1],
+        }),
+    }
 }
 
 /// Completes the last block where n is no multiple of D: decoupled unknowns with the equation 1 · u = 0.
@@ -440,10 +484,18 @@ fn can_slide<const D: usize>(tangential: &Csr, i: usize) -> bool {
 }
 
 /// That every multiplier has an effect.
-fn no_zero_rows<const D: usize>(data: &ContactData<D>) -> Result<(), ProblemError> {
+fn no_zero_rows<const D: usize>(
+    data: &ContactData<D>,
+    compliance: &[f64],
+    tied: &[bool],
+) -> Result<(), ProblemError> {
     for (name, matrix) in [("N", &data.normal), ("T", &data.tangential)] {
         for i in (0..matrix.n_rows()).filter(|&i| entries(matrix, i).next().is_none()) {
             let tangential = name == "T";
+            let is_soft = compliance.get(i).is_some_and(|&c| c > 0.0);
+            if !tangential && (is_soft || tied.get(i).is_some_and(|&tied| tied)) {
+                continue;
+            }
             if tangential {
                 let node = i / super::tangents::<D>();
                 // In space a node may be free to slide along a line only.
@@ -465,13 +517,21 @@ fn no_zero_rows<const D: usize>(data: &ContactData<D>) -> Result<(), ProblemErro
     Ok(())
 }
 
-/// What can be seen cheaply of the row rank of B: parallel rows, too many rows.
-pub(super) fn rank(normal: &Csr, tangential: &Csr, n: usize) -> Result<(), ProblemError> {
+/// What can be seen cheaply of the row rank of B: parallel rows, too many rows. What has a compliance may depend on all else.
+pub(super) fn rank(
+    normal: &Csr,
+    tangential: &Csr,
+    n: usize,
+    compliance: &[f64],
+) -> Result<(), ProblemError> {
     let m = normal.n_rows();
     let mut seen: HashMap<Vec<(u32, u64)>, usize> = HashMap::new();
     let mut count = 0;
     for (matrix, offset) in [(normal, 0), (tangential, m)] {
         for i in 0..matrix.n_rows() {
+            if compliance.get(offset + i).is_some_and(|&c| c > 0.0) {
+                continue;
+            }
             let entries: Vec<(u32, f64)> = entries(matrix, i).collect();
             let largest = entries
                 .iter()

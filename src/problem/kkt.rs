@@ -4,13 +4,14 @@
 //! earlier, larger load:
 //!
 //! - lengths to the largest deformation, which is u without the mean rigid motion of each connected body, or
-//!   if that is larger to what a contact force would do to its own node alone (Σ Bᵢⱼ²/Kⱼⱼ · λᵢ);
+//!   if that is larger to what a contact force would do to its own node alone ((Σ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ);
 //! - forces to those that act: the larger of ‖f‖ (without what prescribed displacements add) and ‖Bᵀλ‖.
 //!
 //! A difference that is no more than the rounding of its terms (32 units in the last place) counts as none: f64
 //! holds nothing smaller.
 
 use super::{ContactProblem, tangents_of};
+use crate::constraint::TIED;
 use crate::dense::pseudo_inverse;
 use crate::rigid::{self, Frame};
 use crate::rounding::{DEPENDENT, ROUNDING};
@@ -25,7 +26,7 @@ use faer::Mat;
 pub struct Kkt {
     /// ‖Ku + Nᵀλν + Tᵀλτ − f‖ / the acting forces.
     pub equilibrium: f64,
-    /// max (Nu − d)₊ / the deformation.
+    /// max (Nu − Cν λν − d)₊ / the deformation; of ties |Nu − Cν λν − d|.
     pub penetration: f64,
     /// max (−λν)₊ / ‖λ‖∞.
     pub tension: f64,
@@ -97,11 +98,11 @@ impl<const D: usize, K> ContactProblem<D, K> {
         let m = self.m();
         let scales = self.scales(u, lambda);
         let (lambda_n, lambda_t) = lambda.split_at(m);
-        let mut closing = self.times(self.normal(), u);
+        let mut closing = self.beyond_compliance(self.normal(), 0, u, lambda);
         for (closing, d) in closing.iter_mut().zip(self.gap()) {
             *closing = beyond(*closing - d, scales.rounding);
         }
-        let mut slip = self.times(self.tangential(), u);
+        let mut slip = self.beyond_compliance(self.tangential(), m, u, lambda);
         for (slip, origin) in slip.iter_mut().zip(self.slip_origin()) {
             *slip = beyond(*slip - origin, scales.rounding);
         }
@@ -119,17 +120,31 @@ impl<const D: usize, K> ContactProblem<D, K> {
             let compliance = norm_max(&compliance[at(i)]);
             slip_violation(&lambda_t[at(i)], &slip[at(i)], bound[i], compliance)
         });
+        let is_tied = |i: usize| bound[i] == TIED;
+        // The sides of a tie neither come nearer to each other nor move apart.
+        let closed = &mut (0..m).map(|i| {
+            if is_tied(i) {
+                closing[i].abs()
+            } else {
+                closing[i]
+            }
+        });
+        let pulled = &mut (0..m).map(|i| if is_tied(i) { 0.0 } else { -lambda_n[i] });
+        let bounded: Vec<usize> = (0..m).filter(|&i| !is_tied(i)).collect();
+        let largest = norm_max(&bounded.iter().map(|&i| bound[i]).collect::<Vec<_>>());
         Kkt {
             equilibrium: ratio(self.imbalance(lambda, product), scales.force),
-            penetration: ratio(positive(&mut closing.iter().copied()), scales.length),
-            tension: ratio(positive(&mut lambda_n.iter().map(|v| -v)), norm_max(lambda)),
+            penetration: ratio(positive(closed), scales.length),
+            tension: ratio(positive(pulled), norm_max(lambda)),
             complementarity: ratio(
                 dot(lambda_n, &closing).abs(),
                 norm(lambda) * scales.deformation,
             ),
             friction_bound: ratio(
-                positive(&mut (0..m).map(|i| rigid::length(&lambda_t[at(i)]) - bound[i])),
-                norm_max(&bound),
+                positive(
+                    &mut (bounded.iter()).map(|&i| rigid::length(&lambda_t[at(i)]) - bound[i]),
+                ),
+                largest,
             ),
             slip: ratio(positive(slips), scales.length),
         }
@@ -164,14 +179,17 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// What violations at (u, λ) are measured by.
     pub(crate) fn scales(&self, u: &[f64], lambda: &[f64]) -> Scales {
         let deformation = self.deformation(u);
-        let own: Vec<f64> = (self.compliance().iter().zip(lambda))
-            .map(|(c, l)| c * l)
-            .collect();
+        let times = |compliance: &[f64]| -> Vec<f64> {
+            let each = compliance.iter().zip(lambda);
+            each.map(|(c, l)| c * l).collect()
+        };
+        let own = times(self.compliance());
+        let given_way = norm_max(&times(self.contact_compliance()));
         Scales {
             length: self.ranks().norm_max(&deformation).max(norm_max(&own)),
             deformation: self.ranks().norm(&deformation).max(norm(&own)),
             force: self.acting_forces(lambda),
-            rounding: ROUNDING * (self.ranks().norm_max(u) + self.load_case().reach()),
+            rounding: ROUNDING * (self.ranks().norm_max(u) + self.load_case().reach() + given_way),
         }
     }
 

@@ -45,6 +45,9 @@ pub struct Matrices<'a, const D: usize = 2> {
     pub slip_bound: &'a [f64],
     /// μ, length m: Coulomb's law where it is above 0. Empty without.
     pub friction_coefficient: &'a [f64],
+    /// The diagonal of C, length D m in the order of λ: compliant contact ([`ContactProblem::with_compliance`]). Rows of N and T
+    /// that have one may depend on all others, and such a row of N may be empty. Empty: hard contact.
+    pub compliance: &'a [f64],
     /// The node that each D unknowns belong to, if n is a multiple of D and they are ordered node by node.
     pub coordinates: Option<&'a [[f64; D]]>,
 }
@@ -89,7 +92,7 @@ impl<const D: usize> ContactProblem<D> {
                 *d
             }
         };
-        Self::new(ContactData {
+        let data = ContactData {
             stiffness: k.blocks("K")?,
             load: matrices.load.to_vec(),
             normal: normal.blocks("N")?,
@@ -97,9 +100,10 @@ impl<const D: usize> ContactProblem<D> {
             gap: gap.iter().map(open).collect(),
             slip_bound,
             coordinates: matrices.coordinates.map(<[_]>::to_vec),
-        })?
-        .with_friction_coefficient(mu.to_vec())?
-        .with_gap(gap)
+        };
+        Self::compliant(data, matrices.compliance.to_vec())?
+            .with_friction_coefficient(mu.to_vec())?
+            .with_gap(gap)
     }
 }
 

@@ -19,6 +19,8 @@ pub(crate) struct Share<'a, const D: usize> {
     pub coordinates: Option<Vec<[f64; D]>>,
     /// All m.
     pub areas: Vec<f64>,
+    /// All D m; empty where contact is hard.
+    pub compliance: Vec<f64>,
     /// Its nodes of them.
     pub free: FloatingBodies<D>,
     /// The connected part of K that each of its nodes belongs to, counted over all ranks.
@@ -41,7 +43,8 @@ impl<const D: usize> ContactProblem<D, Elsewhere> {
         let tangents = tangential.triplets().map(|(i, j, v)| (i + m, j, v));
         let contact = Csr::from_triplets(D * m, own, normal.triplets().chain(tangents));
         let diagonal = rows.diagonal();
-        let system = System {
+        let own_compliance = compliances::<D>(&normal, &tangential, &diagonal, ranks);
+        let mut system = System {
             n: share.n[0],
             n_free: share.n[1],
             contact: Arc::new(contact),
@@ -49,7 +52,9 @@ impl<const D: usize> ContactProblem<D, Elsewhere> {
             floating: share.free,
             parts: share.parts,
             coupled: (0..own).map(|i| is_coupled(rows, i)).collect(),
-            compliance: compliances::<D>(&normal, &tangential, &diagonal, ranks),
+            compliance: own_compliance.clone(),
+            own_compliance,
+            contact_compliance: Vec::new(),
             diagonal,
             normal,
             tangential,
@@ -57,6 +62,9 @@ impl<const D: usize> ContactProblem<D, Elsewhere> {
             vertices: None,
             ranks: ranks.clone(),
         };
+        if !share.compliance.is_empty() {
+            system.set_compliance(share.compliance);
+        }
         Self {
             system: Arc::new(system),
             stiffness: Elsewhere,

@@ -29,6 +29,10 @@ pub struct System<const D: usize = 2> {
     /// The diagonal of K.
     pub(super) diagonal: Vec<f64>,
     /// Σⱼ Bᵢⱼ²/Kⱼⱼ, length D m; in space the mean of the tangents of a node for both.
+    pub(super) own_compliance: Vec<f64>,
+    /// The diagonal of C, length D m; empty where all contact is hard.
+    pub(super) contact_compliance: Vec<f64>,
+    /// Both together.
     pub(super) compliance: Vec<f64>,
     /// Who has the other unknowns, where these are not all.
     pub(super) ranks: Ranks,
@@ -48,6 +52,8 @@ impl<const D: usize> System<D> {
         let tangential = data.tangential.triplets().map(|(i, j, v)| (i + m, j, v));
         let rows = data.normal.triplets().chain(tangential);
         let diagonal = k.diagonal();
+        let own_compliance =
+            compliances::<D>(&data.normal, &data.tangential, &diagonal, &Ranks::default());
         Self {
             n,
             n_free: n,
@@ -60,12 +66,9 @@ impl<const D: usize> System<D> {
             floating,
             parts,
             coupled: (0..k.n_rows()).map(|i| is_coupled(k, i)).collect(),
-            compliance: compliances::<D>(
-                &data.normal,
-                &data.tangential,
-                &diagonal,
-                &Ranks::default(),
-            ),
+            compliance: own_compliance.clone(),
+            own_compliance,
+            contact_compliance: Vec::new(),
             ranks: Ranks::default(),
             diagonal,
             normal: data.normal.clone(),
@@ -166,10 +169,59 @@ impl<const D: usize> System<D> {
         &self.diagonal
     }
 
-    /// How far a multiplier would move its own contact node, per force, if nothing moved but each of the unknowns that it acts
-    /// on by itself: Σⱼ Bᵢⱼ²/Kⱼⱼ (at most Aᵢᵢ where it acts on one), length D m; 0 for an empty row.
+    /// How far a multiplier would move its own contact node, per force, if nothing moved but the contact itself and each of the
+    /// unknowns that it acts on by itself: Σⱼ Bᵢⱼ²/Kⱼⱼ (at most Aᵢᵢ where it acts on one) and Cᵢᵢ, length D m; 0 for an empty
+    /// row of hard contact.
     pub(crate) fn compliance(&self) -> &[f64] {
         &self.compliance
+    }
+
+    /// The part of it that is of K.
+    pub(crate) fn own_compliance(&self) -> &[f64] {
+        &self.own_compliance
+    }
+
+    /// The diagonal of C, length D m, in m/N: by how much contact gives way per force
+    /// ([`ContactProblem::with_compliance`](super::ContactProblem::with_compliance)). Empty where all contact is hard.
+    pub fn contact_compliance(&self) -> &[f64] {
+        &self.contact_compliance
+    }
+
+    /// Makes contact compliant; what cannot slide has no compliance there.
+    pub(super) fn set_compliance(&mut self, mut compliance: Vec<f64>) {
+        let own = self.own_compliance.iter().enumerate();
+        for (c, (i, own)) in compliance.iter_mut().zip(own) {
+            if i >= self.normal.n_rows() && *own == 0.0 {
+                *c = 0.0;
+            }
+        }
+        if compliance.iter().all(|&c| c == 0.0) {
+            compliance.clear();
+        }
+        self.compliance.clone_from(&self.own_compliance);
+        (self.compliance.iter_mut().zip(&compliance)).for_each(|(all, c)| *all += c);
+        self.contact_compliance = compliance;
+    }
+
+    /// M u − Cλ for N or T, over all ranks: what gap and slip bound, beyond what contact gives way by itself. `first` is the row
+    /// of λ that the first row of M belongs to.
+    pub(crate) fn beyond_compliance(
+        &self,
+        rows: &Csr,
+        first: usize,
+        u: &[f64],
+        lambda: &[f64],
+    ) -> Vec<f64> {
+        let mut moved = self.times(rows, u);
+        if let Some(compliance) = self.contact_compliance.get(first..) {
+            for (moved, (c, l)) in moved
+                .iter_mut()
+                .zip(compliance.iter().zip(&lambda[first..]))
+            {
+                *moved -= c * l;
+            }
+        }
+        moved
     }
 
     /// Whether K ties an unknown to another one; those it does not are held where they are.

@@ -9,12 +9,12 @@
 //! found so far are projected there. If there are no such forces, no contact can hold the bodies, and the
 //! projection tells which way they are pushed.
 
-use super::{Event, Process};
+use super::{Event, Process, changes};
 use crate::constraint::{Disc, lawful};
 use crate::dual::DualOperator;
 use crate::dual::balance::{Balance, Nearest};
 use crate::problem::{ContactProblem, Elsewhere};
-use crate::sparse::{difference, norm};
+use crate::sparse::norm;
 use crate::ssnm::{MET, Solution, SolveError, Status};
 use std::ops::ControlFlow;
 
@@ -68,10 +68,10 @@ impl<const D: usize> Rounds<D> {
 
             // The law is μλν; where that could not balance the bodies, the next round tries other bounds.
             let law = step.lawful.bounds(lambda);
-            let friction_change = step.relative(lambda, &difference(&law, &self.bounds));
+            let friction_change = step.relative(lambda, &changes(&law, &self.bounds));
             let next = self.cones.bounds(lambda);
-            let changes = difference(&next, &self.bounds);
-            let change = step.relative(lambda, &changes);
+            let changed = changes(&next, &self.bounds);
+            let change = step.relative(lambda, &changed);
             let has_converged = change <= wanted;
             let (mut unbalanced, mut mechanism) =
                 (solution.imbalance.clone(), solution.mechanism.clone());
@@ -88,7 +88,7 @@ impl<const D: usize> Rounds<D> {
                 Some(Status::NotHeld)
             } else if friction_change <= wanted {
                 Some(Status::Converged)
-            } else if has_converged && norm(&changes) == 0.0 {
+            } else if has_converged && norm(&changed) == 0.0 {
                 // The next round would be the same.
                 Some(Status::Stagnated)
             } else if step.stopped {

@@ -57,8 +57,11 @@ impl Goal {
         let m = problem.m();
         let (ln, lt) = lambda.split_at(m);
         let (rn, rt) = r.split_at(m);
-        let penetration = rn.iter().fold(0.0, |acc: f64, r| acc.max(-r));
         let (g, c) = (problem.bounds(lambda), &problem.compliance()[m..]);
+        let penetration = (rn.iter().zip(g.iter())).fold(0.0, |acc: f64, (r, &g)| {
+            let is_tied = Disc { g }.is_tied();
+            acc.max(if is_tied { r.abs() } else { -r })
+        });
         let slip = (0..m).fold(0.0, |acc: f64, i| {
             let at = tangents_of::<D>(i);
             let slip: [f64; D] = from_fn(|a| if a == 0 { 0.0 } else { -rt[at.start + a - 1] });
@@ -73,7 +76,7 @@ impl Goal {
     /// Whether what the gradient r at a point could still move a pressure or a traction by is as small a part of the largest
     /// pressure (without pressure, of the largest traction) as ε asks for.
     ///
-    /// Gaps r in what ought to be closed are closed by forces δ with (B D⁻¹ Bᵀ) δ = −r, D the diagonal of K, as if nothing but
+    /// Gaps r in what ought to be closed are closed by forces δ with (B D⁻¹ Bᵀ + C) δ = −r, D the diagonal of K, as if nothing but
     /// the unknowns under the contact moved: neighbours that meet the same unknowns share them, and a fine mesh on a coarse soft
     /// one has patterns of force that only its own unknowns resist. No gap is known better than to the rounding of what it is the
     /// difference of, and a force that closes less is none: of displacements up to `reach`, whatever is left of them in B u.
@@ -94,7 +97,9 @@ impl Goal {
             .zip(r)
             .map(|(c, r)| c.abs().max((c - r).abs()));
         let reach = reach.max(problem.load_case().reach());
-        let rounding = ROUNDING * terms.fold(reach, f64::max);
+        let given_way = (problem.contact_compliance().iter().zip(lambda))
+            .fold(0.0_f64, |most, (c, l)| most.max(c * l.abs()));
+        let rounding = ROUNDING * terms.fold(reach.max(given_way), f64::max);
         let nodes = || bounds.iter().map(|&g| Disc { g }).enumerate();
         // The gap that each node would close by itself, as far as its law lets it.
         let mut missing = vec![0.0; r.len()];
@@ -144,7 +149,7 @@ impl Goal {
     }
 }
 
-/// δ with (B D⁻¹ Bᵀ) δ = `missing` on the multipliers where that is not zero, by this many steps of conjugate gradients; NaN where
+/// δ with (B D⁻¹ Bᵀ + C) δ = `missing` on the multipliers where that is not zero, by this many steps of conjugate gradients; NaN where
 /// that cannot be.
 fn close_alone<const D: usize, K>(
     problem: &ContactProblem<D, K>,
@@ -166,6 +171,10 @@ fn close_alone<const D: usize, K>(
         let mut closed = vec![0.0; x.len()];
         b.mul(&moved, &mut closed);
         problem.ranks().sum(&mut closed);
+        for (closed, (c, x)) in (closed.iter_mut()).zip(problem.contact_compliance().iter().zip(x))
+        {
+            *closed += c * x;
+        }
         masked(&mut closed);
         closed
     };

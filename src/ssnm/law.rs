@@ -8,7 +8,7 @@ use crate::dual::balance::Balance;
 use crate::problem::{ContactProblem, coulomb_bound, coulomb_bounds};
 use std::borrow::Cow;
 
-/// |λτ,i| ≤ gᵢ with gᵢ given (Tresca; 0 without friction) or gᵢ = μᵢλν,i (Coulomb).
+/// |λτ,i| ≤ gᵢ with gᵢ given (Tresca; 0 without friction; ∞ where a node is tied) or gᵢ = μᵢλν,i (Coulomb).
 pub(super) struct Law {
     /// ĝ.
     given: Vec<f64>,

@@ -140,7 +140,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 stop: &self.products.stop,
             };
             let motion = self.balance.as_ref().map_or(Vec::new(), |balance| {
-                let step = self.step_from(from, 1.0 / subproblem.stiffness);
+                let stiffness = subproblem.stiffness + surrogate.softest();
+                let step = self.step_from(from, 1.0 / stiffness);
                 balance.eta(&difference(&step.start.motion, &from.motion))
             });
             let (trial, more) = subproblem.solve::<D>(motion, self.numbers.solved * way.err);

@@ -26,6 +26,8 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub balanced: Option<FaceBalance<D>>,
     /// c.
     pub offsets: Vec<f64>,
+    /// The diagonal of C; empty where all contact is hard.
+    pub compliance: Vec<f64>,
     /// β, of ρ = β/σ_max.
     pub beta: f64,
     /// σ_max: as Lanczos has found it before the algorithms as printed, otherwise as products have shown so far.
@@ -117,7 +119,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         err / err0.max(self.local_error(&point.lambda))
     }
 
-    /// ‖(Σⱼ Bᵢⱼ²/Kⱼⱼ λᵢ)ᵢ‖: what each force would do to its own node if nothing else moved. An err below this times ε is good
+    /// ‖((Σⱼ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ)ᵢ‖: what each force would do to its own node if nothing else moved. An err below this times ε is good
     /// enough however small err⁰ is.
     pub fn local_error(&self, lambda: &[f64]) -> f64 {
         let own: Vec<f64> = (self.problem.compliance().iter().zip(lambda))
@@ -129,9 +131,12 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     /// The error of r by rounding alone: no smaller error can be measured in f64.
     pub fn rounding(&self, point: &Point) -> f64 {
-        let terms: Vec<f64> = (self.offsets.iter().zip(&point.r))
+        let mut terms: Vec<f64> = (self.offsets.iter().zip(&point.r))
             .map(|(c, r)| c.abs().max((c - r).abs()))
             .collect();
+        for (term, (c, l)) in (terms.iter_mut()).zip(self.compliance.iter().zip(&point.lambda)) {
+            *term = term.max(c * l.abs());
+        }
         0.5 * ROUNDING * norm(&terms)
     }
 
@@ -178,7 +183,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     /// Takes a pair (v, Av) into the surrogate, and updates the estimate of σ_max.
     pub fn learn(&mut self, direction: &[f64], image: &[f64]) {
-        let flat = DEPENDENT * self.sigma;
+        let flat = DEPENDENT * self.surrogate.largest();
         let clear = (self.surrogate).add(direction, image, self.products.part(), flat);
         self.hidden += usize::from(!clear);
         self.sigma = self.surrogate.largest();
@@ -268,10 +273,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let (rn, rt) = point.r.split_at_mut(problem.m());
         rn.copy_from_slice(&problem.times(problem.normal(), u));
         rt.copy_from_slice(&problem.times(problem.tangential(), u));
-        for (r, c) in point.r.iter_mut().zip(problem.load_case().offsets()) {
-            *r = c - *r;
-        }
-        self.products.dual.times(&mut point.r);
+        let offsets = problem.load_case().offsets();
+        (self.products.dual).finish_gradient(&offsets, &point.lambda, &mut point.r);
         point.motion.fill(0.0);
     }
 

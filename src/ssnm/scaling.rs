@@ -6,11 +6,12 @@ use crate::dual::{DualError, DualOperator};
 use crate::problem::{ContactProblem, LoadCase};
 use crate::sparse::norm_max;
 
-/// The dual operator in scaled multipliers λ̂ with λ = S λ̂: Â = S A S, b̂ = S b, ĝ = S⁻¹ g.
+/// The dual operator in scaled multipliers λ̂ with λ = S λ̂: Â = S (A + C) S, b̂ = S b, ĝ = S⁻¹ g. C is that of compliant
+/// contact: it has its part in every product and gradient here, whoever makes A, and nothing above has to ask for it.
 ///
 /// One ρ for all multipliers suits contact nodes of similar stiffness. Where materials differ, the
 /// diagonal of A varies as much, and the sets that one ρ predicts are wild on one side or slow to move
-/// on the other. S evens out the estimate Σⱼ Bᵢⱼ²/Kⱼⱼ of Aᵢᵢ, in powers of two, so that scaling back
+/// on the other. S evens out the estimate Σⱼ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ of its diagonal, in powers of two, so that scaling back
 /// and forth is exact, and only beyond a factor of four from the median: a homogeneous problem is left
 /// exactly as it is. Corners of a block are that factor away on the dot (one cell meets there, four on a face), and
 /// rounding must not decide what becomes of them.
@@ -18,6 +19,8 @@ pub(super) struct Scaled<'a, O: ?Sized> {
     dual: &'a mut O,
     /// S, or None for the identity.
     scale: Option<Vec<f64>>,
+    /// The diagonal of C, not scaled; empty where all contact is hard.
+    compliance: Vec<f64>,
     buffer: Vec<f64>,
 }
 
@@ -55,6 +58,7 @@ impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
         Self {
             dual,
             scale: needed.then_some(scale),
+            compliance: problem.contact_compliance().to_vec(),
             buffer: vec![0.0; D * m],
         }
     }
@@ -69,6 +73,30 @@ impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
     /// Sᵢᵢ.
     pub fn factor(&self, i: usize) -> f64 {
         self.scale.as_ref().map_or(1.0, |scale| scale[i])
+    }
+
+    /// The diagonal of Ĉ = S C S; empty where all contact is hard.
+    pub fn compliance(&self) -> Vec<f64> {
+        let entries = self.compliance.iter().enumerate();
+        entries.map(|(i, c)| c * self.factor(i).powi(2)).collect()
+    }
+
+    /// y ← y + Cλ.
+    fn give_way(&self, lambda: &[f64], y: &mut [f64]) {
+        for (y, (c, l)) in y.iter_mut().zip(self.compliance.iter().zip(lambda)) {
+            *y += c * l;
+        }
+    }
+
+    /// r ← S (c − B u + Cλ), where r is B u and λ = S λ̂.
+    pub fn finish_gradient(&self, offsets: &[f64], lambda: &[f64], r: &mut [f64]) {
+        r.iter_mut().zip(offsets).for_each(|(r, c)| *r = c - *r);
+        if !self.compliance.is_empty() {
+            let mut unscaled = lambda.to_vec();
+            self.times(&mut unscaled);
+            self.give_way(&unscaled, r);
+        }
+        self.times(r);
     }
 
     /// x ← S⁻¹ x: from λ to λ̂, from r̂ to r.
@@ -117,6 +145,7 @@ impl<O: DualOperator + ?Sized> DualOperator for Scaled<'_, O> {
         scaled.copy_from_slice(p);
         self.times(&mut scaled);
         let outcome = self.dual.apply(&scaled, y, accuracy, stop);
+        self.give_way(&scaled, y);
         self.times(y);
         self.buffer = scaled;
         outcome
@@ -149,6 +178,7 @@ impl<O: DualOperator + ?Sized> DualOperator for Scaled<'_, O> {
             .dual
             .gradient(load, &lambda, r, along, accuracy, stop)?;
         if made.is_some() {
+            self.give_way(&lambda, r);
             self.times(r);
         }
         Ok(made)

@@ -112,10 +112,11 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         let mut before = problem.load_case().before.clone();
         dual.divide(&mut before);
         // A guess of the entries of diag(A), as if nothing but their own unknowns moved: the first product replaces it.
-        let mean = mean(problem.compliance().iter().enumerate().map(|(i, c)| {
+        let mean = mean(problem.own_compliance().iter().enumerate().map(|(i, c)| {
             let factor = dual.factor(i);
             c * factor * factor
         }));
+        let compliance = dual.compliance();
         let mut newton = Newton {
             problem,
             law: start.law,
@@ -145,11 +146,12 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             before,
             place: warm.motion,
             offsets,
+            compliance,
         };
         if settings.method == Method::Multisecant {
             newton.surrogate = std::mem::take(&mut recycled.surrogate);
         }
-        newton.surrogate.prepare(mean, settings.numbers.pairs);
+        (newton.surrogate).prepare(mean, settings.numbers.pairs, &newton.compliance);
         let first = Point {
             r: vec![0.0; start.lambda.len()],
             lambda: start.lambda,

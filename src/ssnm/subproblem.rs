@@ -6,6 +6,8 @@
 //!
 //! λ = P(z), z = λᵏ − (rᵏ + U s − Gᵀa)/b,
 //!
+//! and with bI + C in place of bI where contact is compliant: both tangents of a node have the same, so that a disc stays one.
+//!
 //! P the solution of a node ([`Law::solve`]): the sets of Step 2 are those of z, with ρ = 1/b. What remains is
 //! S s = Uᵀ(λ − λᵏ) and Gλ = e, which Newton's method solves: it is Step 3 on these sets, solved exactly
 //! by the formula of Woodbury. The derivative of P on a disc is 1/(b + κ) along the tangent, κ what the circle curves q by.
@@ -74,7 +76,11 @@ impl Subproblem<'_> {
             add_times(-1.0, &balance.spread(&unknowns[count..]), &mut gradient);
         }
         let mut z = self.from.lambda.clone();
-        add_times(-1.0 / self.stiffness, &gradient, &mut z);
+        match self.surrogate.softest() > 0.0 {
+            false => add_times(-1.0 / self.stiffness, &gradient, &mut z),
+            true => (z.iter_mut().zip(&gradient).enumerate())
+                .for_each(|(i, (z, g))| *z -= g / self.surrogate.diagonal(i, self.stiffness)),
+        }
         let mut lambda = vec![0.0; n];
         for i in 0..n / D {
             put(&mut lambda, i, self.law.solve::<D>(i, at(&z, i)).0);
@@ -90,7 +96,8 @@ impl Subproblem<'_> {
         let mut merit = norm(&missed);
         if let Some(balance) = self.balance {
             let excess = balance.excess(&lambda);
-            merit = merit.hypot(self.stiffness * norm(&excess));
+            let stiffness = self.stiffness + self.surrogate.softest();
+            merit = merit.hypot(stiffness * norm(&excess));
             rest.extend(excess);
         }
         Trial {
@@ -129,13 +136,27 @@ impl Subproblem<'_> {
                 }
             }
         }
+        let is_compliant = self.surrogate.softest() > 0.0;
         let mut moved = Mat::<f64>::zeros(D * moving.len(), size);
         for j in 0..size {
-            for (place, (_, derivative)) in moving.iter().enumerate() {
+            for (place, &(i, derivative)) in moving.iter().enumerate() {
+                // ∂z of the gradient is 1/(b + C).
+                let divided = |c: usize, value: f64| match is_compliant {
+                    true => {
+                        let row = row_of::<D>(m, i, c);
+                        value / self.surrogate.diagonal(row, self.stiffness)
+                    }
+                    false => value,
+                };
                 for a in 0..D {
                     let row = derivative[a].iter().enumerate();
-                    let sum: f64 = row.map(|(c, d)| d * e[(D * place + c, j)]).sum();
-                    moved[(D * place + a, j)] = sum / self.stiffness;
+                    let sum: f64 = row
+                        .map(|(c, d)| d * divided(c, e[(D * place + c, j)]))
+                        .sum();
+                    moved[(D * place + a, j)] = match is_compliant {
+                        true => sum,
+                        false => sum / self.stiffness,
+                    };
                 }
             }
         }
@@ -229,7 +250,7 @@ mod tests {
         };
         let u = next();
         let mut surrogate = Surrogate::default();
-        surrogate.prepare(2.0, 100);
+        surrogate.prepare(2.0, 100, &[]);
         for _ in 0..pairs {
             let v = next();
             let along = dot(&u, &v);

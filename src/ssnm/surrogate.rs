@@ -2,7 +2,7 @@
 
 use crate::dense::symmetric_largest;
 use crate::rounding::INDEPENDENT;
-use crate::sparse::{add_times, dot, norm};
+use crate::sparse::{add_times, dot, norm, norm_max};
 use faer::Mat;
 
 /// Ã = c (I − V(VᵀV)⁻¹Vᵀ) + W(VᵀW)⁻¹Wᵀ with W = AV: symmetric and positive definite, and Ãv = Av for all known v.
@@ -10,6 +10,10 @@ use faer::Mat;
 /// The columns of V are A-orthonormal, so that VᵀW = I; with an orthonormal basis Q of their span Ã is
 /// c (I − QQᵀ) + WWᵀ. That is the block BFGS update of cI (Schnabel, Quasi-Newton methods using multiple secant
 /// equations, University of Colorado 1983).
+///
+/// Of compliant contact a part of A is known, the diagonal C. There it is the update of B₀ = cI + C: with a basis Z of the span
+/// for which ZᵀB₀Z = I it is B₀ − (B₀Z)(B₀Z)ᵀ + WWᵀ. What rows of B that depend on each other share by C alone is
+/// then known from the start, and c is left to be that of the rest.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surrogate {
     /// c: how much A curves q along the last direction that was new, across the span of those before it.
@@ -20,6 +24,10 @@ pub(super) struct Surrogate {
     directions: Vec<Vec<f64>>,
     images: Vec<Vec<f64>>,
     basis: Vec<Vec<f64>>,
+    /// The diagonal of C; empty where all contact is hard.
+    compliance: Vec<f64>,
+    /// B₀Z, where there is a C.
+    weighted: Vec<Vec<f64>>,
     /// A bound of the error of each image, in the norm of A⁻¹, in which the image itself has length one.
     errors: Vec<f64>,
     /// WᵀW up to the diagonal, row by row.
@@ -39,9 +47,11 @@ impl Surrogate {
         self.directions.iter().all(|d| d.len() == len)
     }
 
-    /// Sets c for the first step, before there is any product, and how many pairs to keep.
-    pub fn prepare(&mut self, base: f64, most: usize) {
+    /// Sets c for the first step, before there is any product, how many pairs to keep, and C, which pairs of another solve have
+    /// to have in common.
+    pub fn prepare(&mut self, base: f64, most: usize, compliance: &[f64]) {
         self.most = most;
+        self.compliance = compliance.to_vec();
         if self.len() == 0 {
             self.base = base;
         }
@@ -55,19 +65,35 @@ impl Surrogate {
     /// The largest eigenvalue of A, as far as products have shown it: from below, and close once there are a few of them,
     /// as steps follow the directions in which A is large.
     pub fn largest(&self) -> f64 {
-        self.largest.max(self.base)
+        self.largest.max(self.base + self.softest())
     }
 
-    /// The columns of [√c Q, W] with their factor, and the sign that they enter Ã − cI with.
+    /// The largest entry of C.
+    pub fn softest(&self) -> f64 {
+        norm_max(&self.compliance)
+    }
+
+    /// B₀ᵢᵢ for another c.
+    pub fn diagonal(&self, i: usize, base: f64) -> f64 {
+        base + self.compliance.get(i).copied().unwrap_or(0.0)
+    }
+
+    /// The columns of [B₀Z, W] (with C = 0 that is [√c Q, W]) with their factor, and the sign that they enter Ã − B₀ with.
     pub fn columns(&self) -> impl Iterator<Item = (&[f64], f64, f64)> {
-        let root = self.base.sqrt();
-        let basis = self.basis.iter().map(move |q| (q.as_slice(), root, -1.0));
+        let (basis, root) = match self.compliance.is_empty() {
+            true => (&self.basis, self.base.sqrt()),
+            false => (&self.weighted, 1.0),
+        };
+        let basis = basis.iter().map(move |q| (q.as_slice(), root, -1.0));
         basis.chain(self.images.iter().map(|w| (w.as_slice(), 1.0, 1.0)))
     }
 
     /// Ã p.
     pub fn times(&self, p: &[f64]) -> Vec<f64> {
-        let mut image: Vec<f64> = p.iter().map(|p| self.base * p).collect();
+        let entries = p.iter().enumerate();
+        let mut image: Vec<f64> = entries
+            .map(|(i, p)| self.diagonal(i, self.base) * p)
+            .collect();
         for (column, factor, sign) in self.columns() {
             add_times(sign * factor * factor * dot(column, p), column, &mut image);
         }
@@ -103,6 +129,9 @@ impl Surrogate {
         let before = self.len();
         while let Some(worst) = self.extend(direction, image, error, flat) {
             self.remove(worst);
+        }
+        if !self.compliance.is_empty() {
+            self.weigh();
         }
         self.find_largest();
         error == 0.0 || self.len() > before
@@ -145,8 +174,42 @@ impl Surrogate {
         self.gram.push(row);
         self.errors.push((own + others).sqrt() * scale);
         let length = self.extend_basis(self.len() - 1);
-        self.base = 1.0 / (length * length);
+        // How much of the curvature is not that of C; less than rounding tells nothing.
+        let direction = &self.directions[self.len() - 1];
+        let given = self.compliance.iter().zip(direction);
+        let part = given.fold(1.0, |part, (c, v)| part - c * v * v);
+        if part > INDEPENDENT {
+            self.base = part / (length * length);
+        }
         None
+    }
+
+    /// B₀Z by the method of Gram and Schmidt.
+    fn weigh(&mut self) {
+        let times = |x: &[f64]| -> Vec<f64> {
+            let entries = x.iter().enumerate();
+            entries
+                .map(|(i, x)| self.diagonal(i, self.base) * x)
+                .collect()
+        };
+        let (mut basis, mut weighted): (Vec<Vec<f64>>, Vec<Vec<f64>>) = Default::default();
+        // The basis that is orthonormal where C is 0 is near it elsewhere.
+        for q in &self.basis {
+            let mut z = q.clone();
+            for _ in 0..2 {
+                for (other, image) in basis.iter().zip(&weighted) {
+                    let c = dot(image, &z);
+                    add_times(-c, other, &mut z);
+                }
+            }
+            let mut image = times(&z);
+            let scale = 1.0 / dot(&z, &image).sqrt();
+            z.iter_mut().for_each(|v| *v *= scale);
+            image.iter_mut().for_each(|v| *v *= scale);
+            basis.push(z);
+            weighted.push(image);
+        }
+        self.weighted = weighted;
     }
 
     fn remove(&mut self, number: usize) {
@@ -207,7 +270,7 @@ mod tests {
 
     fn filled(len: usize, pairs: usize) -> (Surrogate, Vec<Vec<f64>>) {
         let mut surrogate = Surrogate::default();
-        surrogate.prepare(2.0, MOST);
+        surrogate.prepare(2.0, MOST, &[]);
         let numbers = scatter(len * pairs);
         let directions: Vec<Vec<f64>> = numbers.chunks(len).map(<[f64]>::to_vec).collect();
         for v in &directions {
@@ -258,7 +321,7 @@ mod tests {
             norm(&crate::sparse::difference(&surrogate.times(v), &image)) / norm(&image)
         };
         let mut surrogate = Surrogate::default();
-        surrogate.prepare(2.0, MOST);
+        surrogate.prepare(2.0, MOST, &[]);
         for v in &directions {
             surrogate.add(v, &off(v, 0.05), 0.1, 0.0);
         }

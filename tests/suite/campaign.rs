@@ -57,6 +57,7 @@
 //! - `CAMPAIGN_ONLY`: the seed of a single problem, which is printed with the history of its solves.
 
 mod ablation;
+mod compliant;
 mod problems;
 mod runs;
 mod solids;

@@ -8,6 +8,7 @@ mod common;
 
 mod campaign;
 mod case_c;
+mod compliance;
 mod contact;
 mod coulomb;
 mod coulomb_space;
@@ -21,6 +22,7 @@ mod invariance;
 mod manufactured;
 mod nested;
 mod other_meshes;
+mod overlap;
 mod pairs;
 mod quasistatic;
 mod second_order;
@@ -29,4 +31,5 @@ mod solid_cases;
 mod solids;
 
 mod statics;
+mod ties;
 mod validation;

@@ -388,6 +388,12 @@ impl<const D: usize> Sums<D> {
             self.area.powf(1.0 / (D as f64 - 1.0)),
             &mut partners,
         );
+        // On a curved surface a uniform pressure p is the force p ∫ β n.
+        let area = if self.is_curved && !self.is_partial {
+            length(self.normals[0])
+        } else {
+            self.area
+        };
         // What is handed on to a node moves its place away from it.
         let at_node = match key {
             // The middle of a curved edge is its node, while the force acts where that lies in the transformed sense.
@@ -407,19 +413,15 @@ impl<const D: usize> Sums<D> {
             partners,
             frame,
             // ψ has negative parts, so that the mean of a gap that is nowhere negative may be, by O(h²).
-            gap: if options.interference.is_some() {
+            gap: if options.may_overlap() {
                 gap
             } else {
                 gap.max(0.0)
             },
-            // A uniform pressure p is the force p ∫ β n.
-            area: if self.is_curved && !self.is_partial {
-                length(self.normals[0])
-            } else {
-                self.area
-            },
+            area,
             pool: 0,
             slip_bound,
+            compliance: options.compliance_at(x, area)?,
         })
     }
 }

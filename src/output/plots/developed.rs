@@ -152,15 +152,24 @@ pub(super) fn developed_parts(
 impl Facets<'_> {
     /// One developed surface for some facets, where one shows them all.
     fn one(&self, part: &[usize]) -> Option<Developed> {
-        let mean = self.mean(part, |_| 1.0);
-        let seen = part.iter().map(|&f| dot(self.normals[f].1, mean));
-        // Where there is no mean, nothing is seen along it.
-        let least = seen.fold(1.0, |least, v| if v >= least { least } else { v });
-        if least > SEEN_WELL {
-            return Some(self.flat(part, mean));
+        // What touches is to be seen best; a large boundary may be bent away from it.
+        let touches = |f: usize| f64::from(u8::from(self.pressure(f) > 0.0));
+        let ways = [self.mean(part, touches), self.mean(part, |_| 1.0)];
+        for way in ways {
+            let seen = part.iter().map(|&f| dot(self.normals[f].1, way));
+            // Where there is no mean, nothing is seen along it.
+            let least = seen.fold(1.0, |least, v| if v >= least { least } else { v });
+            if least > SEEN_WELL {
+                return Some(self.flat(part, way));
+            }
         }
-        match self.rolled(part) {
-            None if self.hidden(part, mean) < HIDDEN => Some(self.flat(part, mean)),
+        let rolled = self.rolled(part);
+        let flat = || {
+            let mut ways = ways.into_iter();
+            ways.find(|&way| self.hidden(part, way) < HIDDEN)
+        };
+        match rolled {
+            None => flat().map(|way| self.flat(part, way)),
             rolled => rolled,
         }
     }

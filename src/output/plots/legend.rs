@@ -10,9 +10,10 @@ use crate::output::{ContactFields, NodeStatus};
 pub(super) type State = (NodeStatus, &'static str, &'static str, &'static str);
 
 /// All of them.
-const STATES: [State; 4] = {
-    use NodeStatus::{Frictionless, Separated, Slip, Stick};
+const STATES: [State; 5] = {
+    use NodeStatus::{Frictionless, Separated, Slip, Stick, Tied};
     [
+        (Tied, "tied", colour::STICK, colour::BLUE),
         (Frictionless, "in contact", colour::STICK, colour::PURPLE),
         (Stick, "stick", colour::STICK, colour::BLUE),
         (Slip, "slip", colour::SLIP, colour::ORANGE),
@@ -27,7 +28,7 @@ where
 {
     let status = contact.status(i);
     let of = STATES.into_iter().find(|state| state.0 == status);
-    of.unwrap_or(STATES[3])
+    of.unwrap_or(STATES[4])
 }
 
 /// What contact nodes may do in this case.
@@ -39,7 +40,9 @@ where
     let has_friction = contact.any_friction();
     let mut all = 0..contact.pressure.len();
     let without = all.any(|i| contact.status(i) == NodeStatus::Frictionless);
+    let tied = (0..contact.pressure.len()).any(|i| contact.status(i) == NodeStatus::Tied);
     let may = |state: &State| match state.0 {
+        NodeStatus::Tied => tied,
         NodeStatus::Frictionless => without,
         NodeStatus::Separated => true,
         NodeStatus::Stick | NodeStatus::Slip => has_friction,

@@ -1,0 +1,164 @@
+//! What a drawing overlaps: refused with all that can be said about it, or pressed apart.
+
+use crate::common::models::answer;
+use signorini::contact::Obstacle;
+use signorini::elasticity::Material;
+use signorini::engine::Stiffness;
+use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
+use signorini::model::{Model, Pair, Support};
+
+const YOUNG: f64 = 2e11;
+const DEEP: f64 = 1e-4;
+/// E for a body that cannot grow sideways, ν = 0.3.
+const MODULUS: f64 = YOUNG * 0.7 / (1.3 * 0.4);
+
+fn stack(pair: Pair) -> Model {
+    let mesh = join(
+        rectangle(
+            [0.0, 0.0],
+            [2.0, 1.0],
+            [8, 4],
+            CellShape::Quad,
+            "low",
+            "low-",
+        ),
+        rectangle(
+            [0.0, 1.0 - DEEP],
+            [2.0, 1.0],
+            [5, 3],
+            CellShape::Quad,
+            "up",
+            "up-",
+        ),
+    );
+    let sides = ["low-left", "low-right", "up-left", "up-right"].map(str::to_owned);
+    Model::on(mesh)
+        .material(Material::new(YOUNG, 0.3))
+        .support(Support::on(sides.to_vec()).x(0.0))
+        .support(Support::on("low-bottom").y(0.0))
+        .support(Support::on("up-top").y(0.0))
+        .contact(pair)
+}
+
+fn base() -> Pair {
+    Pair::new("up-bottom", "low-top")
+}
+
+#[test]
+fn an_overlap_is_refused_with_three_ways_out() {
+    let error = stack(base()).build().unwrap_err().to_string();
+    for way in ["adjust", "gap", "overlap = \"interference\""] {
+        assert!(error.contains(way), "{way}: {error}");
+    }
+    let floor = Obstacle::HalfSpace {
+        point: [0.0, DEEP],
+        normal: [0.0, 1.0],
+    };
+    let mesh = rectangle([0.0, 0.0], [2.0, 1.0], [8, 4], CellShape::Quad, "body", "");
+    let model = Model::on(mesh).material(Material::new(YOUNG, 0.3));
+    let error = model
+        .contact(Pair::obstacle("bottom", floor))
+        .build()
+        .unwrap_err();
+    for way in ["adjust", "gap", "overlap = \"interference\""] {
+        assert!(error.to_string().contains(way), "{way}: {error}");
+    }
+    let twice = stack(base().overlap_as_interference().gap(0.0))
+        .build()
+        .unwrap_err();
+    assert!(twice.to_string().contains("state no gap"), "{twice}");
+}
+
+/// Two blocks, each 1 high, that overlap by δ between fixed plates: the pressure is δ/2 of the modulus. Against a floor all of δ.
+#[test]
+fn what_overlaps_is_pressed_apart() {
+    for path in [Stiffness::Cholesky, Stiffness::Pcg] {
+        let found = answer(stack(base().overlap_as_interference()), 1e-9, path);
+        for i in 0..found.m() {
+            let part = found.pressure(i) / (0.5 * DEEP * MODULUS);
+            assert!((part - 1.0).abs() < 1e-6, "{part}");
+        }
+        // What is no more than counts as touching is none.
+        let flat = answer(
+            stack(base().overlap_as_interference().adjust(2.0 * DEEP)),
+            1e-9,
+            path,
+        );
+        assert!(flat.solution.lambda.iter().all(|&l| l == 0.0));
+        let stated = answer(stack(base().interference(DEEP)), 1e-9, path);
+        for (a, b) in found.solution.lambda.iter().zip(&stated.solution.lambda) {
+            assert!((a - b).abs() < 1e-6 * DEEP * MODULUS);
+        }
+
+        let floor = Obstacle::HalfSpace {
+            point: [0.0, 0.0, DEEP],
+            normal: [0.0, 0.0, 1.0],
+        };
+        let mesh = block([0.0; 3], [1.0; 3], [3, 3, 3], SolidShape::Wedge, "body", "");
+        let model = Model::on(mesh)
+            .material(Material::new(YOUNG, 0.3))
+            .support(Support::on("left").x(0.0))
+            .support(Support::on("right").x(0.0))
+            .support(Support::on("front").y(0.0))
+            .support(Support::on("back").y(0.0))
+            .support(Support::on("top").z(0.0))
+            .contact(Pair::obstacle("bottom", floor).overlap_as_interference());
+        let found = answer(model, 1e-9, path);
+        for i in 0..found.m() {
+            let part = found.pressure(i) / (DEEP * MODULUS);
+            assert!((part - 1.0).abs() < 1e-6, "{part}");
+        }
+    }
+}
+
+/// A disc drawn 1e-4 larger than the cylinder around which its ring lies: all of the ring's nodes are inside. And where a drawing
+/// overlaps in a part only, gaps stay gaps elsewhere.
+#[test]
+fn all_of_a_boundary_or_a_part_of_it() {
+    let ring = |map: fn([f64; 2]) -> [f64; 2]| {
+        let mut mesh = rectangle([0.0, 0.0], [1.0, 1.0], [4, 24], CellShape::Quad, "ring", "");
+        for x in &mut mesh.nodes {
+            *x = map(*x);
+        }
+        Model::on(mesh).material(Material::new(YOUNG, 0.3))
+    };
+    // A quarter of a ring from 1 to 2.
+    let quarter = |[r, t]: [f64; 2]| {
+        let (sin, cos) = (t * std::f64::consts::FRAC_PI_2).sin_cos();
+        [(1.0 + r) * cos, (1.0 + r) * sin]
+    };
+    let shaft = Obstacle::Sphere {
+        center: [0.0, 0.0],
+        radius: 1.0 + DEEP,
+    };
+    let model = ring(quarter)
+        .support(Support::on("bottom").y(0.0))
+        .support(Support::on("top").x(0.0))
+        .contact(Pair::obstacle("left", shaft).overlap_as_interference());
+    let found = answer(model, 1e-9, Stiffness::Cholesky);
+    // Lamé, plane strain, δ = 1e-4 at a = 1, b = 2.
+    let lame = DEEP * YOUNG / (1.3 * (4.0 + 0.4) / 3.0);
+    for i in 1..found.m() - 1 {
+        let part = found.pressure(i) / lame;
+        assert!((part - 1.0).abs() < 3e-2, "{part}");
+    }
+
+    let slope = |[x, y]: [f64; 2]| [x, y + 2e-4 * (1.0 - y) * (x - 0.5)];
+    let floor = Obstacle::HalfSpace {
+        point: [0.0, 0.0],
+        normal: [0.0, 1.0],
+    };
+    let model = ring(slope)
+        .support(Support::on("top").fixed())
+        .contact(Pair::obstacle("bottom", floor).overlap_as_interference());
+    let found = answer(model, 1e-9, Stiffness::Cholesky);
+    let [low, high] = found.built.elastic.pairs[0].gap;
+    assert!((low + 1e-4).abs() < 1e-12 && (high - 1e-4).abs() < 1e-12);
+    let first = (0..found.m())
+        .find(|&i| found.place(i)[0] == 0.0)
+        .expect("a corner");
+    let last = (0..found.m())
+        .find(|&i| found.place(i)[0] == 1.0)
+        .expect("a corner");
+    assert!(found.solution.lambda[first] > 0.0 && found.solution.lambda[last] == 0.0);
+}

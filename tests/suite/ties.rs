@@ -1,0 +1,293 @@
+//! Ties: boundaries that hold together although their meshes do not match.
+
+use crate::common::distance;
+use crate::common::models::{Answer, answer};
+use crate::common::or_panic::OrPanic as _;
+use signorini::contact::{Obstacle, Space};
+use signorini::elasticity::Material;
+use signorini::engine::Stiffness;
+use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
+use signorini::mesh::{ElementKind, Mesh};
+use signorini::model::{Model, Pair, Support, Traction};
+use signorini::output::{ContactFields, NodeStatus};
+
+const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
+const YOUNG: f64 = 2e11;
+
+type Gradient = [[f64; 3]; 3];
+
+/// The displacement along c at x of a gradient.
+fn field<const D: usize>(
+    g: Gradient,
+) -> impl Fn([f64; D], usize) -> f64 + Copy + Send + Sync + 'static {
+    move |x, c| (0..D).map(|k| g[c][k] * x[k]).sum()
+}
+
+/// Bodies whose outer sides move by a gradient G: a linear field everywhere, in compression, tension and shear. It is the answer
+/// of all elements, and the tie must not see that their nodes do not meet.
+fn patch<const D: usize>(mesh: &Mesh<D>, tie: &Pair<D>, hold: impl Fn(Gradient) -> Support<D>)
+where
+    ElementKind: Space<D>,
+{
+    let gradients = [
+        [
+            [1e-3, 2e-4, 1e-4],
+            [-3e-4, 5e-4, 2e-4],
+            [4e-4, -1e-4, -7e-4],
+        ],
+        [[0.0, 1e-3, -2e-4], [0.0, 0.0, 3e-4], [5e-4, 0.0, 1e-3]],
+    ];
+    for g in gradients {
+        for path in PATHS {
+            let field = field(g);
+            let model = Model::on(mesh.clone())
+                .material(Material::new(YOUNG, 0.3))
+                .support(hold(g))
+                .tie(tie.clone());
+            let found = answer(model, 1e-11, path);
+            let (mut off, mut size) = (0.0_f64, 0.0_f64);
+            for (x, u) in mesh.nodes.iter().zip(found.displacement()) {
+                for c in 0..D {
+                    off = off.max((u[c] - field(*x, c)).abs());
+                    size = size.max(field(*x, c).abs());
+                }
+            }
+            assert!(off < 1e-9 * size, "{g:?}: {off:e} {size:e}");
+            // Uniform stresses, tension as well as pressure.
+            let pressures: Vec<f64> = (0..found.m()).map(|i| found.pressure(i)).collect();
+            let largest = pressures.iter().fold(0.0_f64, |most, p| most.max(p.abs()));
+            let inner = (0..found.m()).filter(|&i| found.solution.lambda[i] != 0.0);
+            let inner: Vec<f64> = inner.map(|i| pressures[i]).collect();
+            assert!(!inner.is_empty() || largest == 0.0);
+        }
+    }
+}
+
+fn named(part: &str, sides: &[&str]) -> Vec<String> {
+    sides.iter().map(|side| format!("{part}-{side}")).collect()
+}
+
+#[test]
+fn patch_in_the_plane() {
+    for (low, up) in [(7, 5), (3, 8)] {
+        let mesh = join(
+            rectangle(
+                [0.0, 0.0],
+                [2.0, 1.0],
+                [low, 3],
+                CellShape::Quad,
+                "low",
+                "low-",
+            ),
+            rectangle(
+                [0.0, 1.0],
+                [2.0, 1.0],
+                [up, 4],
+                CellShape::Triangle,
+                "up",
+                "up-",
+            ),
+        );
+        let outer = [
+            named("low", &["left", "right", "bottom"]),
+            named("up", &["left", "right", "top"]),
+        ]
+        .concat();
+        patch(&mesh, &Pair::tied("up-bottom", "low-top"), |g| {
+            let field = field::<2>(g);
+            (Support::on(outer.clone()).x(move |x| field(x, 0))).y(move |x| field(x, 1))
+        });
+    }
+}
+
+#[test]
+fn patch_in_space() {
+    use SolidShape::{Hexahedron, Tetrahedron};
+    for (low, up) in [(Hexahedron, Hexahedron), (Hexahedron, Tetrahedron)] {
+        let mesh = join(
+            block([0.0; 3], [1.0; 3], [3, 4, 2], low, "low", "low-"),
+            block([0.0, 0.0, 1.0], [1.0; 3], [4, 3, 3], up, "up", "up-"),
+        );
+        let sides = ["left", "right", "front", "back"];
+        let mut outer = [named("low", &sides), named("up", &sides)].concat();
+        outer.extend(["low-bottom".to_owned(), "up-top".to_owned()]);
+        patch(&mesh, &Pair::tied("up-bottom", "low-top"), |g| {
+            let field = field::<3>(g);
+            (Support::on(outer.clone()).x(move |x| field(x, 0)))
+                .y(move |x| field(x, 1))
+                .z(move |x| field(x, 2))
+        });
+    }
+}
+
+/// Two halves with nodes that meet, tied, are the whole: to the last digits, a body held by the tie alone, pulled and bent.
+#[test]
+fn halves_with_nodes_that_meet_are_the_whole() {
+    let load = |model: Model, top: &str| {
+        model
+            .material(Material::new(YOUNG, 0.3))
+            .traction(Traction::on(top).y(|x: [f64; 2]| 1e7 * (x[0] - 0.3)).x(4e6))
+    };
+    let whole = rectangle([0.0, 0.0], [2.0, 2.0], [8, 8], CellShape::Quad, "body", "");
+    let whole = load(Model::on(whole), "top").support(Support::on("bottom").fixed());
+    let parts = join(
+        rectangle(
+            [0.0, 0.0],
+            [2.0, 1.0],
+            [8, 4],
+            CellShape::Quad,
+            "low",
+            "low-",
+        ),
+        rectangle([0.0, 1.0], [2.0, 1.0], [8, 4], CellShape::Quad, "up", "up-"),
+    );
+    let parts = load(Model::on(parts), "up-top")
+        .support(Support::on("low-bottom").fixed())
+        .tie(Pair::tied("up-bottom", "low-top"));
+    let resultants = |found: &Answer<2>| {
+        let built = &found.built;
+        let [mut force, mut moment] = [[0.0; 2], [0.0; 2]];
+        for i in 0..found.m() {
+            let f = found.contact_force(i);
+            let [x, _] = built.elastic.contact.places[i].place;
+            (0..2).for_each(|c| force[c] += f[c]);
+            moment[0] += x * f[1];
+        }
+        (force, moment[0])
+    };
+    for path in PATHS {
+        let expected = answer(whole.clone(), 1e-11, path);
+        let found = answer(parts.clone(), 1e-11, path);
+        let nodes = |answer: &Answer<2>| answer.built.elastic.mesh.nodes.clone();
+        let (here, there) = (nodes(&found), nodes(&expected));
+        let of_whole = expected.displacement();
+        let mut size = 0.0_f64;
+        for (x, u) in here.iter().zip(found.displacement()) {
+            let at = (0..there.len())
+                .find(|&k| (0..2).all(|c| (there[k][c] - x[c]).abs() < 1e-9))
+                .expect("the node of the whole");
+            size = size.max(of_whole[at][1].abs());
+            let apart = (0..2)
+                .map(|c| (u[c] - of_whole[at][c]).abs())
+                .fold(0.0, f64::max);
+            assert!(apart < 1e-9 * 1e-3, "{x:?}: {apart:e}");
+        }
+        assert!(size > 1e-5);
+        // What the tie carries is the load: 2 (1e7 · 0.7) up, 8e6 along; and its moment.
+        let (force, moment) = resultants(&found);
+        assert!(
+            (force[1] + 1.4e7).abs() < 1e-2 && (force[0] + 8e6).abs() < 1e-2,
+            "{force:?}"
+        );
+        // ∫ x p dx = 1e7 (8/3 − 0.6), and the shear turns by its height.
+        let expected = 1e7 * (8.0 / 3.0 - 0.6) - 8e6;
+        assert!((moment + expected).abs() < 1.0, "{moment} {expected}");
+        let (data, solution) = (&found.data, &found.solution);
+        let fields = ContactFields::new(&found.built.problem, &found.built.elastic, data, solution);
+        assert!((0..found.m()).all(|i| fields.status(i) == NodeStatus::Tied));
+        assert!(fields.pressure.iter().any(|&p| p < -1e6));
+    }
+}
+
+/// A tied foot on a floor with friction, in load steps: contact and ties in one problem, on both paths the same.
+#[test]
+fn beside_contact_with_friction() {
+    let mesh = join(
+        block(
+            [0.0; 3],
+            [1.0, 1.0, 0.4],
+            [4, 4, 2],
+            SolidShape::Hexahedron,
+            "foot",
+            "foot-",
+        ),
+        block(
+            [0.2, 0.2, 0.4],
+            [0.6, 0.6, 0.8],
+            [3, 3, 3],
+            SolidShape::Hexahedron,
+            "leg",
+            "leg-",
+        ),
+    );
+    let floor = Obstacle::HalfSpace {
+        point: [0.0; 3],
+        normal: [0.0, 0.0, 1.0],
+    };
+    let model = Model::on(mesh)
+        .material(Material::new(YOUNG, 0.3))
+        .traction(Traction::on("leg-top").z(-2e7))
+        .traction(Traction::on("leg-top").x(3e6).factors([0.0, 1.0, -1.0]))
+        .steps([1.0, 1.0, 1.0])
+        .contact(Pair::obstacle("foot-bottom", floor).coulomb(0.3))
+        .tie(Pair::tied("leg-bottom", "foot-top"));
+    let found = PATHS.map(|path| answer(model.clone(), 1e-8, path));
+    assert!(distance(&found[0].solution.u, &found[1].solution.u) < 1e-5);
+    for found in &found {
+        let ties = (0..found.m()).filter(|&i| found.built.problem.is_tied(i));
+        let carried: [f64; 3] = ties.fold([0.0; 3], |sum, i| {
+            let force = found.contact_force(i);
+            std::array::from_fn(|c| sum[c] + force[c])
+        });
+        // 0.36 of area.
+        let expected = [3e6 * 0.36, 0.0, 2e7 * 0.36];
+        for c in 0..3 {
+            assert!(
+                (carried[c] - expected[c]).abs() < 1e-4 * 7.2e6,
+                "{carried:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_tied_is_refused() {
+    let model = |apart: f64| {
+        let mesh = join(
+            rectangle(
+                [0.0, 0.0],
+                [2.0, 1.0],
+                [8, 4],
+                CellShape::Quad,
+                "low",
+                "low-",
+            ),
+            rectangle(
+                [0.0, 1.0 + apart],
+                [2.0, 1.0],
+                [5, 4],
+                CellShape::Quad,
+                "up",
+                "up-",
+            ),
+        );
+        Model::on(mesh)
+            .material(Material::new(YOUNG, 0.3))
+            .support(Support::on("low-bottom").fixed())
+            .traction(Traction::on("up-top").y(1e6))
+    };
+    let tie = || Pair::tied("up-bottom", "low-top");
+    // A quarter of the longest facet, 0.1.
+    let built = model(0.09).tie(tie()).build().or_panic();
+    assert_eq!(built.elastic.pairs[0].gap, [0.0, 0.0]);
+    let error = model(0.11).tie(tie()).build().unwrap_err().to_string();
+    assert!(
+        error.starts_with("tie 1 on \"up-bottom\"") && error.contains("apart"),
+        "{error}"
+    );
+    assert!(model(0.11).tie(tie().adjust(0.12)).build().is_ok());
+    assert!(model(0.0).contact(tie()).build().is_err());
+    assert!(
+        model(0.0)
+            .tie(Pair::new("up-bottom", "low-top"))
+            .build()
+            .is_err()
+    );
+    let error = model(0.0)
+        .support(Support::on("low-top").x(0.0).y(0.0))
+        .support(Support::on("up-bottom").x(0.0).y(1e-3))
+        .tie(tie())
+        .build()
+        .unwrap_err();
+    assert!(error.to_string().contains("sides of the tie"), "{error}");
+}
