@@ -66,6 +66,14 @@ pub enum CaseError {
         /// What is wrong with it.
         message: String,
     },
+    /// A table that a program states, without any file, makes no sense.
+    #[error("{place}: {message}")]
+    Stated {
+        /// The table and its key, such as `support 2, x`.
+        place: String,
+        /// What is wrong with it.
+        message: String,
+    },
     /// An entry could not be replaced.
     #[error("setting \"{setting}\": {message}")]
     Setting {
@@ -85,6 +93,8 @@ pub struct Case {
     pub tables: Tables,
     time_limit: Option<Duration>,
     text: String,
+    /// There is no file: errors name tables and keys in place of lines.
+    stated: bool,
 }
 
 impl Case {
@@ -126,6 +136,7 @@ impl Case {
             tables,
             time_limit: None,
             text,
+            stated: false,
         };
         case.check_kind()?;
         let dimension = case.check_mesh()?;
@@ -137,8 +148,67 @@ impl Case {
         Ok(case)
     }
 
+    /// Tables that a program states, as text of a case file but without any: a mesh ([`Case::read_mesh`]), or what is said of
+    /// one that is at hand ([`Case::build_on_mesh`]), for which nothing needs to be complete yet. Files are looked for where
+    /// the process runs.
+    ///
+    /// # Errors
+    /// If the tables are none of a case file, or make no sense by themselves: the error names the table and the key.
+    ///
+    /// ```
+    /// use signorini::case::Case;
+    /// use signorini::mesh::AnyMesh;
+    ///
+    /// let mesh = Case::stated("[mesh.rectangle]\nsize = [3, 1]\ncells = [12, 4]".to_owned())?.read_mesh()?;
+    /// let error = Case::stated("[[support]]\nboundary = \"left\"\nz = \"2 *\"".to_owned())?.check_parts(2).unwrap_err();
+    /// assert!(error.to_string().starts_with("support, z: "), "{error}");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn stated(text: String) -> Result<Self, CaseError> {
+        let tables: Tables = toml::from_str(&text).map_err(|error| {
+            let place = text::place(&text, error.span().map_or(0, |span| span.start));
+            // The place is a part of what suggestions follow from.
+            let message = text::suggested(&format!("{place}: {}", error.message()));
+            let message = message[place.len() + 2..].to_owned();
+            CaseError::Stated { place, message }
+        })?;
+        let mut case = Self {
+            path: PathBuf::from("model"),
+            tables,
+            time_limit: None,
+            text,
+            stated: true,
+        };
+        case.check_mesh()?;
+        case.time_limit = case.check_solver()?;
+        Ok(case)
+    }
+
+    /// Whether the tables that are there can be meant in so many dimensions, whatever is still missing.
+    ///
+    /// # Errors
+    /// The first thing that cannot.
+    pub fn check_parts(&self, dimension: usize) -> Result<(), CaseError> {
+        fn check<const D: usize>(case: &Case) -> Result<(), CaseError> {
+            let stated = case.tables.definition::<D>();
+            let definition = stated.or_else(|(span, message)| case.invalid(span, message))?;
+            let checked = definition.check_parts();
+            checked.or_else(|e| case.invalid(case.tables.span(&e.entity), e.fault.to_string()))
+        }
+        match dimension {
+            2 => check::<2>(self),
+            _ => check::<3>(self),
+        }
+    }
+
     /// An error at the place of a span.
     fn at(&self, span: Range<usize>, message: impl Into<String>) -> CaseError {
+        if self.stated {
+            return CaseError::Stated {
+                place: text::place(&self.text, span.start),
+                message: message.into(),
+            };
+        }
         let before = &self.text.as_bytes()[..span.start.min(self.text.len())];
         CaseError::Invalid {
             path: self.path.clone(),

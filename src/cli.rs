@@ -18,8 +18,8 @@ use clap::{Parser, Subcommand, ValueEnum, ValueHint};
 use signorini::backend;
 use signorini::engine;
 use signorini::stiffness::pcg;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 /// Exit code for an error: bad input, no such adapter, out of memory.
 const ERROR: u8 = 1;
@@ -285,10 +285,10 @@ enum GeometryArgument {
     TwoBody,
 }
 
-/// Runs the program.
-pub fn run() -> ExitCode {
+/// Runs the program with these arguments, its own name first; returns its exit code. Wrong usage ends the process.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     hear_file_limits();
-    let outcome = match Cli::parse().command {
+    let outcome = match Cli::parse_from(arguments).command {
         Command::Solve(arguments) => on_ranks(&arguments),
         Command::Check { case, settings } => check_on_ranks(&case, &settings),
         Command::Convert {
@@ -307,10 +307,10 @@ pub fn run() -> ExitCode {
         Command::Man { directory } => man::run(directory.as_deref()),
     };
     match outcome {
-        Ok(code) => ExitCode::from(code),
+        Ok(code) => code,
         Err(message) => {
             eprintln!("error: {message}");
-            ExitCode::from(ERROR)
+            ERROR
         }
     }
 }

@@ -141,6 +141,10 @@
 // docs.rs shows which feature an item needs.
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
+// The program names the library as everybody does.
+#[cfg(feature = "cli")]
+extern crate self as signorini;
+
 pub mod backend;
 // For the program and the tests only: no part of the library that anybody may rely on.
 #[cfg(all(feature = "cli", feature = "gpu"))]
@@ -148,6 +152,10 @@ pub mod backend;
 pub mod bench;
 #[cfg(feature = "case")]
 pub mod case;
+// The program, which no other room knows: here so that the executable and the wheel (python/) have one between them.
+#[cfg(feature = "cli")]
+#[doc(hidden)]
+pub mod cli;
 mod constraint;
 pub mod contact;
 pub mod control;

@@ -1,7 +1,5 @@
 //! The command-line program; see `signorini --help` and the README.
 
-mod cli;
-
 fn main() -> std::process::ExitCode {
-    cli::run()
+    signorini::cli::run(std::env::args_os()).into()
 }

@@ -8,6 +8,7 @@ mod abaqus;
 mod boundary;
 mod element;
 mod file;
+pub(crate) mod foot;
 pub mod gmsh;
 mod groups;
 mod order;

@@ -41,6 +41,7 @@ mod elastic;
 mod entities;
 mod error;
 mod loads;
+mod nodal;
 mod quantity;
 #[cfg(feature = "mpi")]
 pub(crate) mod share;
@@ -227,6 +228,9 @@ impl<const D: usize> Definition<D> {
 
     /// Whether it can be meant, as far as that shows without the mesh.
     pub(crate) fn check(&self) -> Result<(), ModelError> {
+        if self.materials.is_empty() {
+            return Err(Entity::all(EntityKind::Material).error("there is no material"));
+        }
         self.check_materials()?;
         if let Some(fault) = self.units.as_ref().and_then(Units::fault) {
             return Err(Entity::all(EntityKind::Units).error(fault));
@@ -242,11 +246,15 @@ impl<const D: usize> Definition<D> {
         self.check_steps()
     }
 
-    /// Every material is one, and there is at least one.
+    /// The parts that it has so far can be meant.
+    #[cfg(feature = "case")]
+    pub(crate) fn check_parts(&self) -> Result<(), ModelError> {
+        self.check_materials()?;
+        self.check_entities()
+    }
+
+    /// Every material is one.
     fn check_materials(&self) -> Result<(), ModelError> {
-        if self.materials.is_empty() {
-            return Err(Entity::all(EntityKind::Material).error("there is no material"));
-        }
         for (number, (_, m)) in self.materials.iter().enumerate() {
             let fault = if !(m.young > 0.0 && m.young.is_finite()) {
                 format!("young is {}: it must be positive", m.young)

@@ -96,6 +96,20 @@ where
         settings: &quasistatic::StepSettings,
         observer: impl FnMut(Event<D>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
+        self.solve_after(State::at_rest(self.problem), engine, settings, observer)
+    }
+
+    /// The same from where an earlier solve has ended ([`StepSolution::state`]): friction acts on the slip since then.
+    ///
+    /// # Errors
+    /// As [`Analysis::solve_on`], and if the state is that of a problem of another size.
+    pub fn solve_after(
+        &self,
+        before: State,
+        engine: &mut Engine,
+        settings: &quasistatic::StepSettings,
+        observer: impl FnMut(Event<D>) -> ControlFlow<()>,
+    ) -> Result<(), Error> {
         if !engine.fits(self.problem) {
             return Err(Error::OtherMatrices);
         }
@@ -104,6 +118,7 @@ where
         let steps = (1..=self.n_steps()).map(|number| self.step(number - 1));
         let made = make_steps(
             self.problem,
+            before,
             steps,
             engine,
             settings,
@@ -137,6 +152,7 @@ where
 /// Makes load steps one after another, as [`Analysis::solve_on`] says, with whatever applies K⁻¹.
 pub(crate) fn make_steps<const D: usize, K>(
     problem: &ContactProblem<D, K>,
+    before: State,
     steps: impl Iterator<Item = Result<Option<StepData<D>>, ModelError>>,
     dual: &mut (impl DualOperator + ?Sized),
     settings: &quasistatic::StepSettings,
@@ -147,7 +163,7 @@ pub(crate) fn make_steps<const D: usize, K>(
     settings.check()?;
     let limit = settings.ssnm.time_limit;
     let mut settings = settings.clone();
-    let mut state = State::at_rest(problem);
+    let mut state = before;
     for (number, data) in (1..).zip(steps) {
         let data = data?;
         let factor = data.as_ref().map_or(1.0, |data| data.factor);

@@ -1,6 +1,7 @@
 #!/bin/sh
 # The whole test suite, from a fresh machine: install a software adapter if no adapter answers, then build
-# and run every test, doctest and example case.
+# and run every test, doctest and example case, and those of the Python package. With arguments, which go to cargo test, that
+# alone is run.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -22,4 +23,5 @@ if ! target/release/signorini adapters | grep -q "f64 yes"; then
     $root apt-get update -qq
     $root apt-get install -y -qq --no-install-recommends mesa-vulkan-drivers libvulkan1
 fi
-exec cargo test --release "$@"
+cargo test --release "$@"
+[ "$#" -gt 0 ] || exec sh tests/python.sh

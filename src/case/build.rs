@@ -107,7 +107,23 @@ impl Case {
                 self.build_algebraic(table.get_ref())?,
             ));
         }
-        Ok(CaseProblem::Elastic(Box::new(match self.mesh()? {
+        self.build_on_mesh(self.mesh()?)
+    }
+
+    /// Makes the mesh of `[mesh]`.
+    ///
+    /// # Errors
+    /// If there is none, a file cannot be read, or no mesh comes of it.
+    pub fn read_mesh(&self) -> Result<AnyMesh, BuildError> {
+        self.mesh()
+    }
+
+    /// Assembles the contact problem of what is said here on a mesh that is at hand, in place of `[mesh]`.
+    ///
+    /// # Errors
+    /// As [`Case::build`].
+    pub fn build_on_mesh(&self, mesh: AnyMesh) -> Result<CaseProblem, BuildError> {
+        Ok(CaseProblem::Elastic(Box::new(match mesh {
             AnyMesh::Plane(mesh) => AnyBuilt::Plane(self.build_on(mesh)?),
             AnyMesh::Space(mesh) => AnyBuilt::Space(self.build_on(mesh)?),
         })))

@@ -16,17 +16,20 @@ pub enum NumberOrExpression {
     Number(f64),
     /// What stands in quotes.
     Expression(String),
+    /// A list: a value for each node of the mesh.
+    Nodes(Vec<f64>),
 }
 
-/// The two spellings.
+/// The three spellings.
 #[derive(Deserialize)]
 #[serde(
     untagged,
-    expecting = "expected a number or an expression of the coordinates in quotes"
+    expecting = "expected a number or an expression of the coordinates in quotes (or a list with a number for each node)"
 )]
 enum Spelling {
     Number(f64),
     Expression(String),
+    Nodes(Vec<f64>),
 }
 
 impl<'de> Deserialize<'de> for NumberOrExpression {
@@ -37,6 +40,13 @@ impl<'de> Deserialize<'de> for NumberOrExpression {
                 Err(D::Error::custom(format!("{value} is not a finite number")))
             }
             Spelling::Expression(text) => Ok(Self::Expression(text)),
+            Spelling::Nodes(values) => match values.iter().position(|v| !v.is_finite()) {
+                None => Ok(Self::Nodes(values)),
+                Some(i) => Err(D::Error::custom(format!(
+                    "value {i} of the list (counted from 0) is {}, which is not a finite number",
+                    values[i]
+                ))),
+            },
         }
     }
 }
@@ -50,6 +60,7 @@ impl NumberOrExpression {
                 let expression = Expression::<D>::parse(text)?;
                 Ok(Quantity::described(text, move |x| expression.at(x)))
             }
+            Self::Nodes(values) => Ok(Quantity::at_nodes(values.clone())),
         }
     }
 }
@@ -59,6 +70,7 @@ impl fmt::Display for NumberOrExpression {
         match self {
             Self::Number(value) => write!(f, "{value}"),
             Self::Expression(text) => f.write_str(text),
+            Self::Nodes(values) => write!(f, "{} values at the nodes", values.len()),
         }
     }
 }

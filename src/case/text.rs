@@ -69,6 +69,35 @@ pub(super) fn set(document: &mut toml_edit::DocumentMut, setting: &str) -> Resul
     Ok(())
 }
 
+/// What stands at a place of a text whose keys have a line each: the table, with its number where there are several like it, and
+/// the key.
+pub(super) fn place(text: &str, at: usize) -> String {
+    let at = at.min(text.len());
+    let begin = text[..at].rfind('\n').map_or(0, |end| end + 1);
+    let line = text[begin..].lines().next().unwrap_or_default();
+    let header = |line: &str| {
+        line.starts_with('[')
+            .then(|| line.trim_matches(['[', ']']).to_owned())
+    };
+    let through = &text[..begin + line.len()];
+    let Some(table) = through.lines().rev().find_map(header) else {
+        return line.split('=').next().unwrap_or_default().trim().to_owned();
+    };
+    let count = |text: &str| {
+        text.lines()
+            .filter(|line| header(line).as_ref() == Some(&table))
+            .count()
+    };
+    let number = match count(text) {
+        1 => String::new(),
+        _ => format!(" {}", count(through)),
+    };
+    match line.split_once('=') {
+        Some((key, _)) if !line.starts_with('[') => format!("{table}{number}, {}", key.trim()),
+        _ => format!("{table}{number}"),
+    }
+}
+
 /// A message of the parser, with the known key that an unknown one may have meant.
 pub(super) fn suggested(message: &str) -> String {
     let quoted = |text: &str| -> Vec<String> {

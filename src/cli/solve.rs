@@ -184,11 +184,10 @@ impl Run<'_> {
         let mut engine = Engine::new(analysis.problem, options, move |line| log.tell(line))
             .map_err(|error| self.failed(error.into()))?;
         give_back_freed();
-        let timings = &mut results.report.timings;
-        timings.factor = start.elapsed().as_secs_f64();
-        timings.linear_reference =
-            (engine.cholesky()).map(|dual| dual.factor().seconds + dual.solve_seconds);
-        log.engine(&engine, timings.factor);
+        results
+            .report
+            .set_up(&engine, start.elapsed().as_secs_f64());
+        log.engine(&engine, results.report.timings.factor);
 
         let made = self.steps(analysis, &mut engine, results);
         log.costs(&engine);

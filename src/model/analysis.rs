@@ -86,7 +86,7 @@ where
     }
 
     /// A body that can move as a whole and has no contact to hold it, in words.
-    pub(crate) fn loose_body(&self) -> Option<String> {
+    pub fn loose_body(&self) -> Option<String> {
         let touched = self.problem.touched();
         let alone =
             |body: &FloatingBody<D>| !body.nodes().iter().any(|&node| touched[node as usize]);

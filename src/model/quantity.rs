@@ -3,9 +3,13 @@
 use std::fmt;
 use std::sync::Arc;
 
-/// A number, or a function of the place such as `|x: [f64; 2]| -2e7 * (1.0 - x[0] / 1.5)`.
+/// A number, a function of the place such as `|x: [f64; 2]| -2e7 * (1.0 - x[0] / 1.5)`, or a value for each node of the mesh
+/// ([`Quantity::at_nodes`]).
 #[derive(Clone)]
 pub struct Quantity<const D: usize = 2>(Form<D>);
+
+/// What descriptions print for values at nodes.
+pub(super) const NODAL: &str = "values at the nodes";
 
 #[derive(Clone)]
 enum Form<const D: usize> {
@@ -15,6 +19,8 @@ enum Form<const D: usize> {
         /// What descriptions print for it.
         text: Arc<str>,
     },
+    /// A value for each node of the mesh, which a model turns into a function of the place on its boundary or region.
+    Nodes(Arc<[f64]>),
 }
 
 impl<const D: usize> Quantity<D> {
@@ -26,11 +32,43 @@ impl<const D: usize> Quantity<D> {
         })
     }
 
-    /// The value at a point.
+    /// A value for each node of the mesh; between them shape functions interpolate, on the boundaries (in the region) that it is
+    /// stated for alone, so that bodies which touch may have different ones.
+    ///
+    /// ```
+    /// use signorini::elasticity::Material;
+    /// use signorini::mesh::structured::{CellShape, rectangle};
+    /// use signorini::model::{Model, Quantity, Support, Traction};
+    ///
+    /// let mesh = rectangle([0.0; 2], [2.0, 1.0], [4, 2], CellShape::Quad, "body", "");
+    /// let pressure = mesh.nodes.iter().map(|x| 1e6 * (1.0 + x[0])).collect::<Vec<f64>>();
+    /// let built = Model::on(mesh)
+    ///     .material(Material::new(2.1e11, 0.3))
+    ///     .support(Support::on("bottom").fixed())
+    ///     .traction(Traction::on("top").pressure(Quantity::at_nodes(pressure)))
+    ///     .build()?;
+    /// // The resultant of the linear pressure over 0 ≤ x ≤ 2.
+    /// assert!((built.step(0)?.total_load[1] + 4e6).abs() < 1e-6);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn at_nodes(values: impl Into<Vec<f64>>) -> Self {
+        Self(Form::Nodes(values.into().into()))
+    }
+
+    /// The values at the nodes, where it consists of these.
+    pub(super) fn nodal(&self) -> Option<&[f64]> {
+        match &self.0 {
+            Form::Nodes(values) => Some(values),
+            _ => None,
+        }
+    }
+
+    /// The value at a point; NaN where it has values at nodes, and no model has said of which mesh.
     pub fn at(&self, x: [f64; D]) -> f64 {
         match &self.0 {
             Form::Constant(value) => *value,
             Form::Function { at, .. } => at(x),
+            Form::Nodes(_) => f64::NAN,
         }
     }
 }
@@ -52,6 +90,7 @@ impl<const D: usize> fmt::Display for Quantity<D> {
         match &self.0 {
             Form::Constant(value) => write!(f, "{value}"),
             Form::Function { text, .. } => f.write_str(text),
+            Form::Nodes(_) => f.write_str(NODAL),
         }
     }
 }

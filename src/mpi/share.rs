@@ -12,7 +12,7 @@ use crate::mesh::{ElementKind, Topology};
 use crate::model::share::{Common, Cut, Graph, Part, Received};
 use crate::model::{Draft, ModelError};
 use crate::problem::{self, AnyProblem, ContactProblem, Elsewhere, LoadCase, System};
-use crate::quasistatic::StepSettings;
+use crate::quasistatic::{State, StepSettings};
 use crate::ranks::{Group, Ranks};
 use crate::solve::{self, Event, make_steps};
 use crate::sparse::BlockCsr;
@@ -438,7 +438,16 @@ where
             }
         };
         let (problem, dual) = (&self.problem, &mut self.dual);
-        make_steps(problem, steps, dual, &settings, &mut self.recycled, watched)?;
+        let rest = State::at_rest(problem);
+        make_steps(
+            problem,
+            rest,
+            steps,
+            dual,
+            &settings,
+            &mut self.recycled,
+            watched,
+        )?;
         match is_apart {
             true => Err(MpiError::Apart),
             false => Ok(()),

@@ -277,6 +277,13 @@ impl Report {
         }
     }
 
+    /// Says how long its engine has taken to be made.
+    pub fn set_up(&mut self, engine: &Engine, seconds: f64) {
+        self.timings.factor = seconds;
+        self.timings.linear_reference =
+            (engine.cholesky()).map(|dual| dual.factor().seconds + dual.solve_seconds);
+    }
+
     /// Adds a step.
     pub fn add_step<const D: usize>(&mut self, results: &StepResults<D>)
     where

@@ -41,6 +41,9 @@ pub struct Matrices<'a, const D: usize = 2> {
     pub gap: &'a [f64],
     /// Whether entries of d below 0 are meant: an overlap of what is pressed or shrunk on.
     pub interference: bool,
+    /// Whether rows of N and T may depend on each other, as those of bodies do where several parts of one lie under one facet of
+    /// another: forces on the bodies are unique even so, multipliers need not be.
+    pub dependent_rows: bool,
     /// g, length m; may be empty where coefficients of friction are given.
     pub slip_bound: &'a [f64],
     /// μ, length m: Coulomb's law where it is above 0. Empty without.
@@ -101,7 +104,12 @@ impl<const D: usize> ContactProblem<D> {
             slip_bound,
             coordinates: matrices.coordinates.map(<[_]>::to_vec),
         };
-        Self::compliant(data, matrices.compliance.to_vec())?
+        let compliance = matrices.compliance.to_vec();
+        let checked = match matrices.dependent_rows {
+            true => Self::of_bodies(data, compliance, &[]),
+            false => Self::compliant(data, compliance),
+        };
+        checked?
             .with_friction_coefficient(mu.to_vec())?
             .with_gap(gap)
     }
@@ -286,7 +294,7 @@ impl<'a, I: Index + faer::Index> From<SparseColMatRef<'a, I, f64>> for SparseRef
     }
 }
 
-/// An integer that rows, columns and entries may be counted with: `i32`, `u32` or `usize`.
+/// An integer that rows, columns and entries may be counted with: `i32`, `u32`, `i64` or `usize`.
 pub trait Index: Copy + sealed::Sealed {
     #[doc(hidden)]
     fn indices(slice: &[Self]) -> Indices<'_>;
@@ -298,6 +306,7 @@ pub trait Index: Copy + sealed::Sealed {
 pub enum Indices<'a> {
     I32(&'a [i32]),
     U32(&'a [u32]),
+    I64(&'a [i64]),
     Usize(&'a [usize]),
 }
 
@@ -306,6 +315,7 @@ impl Indices<'_> {
         match self {
             Self::I32(all) => all.len(),
             Self::U32(all) => all.len(),
+            Self::I64(all) => all.len(),
             Self::Usize(all) => all.len(),
         }
     }
@@ -315,6 +325,7 @@ impl Indices<'_> {
         match self {
             Self::I32(all) => all[k].into(),
             Self::U32(all) => all[k].into(),
+            Self::I64(all) => all[k],
             Self::Usize(all) => all[k].try_into().unwrap_or(-1),
         }
     }
@@ -324,6 +335,7 @@ mod sealed {
     pub trait Sealed {}
     impl Sealed for i32 {}
     impl Sealed for u32 {}
+    impl Sealed for i64 {}
     impl Sealed for usize {}
 }
 
@@ -336,6 +348,12 @@ impl Index for i32 {
 impl Index for u32 {
     fn indices(slice: &[Self]) -> Indices<'_> {
         Indices::U32(slice)
+    }
+}
+
+impl Index for i64 {
+    fn indices(slice: &[Self]) -> Indices<'_> {
+        Indices::I64(slice)
     }
 }
 

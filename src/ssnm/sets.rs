@@ -21,6 +21,13 @@ pub struct SetSizes {
     pub frictionless: usize,
 }
 
+impl SetSizes {
+    /// The number of contact nodes.
+    pub fn total(&self) -> usize {
+        self.stick + self.slip.total() + self.frictionless
+    }
+}
+
 /// How many contact nodes slip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(untagged)]

@@ -5,6 +5,7 @@ use super::settings::SettingsError;
 use crate::control::Stopped;
 use crate::dual::DualError;
 use crate::problem::Kkt;
+use std::fmt;
 
 /// How a solve ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -107,6 +108,21 @@ pub struct Step {
     pub changes: usize,
     /// Whether the safeguard replaced the Newton step of an algorithm as printed.
     pub safeguarded: bool,
+}
+
+/// What is told of it while a solve goes on.
+impl fmt::Display for Step {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let nodes = self.sets.total();
+        write!(
+            f,
+            "step {}: err {:.2e}, {} products, {} of {nodes} nodes in contact",
+            self.iter,
+            self.err,
+            self.n_a,
+            nodes - self.sets.separated
+        )
+    }
 }
 
 /// Figures of a solve.

@@ -50,12 +50,6 @@ fn row(step: &Step, m: usize) -> String {
     )
 }
 
-/// The number of contact nodes of a step.
-fn nodes(step: &Step) -> usize {
-    let sets = &step.sets;
-    sets.stick + sets.slip.total() + sets.frictionless
-}
-
 impl Log {
     pub fn new(arguments: &SolveArguments) -> Self {
         Self {
@@ -123,19 +117,11 @@ impl Log {
         if self.quiet {
             return;
         }
-        let line = format!(
-            "step {}: err {:.2e}, {} products, {} of {} nodes in contact",
-            step.iter,
-            step.err,
-            step.n_a,
-            nodes(step) - step.sets.separated,
-            nodes(step)
-        );
         if self.terminal {
-            eprint!("{ERASED}{line}");
+            eprint!("{ERASED}{step}");
             let _ = std::io::stderr().flush();
         } else {
-            eprintln!("{line}");
+            eprintln!("{step}");
         }
     }
 
@@ -184,7 +170,7 @@ impl Log {
             } else {
                 ""
             };
-            eprintln!("{}{met}", row(step, nodes(step)));
+            eprintln!("{}{met}", row(step, step.sets.total()));
         }
     }
 }

@@ -55,7 +55,6 @@ fn describe(status: Option<Status>) -> &'static str {
         }
         Status::TimeLimit => "NOT converged: the time limit is reached (solver.time_limit)",
         Status::Interrupted => "NOT converged: interrupted",
-        _ => "NOT converged",
     }
 }
 

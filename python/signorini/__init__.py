@@ -1,0 +1,81 @@
+"""Contact with friction between elastic bodies, and between bodies and rigid obstacles.
+
+Three doors lead to a :class:`Solution`:
+
+- matrices of your own: :func:`solve` in one call, :class:`Problem` for many right-hand sides;
+- a :class:`Model` on a :class:`Mesh`: what a case file says, with keyword arguments in place of its keys;
+- a case file: ``Case.read("press.toml").solve()``.
+
+Units are yours as long as they are consistent. What takes long lets other threads work, and Ctrl-C is heard.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ._errors import ModelError, NotConvergedWarning, SolveError
+    from ._mesh import Mesh, box, rectangle
+    from ._model import Model
+    from ._problem import Case, Problem, solve
+    from ._solution import Contact, Kkt, LoadStep, Solution, Support
+    from ._watch import Step
+
+    __version__: str
+
+# Where each name stands: NumPy, and the solver itself, are loaded with the first that is used.
+_HOMES = {
+    "Case": "_problem",
+    "Contact": "_solution",
+    "Kkt": "_solution",
+    "LoadStep": "_solution",
+    "Mesh": "_mesh",
+    "Model": "_model",
+    "ModelError": "_errors",
+    "NotConvergedWarning": "_errors",
+    "Problem": "_problem",
+    "Solution": "_solution",
+    "SolveError": "_errors",
+    "Step": "_watch",
+    "Support": "_solution",
+    "box": "_mesh",
+    "rectangle": "_mesh",
+    "solve": "_problem",
+}
+
+__all__ = [
+    "Case",
+    "Contact",
+    "Kkt",
+    "LoadStep",
+    "Mesh",
+    "Model",
+    "ModelError",
+    "NotConvergedWarning",
+    "Problem",
+    "Solution",
+    "SolveError",
+    "Step",
+    "Support",
+    "box",
+    "rectangle",
+    "solve",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name == "__version__":
+        from ._native import version
+
+        return version()
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value: object = getattr(importlib.import_module(f".{home}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__, "__version__"])

@@ -1,0 +1,7 @@
+"""``python -m signorini`` is the command ``signorini``."""
+
+import sys
+
+from ._program import main
+
+sys.exit(main())

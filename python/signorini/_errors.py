@@ -1,0 +1,12 @@
+"""Exceptions and warnings."""
+
+from ._native import ModelError, SolveError
+
+__all__ = ["ModelError", "NotConvergedWarning", "SolveError"]
+
+
+class NotConvergedWarning(UserWarning):
+    """A solve has stopped without convergence; ``status`` of the solution says how."""
+
+
+NotConvergedWarning.__module__ = "signorini"

@@ -1,0 +1,240 @@
+"""Models: what a case file says of bodies, said in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native, _toml
+from ._mesh import Mesh
+from ._problem import Problem
+from ._solution import Solution
+
+# A number, an expression of x, y (and z), a value for each node, or what gives these at the nodes, (n, d).
+Quantity: TypeAlias = float | str | Sequence[float] | NDArray[Any] | Callable[[NDArray[np.float64]], Any]
+Names: TypeAlias = str | Sequence[str]
+
+
+class Model:
+    """Elastic bodies in contact: a mesh, and what is said of it.
+
+    Keyword arguments are the keys of case files (docs/case-file.md says what each means), and each method returns the model,
+    so that calls may be chained. What is wrong with an argument by itself is told at once, what depends on the mesh when the
+    model is built.
+
+    A *quantity* is a number; an expression such as ``"-2e7 * (1 - x / 1.5)"``; an array with a value for each row of
+    ``mesh.points``; or a function that is called once with these points, (n, d), and returns such an array or a number.
+    Between nodes, arrays and functions are interpolated by the shape functions of the facets or elements that they act on.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    title : str
+        Names the model in reports and pictures.
+    """
+
+    def __init__(self, mesh: Mesh, title: str = "") -> None:
+        if not isinstance(mesh, Mesh):
+            raise ValueError(f"mesh: expected a signorini.Mesh, found {type(mesh).__name__}")
+        self.mesh = mesh
+        self.title = title
+        self._tables: list[tuple[str, dict[str, Any]]] = []
+        self._once: dict[str, dict[str, Any]] = {}
+
+    def add(self, table: str, **entries: Any) -> Model:
+        """Add a table of a case file that may stand there several times, such as ``"support"``, with its keys."""
+        made = {name: self._entry(name, value) for name, value in entries.items() if value is not None}
+        _native.check_tables(_toml.table(f"[[{_toml.key(table)}]]", made), self.mesh.dim)
+        self._tables.append((table, made))
+        return self
+
+    def _say(self, table: str, **entries: Any) -> Model:
+        """Say, or say anew, what stands once in a case file."""
+        made = {name: self._entry(name, value) for name, value in entries.items() if value is not None}
+        made = self._once.get(table, {}) | made
+        _native.check_tables(_toml.table(f"[{_toml.key(table)}]", made), self.mesh.dim)
+        self._once[table] = made
+        return self
+
+    def _entry(self, name: str, value: Any) -> Any:
+        """A value with the functions of the place in it replaced by what they give at the nodes."""
+        if isinstance(value, Mapping):
+            return {key: self._entry(f"{name}.{key}", one) for key, one in value.items()}
+        if not callable(value):
+            return value
+        points = self.mesh.points
+        made = np.asarray(value(points))
+        if made.ndim == 0:
+            made = np.broadcast_to(made, (len(points),))
+        if made.shape != (len(points),):
+            raise ValueError(
+                f"{name}: the function was given {len(points)} points and returned an array of shape {made.shape} "
+                f"instead of ({len(points)},)"
+            )
+        if made.dtype.kind not in "fiu":
+            raise ValueError(f"{name}: the function returned an array of dtype {made.dtype} instead of real numbers")
+        return made.astype(np.float64)
+
+    def material(
+        self,
+        region: str | None = None,
+        *,
+        young: float | None = None,
+        poisson: float | None = None,
+        density: float | None = None,
+        incompressible: bool | str | None = None,
+        **more: Any,
+    ) -> Model:
+        """Give a region, or all, its material: E (`young`) in Pa, ν (`poisson`), `density` in kg/m³."""
+        entries = {"young": young, "poisson": poisson, "density": density, "incompressible": incompressible}
+        return self.add("material", region=region, **entries, **more)
+
+    def support(
+        self,
+        boundary: Names | None = None,
+        *,
+        point: Sequence[float] | None = None,
+        x: Quantity | None = None,
+        y: Quantity | None = None,
+        z: Quantity | None = None,
+        radial: Quantity | None = None,
+        hoop: Quantity | None = None,
+        axial: Quantity | None = None,
+        axis: Mapping[str, Sequence[float]] | None = None,
+        symmetry: bool | None = None,
+        factors: Sequence[float] | None = None,
+        **more: Any,
+    ) -> Model:
+        """Prescribe displacements in m on boundaries, or at the node nearest to a `point`; what is left out is free."""
+        along = {"x": x, "y": y, "z": z, "radial": radial, "hoop": hoop, "axial": axial, "axis": axis}
+        return self.add(
+            "support", boundary=boundary, point=point, **along, symmetry=symmetry, factors=factors, **more
+        )
+
+    def traction(
+        self,
+        boundary: Names | None = None,
+        *,
+        x: Quantity | None = None,
+        y: Quantity | None = None,
+        z: Quantity | None = None,
+        pressure: Quantity | None = None,
+        force: Sequence[float] | None = None,
+        radial: Quantity | None = None,
+        hoop: Quantity | None = None,
+        axial: Quantity | None = None,
+        torque: float | None = None,
+        axis: Mapping[str, Sequence[float]] | None = None,
+        factors: Sequence[float] | None = None,
+        **more: Any,
+    ) -> Model:
+        """Add forces in Pa on boundaries, a resultant `force` in N, or a `torque` in N m about an `axis`."""
+        along = {"x": x, "y": y, "z": z, "radial": radial, "hoop": hoop, "axial": axial, "axis": axis}
+        whole = {"pressure": pressure, "force": force, "torque": torque, "factors": factors}
+        return self.add("traction", boundary=boundary, **along, **whole, **more)
+
+    def body_force(
+        self,
+        region: str | None = None,
+        *,
+        x: Quantity | None = None,
+        y: Quantity | None = None,
+        z: Quantity | None = None,
+        factors: Sequence[float] | None = None,
+        **more: Any,
+    ) -> Model:
+        """Add forces in N/m³ in a region, or in all."""
+        return self.add("body_force", region=region, x=x, y=y, z=z, factors=factors, **more)
+
+    def contact(
+        self,
+        boundary: Names,
+        against: Names | None = None,
+        *,
+        obstacle: Mapping[str, Mapping[str, Any]] | None = None,
+        friction: Mapping[str, Quantity] | str | None = None,
+        gap: Quantity | None = None,
+        interference: Quantity | None = None,
+        adjust: float | None = None,
+        edge_angle: float | None = None,
+        search_distance: float | None = None,
+        **more: Any,
+    ) -> Model:
+        """Let a boundary, which carries the contact forces, meet another one or a rigid obstacle.
+
+        Parameters
+        ----------
+        boundary, against : str or list of str
+        obstacle : dict; optional
+            In place of `against`, such as ``{"half_plane": {"point": [0, 0], "normal": [0, 1]}}``.
+        friction : dict; optional
+            ``{"coulomb": 0.3}``, or ``{"tresca": 2e6}`` in Pa; a quantity each.
+        gap, interference : quantity; optional
+            In m, in place of the distance of the meshes.
+        adjust, edge_angle, search_distance : float; optional
+        """
+        law = {"obstacle": obstacle, "friction": friction, "gap": gap, "interference": interference}
+        numbers = {"adjust": adjust, "edge_angle": edge_angle, "search_distance": search_distance}
+        return self.add("contact", boundary=boundary, against=against, **law, **numbers, **more)
+
+    def steps(self, factors: Sequence[float]) -> Model:
+        """Make load steps: what loads and prescribed displacements are multiplied by in each, one after another."""
+        return self._say("steps", factors=factors)
+
+    def analysis(
+        self,
+        *,
+        plane: str | None = None,
+        thickness: float | None = None,
+        gravity: Sequence[float] | None = None,
+        **more: Any,
+    ) -> Model:
+        """Say "plane_strain" or "plane_stress", the thickness in m, and gravity in m/s²."""
+        return self._say("analysis", plane=plane, thickness=thickness, gravity=gravity, **more)
+
+    def units(self, *, length: str | None = None, force: str | None = None) -> Model:
+        """Say what reports call lengths and forces; nothing is converted."""
+        return self._say("units", length=length, force=force)
+
+    def solver(self, **settings: Any) -> Model:
+        """Say the keys of ``[solver]`` that solves of this model begin with."""
+        return self._say("solver", **settings)
+
+    @property
+    def toml(self) -> str:
+        """What a case file says in place of the model, without its mesh."""
+        head = _toml.table("", {"title": self.title or None}).lstrip()
+        once = [_toml.table(f"[{_toml.key(name)}]", entries) for name, entries in self._once.items()]
+        # Tables of one kind have to stand together.
+        kinds = dict.fromkeys(name for name, _ in self._tables)
+        listed = [
+            _toml.table(f"[[{_toml.key(kind)}]]", entries)
+            for kind in kinds
+            for name, entries in self._tables
+            if name == kind
+        ]
+        return "\n".join(text for text in [head, *once, *listed] if text)
+
+    def build(self) -> Problem:
+        """Assemble the contact problem, for several solves.
+
+        Raises
+        ------
+        ModelError
+            If the model cannot be meant: the text names the part.
+        """
+        return Problem._of(_native.build(self.mesh._native, self.toml))
+
+    def solve(self, **keywords: Any) -> Solution:
+        """Assemble and solve: keywords, result and errors are those of `Problem.solve`."""
+        return self.build().solve(**keywords)
+
+    def __repr__(self) -> str:
+        counts: dict[str, int] = {}
+        for name, _ in self._tables:
+            counts[name] = counts.get(name, 0) + 1
+        said = ", ".join(f"{count} × {name}" for name, count in counts.items())
+        return f"<Model on {self.mesh!r}: {said or 'nothing said yet'}>"

@@ -1,0 +1,406 @@
+"""Contact problems: from matrices, from case files, and as models make them."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import _arrays, _native
+from ._errors import NotConvergedWarning, SolveError
+from ._solution import Solution, contact_names
+from ._toml import setting
+from ._watch import LOG, Bar, Hearer, Step
+
+
+class Problem:
+    """A contact problem from matrices, kept with its factor or its multigrid hierarchy.
+
+    Find u and the contact forces λν (m), λτ (m × (d − 1)) with K u + Nᵀλν + Tᵀλτ = f, N u ≤ d where λν presses, and
+    friction as Tresca's or Coulomb's law says.
+
+    Parameters
+    ----------
+    K : sparse or dense matrix, (n, n)
+        The stiffness matrix, symmetric, positive definite, or semidefinite where bodies can move as a whole (which
+        `coordinates` tell).
+    f : array_like, (n,)
+        The load.
+    normal : sparse or dense matrix, (m, n)
+        N: the displacement of contact node i towards the obstacle is (N u)ᵢ.
+    tangential : sparse or dense matrix, (m, n) in the plane, (2 m, n) in space; optional
+        T: the displacement of contact node i along the boundary; in space rows 2 i and 2 i + 1 are those along two
+        directions at right angles. Left out, there is no friction.
+    gap : array_like, (m,), or float
+        d: the initial gap.
+    slip_bound : array_like, (m,), or float; optional
+        g: Tresca's law, a force per contact node.
+    friction : array_like, (m,), or float; optional
+        μ: Coulomb's law, where it is above 0.
+    coordinates : array_like, (n / d, d); optional
+        The node of each d unknowns, which are ordered node by node.
+    dim : 2 or 3; optional
+        The dimension; it follows from the shapes of T and `coordinates` otherwise.
+    interference : bool
+        Whether entries of `gap` below 0 are meant: an overlap of what is pressed or shrunk on.
+    slip_origin : array_like, a number per row of T; optional
+        What slip is counted from.
+    areas : array_like, (m,); optional
+        What turns forces into pressures, which are what the tolerance is about.
+    dependent_rows : bool
+        Whether rows of N and T may depend on each other, as those of bodies do where several parts of one lie under one
+        facet of another.
+
+    Raises
+    ------
+    ValueError
+        If an argument has the wrong shape or type, or entries that make no sense.
+    """
+
+    def __init__(
+        self,
+        K: Any,
+        f: ArrayLike,
+        *,
+        normal: Any,
+        tangential: Any = None,
+        gap: ArrayLike = 0.0,
+        slip_bound: ArrayLike | None = None,
+        friction: ArrayLike | None = None,
+        coordinates: ArrayLike | None = None,
+        dim: int | None = None,
+        interference: bool = False,
+        slip_origin: ArrayLike | None = None,
+        areas: ArrayLike | None = None,
+        dependent_rows: bool = False,
+    ) -> None:
+        if dim not in (None, 2, 3):
+            raise ValueError(f"dim: it is 2 or 3, not {dim!r}")
+        points = None if coordinates is None else _arrays.table("coordinates", coordinates)
+        N = _arrays.sparse("normal", normal)
+        m = N[0]
+        if tangential is None:
+            if slip_bound is not None or friction is not None:
+                raise ValueError("tangential: friction needs T, the displacements along the boundary")
+            d = dim if dim is not None else 2 if points is None else points.shape[1]
+            T = _arrays.zeros((d - 1) * m, N[1])
+        else:
+            if slip_bound is None and friction is None:
+                raise ValueError("slip_bound or friction: T is given, so state Tresca's or Coulomb's law, or leave T out")
+            T = _arrays.sparse("tangential", tangential)
+        bound = 0.0 if slip_bound is None else slip_bound
+        self._native = _native.Problem.matrices(
+            _arrays.sparse("K", K),
+            _arrays.vector("f", f),
+            N,
+            T,
+            _arrays.vector("gap", gap, m),
+            _arrays.vector("slip_bound", bound, m),
+            None if friction is None else _arrays.vector("friction", friction, m),
+            points,
+            dim,
+            interference=bool(interference),
+            dependent_rows=bool(dependent_rows),
+            slip_origin=None if slip_origin is None else _arrays.vector("slip_origin", slip_origin, T[0]),
+            areas=None if areas is None else _arrays.vector("areas", areas, m),
+        )
+
+    @classmethod
+    def _of(cls, native: _native.Problem) -> Problem:
+        self = cls.__new__(cls)
+        self._native = native
+        return self
+
+    @property
+    def title(self) -> str:
+        """The title of the case."""
+        return self._native.title
+
+    @property
+    def dim(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self._native.dim
+
+    @property
+    def n(self) -> int:
+        """Unknowns that no support prescribes."""
+        return self._native.n
+
+    @property
+    def m(self) -> int:
+        """Contact places."""
+        return self._native.m
+
+    @property
+    def n_steps(self) -> int:
+        """Load steps."""
+        return self._native.n_steps
+
+    @property
+    def contacts(self) -> list[str]:
+        """The names of the contacts, as `Solution.contacts` has them; none of a problem from matrices."""
+        return contact_names(self._native.contacts())
+
+    def __repr__(self) -> str:
+        steps = f", {self.n_steps} load steps" if self.n_steps > 1 else ""
+        where = "the plane" if self.dim == 2 else "space"
+        return f"<{type(self).__name__} in {where}: n = {self.n}, m = {self.m}{steps}>"
+
+    def _is_model(self) -> bool:
+        return self._native.contact_of_places() is not None
+
+    def _friction(self, given: ArrayLike | Mapping[str, float]) -> _arrays.Floats:
+        """The coefficients of all places, from one, from one for each, or by the names of contacts."""
+        if not isinstance(given, Mapping):
+            return _arrays.vector("friction", given, self.m)
+        of_places = self._native.contact_of_places()
+        names = self.contacts
+        if of_places is None:
+            raise ValueError("friction: a problem from matrices has no named contacts; give a number, or one for each")
+        coefficients = np.array(self._native.friction_coefficient() or [0.0] * self.m)
+        for name, value in given.items():
+            if name not in names:
+                raise ValueError(f"friction: there is no contact {name!r}; there are {', '.join(map(repr, names))}")
+            coefficients[np.asarray(of_places) == names.index(name)] = value
+        return coefficients
+
+    def solve(
+        self,
+        f: ArrayLike | None = None,
+        *,
+        gap: ArrayLike | None = None,
+        slip_bound: ArrayLike | None = None,
+        friction: ArrayLike | Mapping[str, float] | None = None,
+        slip_origin: ArrayLike | None = None,
+        after: Solution | None = None,
+        tolerance: float | None = None,
+        stiffness: str = "auto",
+        backend: str = "auto",
+        precision: str = "auto",
+        preconditioner: str = "multigrid",
+        adapter: str | int | None = None,
+        callback: Callable[[Step], object] | None = None,
+        progress: bool = False,
+        check: bool = False,
+        **settings: Any,
+    ) -> Solution:
+        """Solve, on the factor or the hierarchy of the solves before where `stiffness`, `backend`, `precision`,
+        `preconditioner` and `adapter` are the same as then.
+
+        Several threads may call it: solves of one problem wait for each other, those of several do not.
+
+        Parameters
+        ----------
+        f, gap, slip_bound, slip_origin : array_like; optional
+            Other vectors than those that the problem was made of. For problems from matrices only: of models and cases the
+            load steps say them.
+        friction : array_like, (m,), float, or dict; optional
+            Other coefficients of friction: for all places, one for each, or by the names of contacts.
+        after : Solution; optional
+            The load step before this one: friction acts on the slip since then. For problems from matrices only.
+        tolerance : float; optional
+            ε; 1e-6, or what the case says.
+        stiffness : {"auto", "cholesky", "pcg"}
+            How systems with K are solved.
+        backend : {"auto", "cpu", "gpu"}
+            Where to compute.
+        precision : {"auto", "f64", "f32"}
+            That of a GPU's kernels; answers are accurate to f64 in any case.
+        preconditioner : {"multigrid", "block-jacobi"}
+            Of PCG.
+        adapter : str or int; optional
+            The GPU to take: a part of its name, or its number in the list of ``signorini adapters``.
+        callback : callable; optional
+            Called with a `Step` after each outer step; the solve stops where it returns False.
+        progress : bool
+            Whether to draw a bar on standard error.
+        check : bool
+            Whether not to converge is an error.
+        **settings
+            The other keys of ``[solver]`` in case files, such as ``max_iterations``; ``time_limit`` in seconds.
+
+        Returns
+        -------
+        Solution
+
+        Raises
+        ------
+        ValueError
+            If an argument makes no sense.
+        SolveError
+            If the problem cannot be solved or, with `check`, does not converge; `error.solution` has what was reached, or
+            None.
+        KeyboardInterrupt
+            After Ctrl-C, as soon as the product at hand is made; `error.solution` has what was reached.
+
+        Warns
+        -----
+        NotConvergedWarning
+            If the solve stops without convergence.
+        """
+        vectors = {"f": f, "gap": gap, "slip_bound": slip_bound, "slip_origin": slip_origin, "after": after}
+        if self._is_model():
+            for name, value in vectors.items():
+                if value is not None:
+                    raise ValueError(f"{name}: what acts on a model, and in which steps, is said by the model")
+        m = self.m
+        lengths = {"gap": m, "slip_bound": m, "slip_origin": (self.dim - 1) * m}
+        arrays = {
+            name: _arrays.vector(name, value, lengths.get(name))
+            for name, value in vectors.items()
+            if value is not None and not isinstance(value, Solution)
+        }
+        if friction is not None:
+            arrays["friction"] = self._friction(friction)
+        if "f" in arrays:
+            arrays["load"] = arrays.pop("f")
+        if "after" in arrays:
+            raise ValueError("after: expected a Solution")
+        if callback is not None and not callable(callback):
+            raise ValueError("callback: expected something to call, or None")
+        keywords = {
+            "tolerance": tolerance,
+            "stiffness": stiffness,
+            "backend": backend,
+            "precision": precision,
+            "preconditioner": preconditioner,
+            "adapter": adapter,
+            **settings,
+        }
+        bar = Bar(tolerance or 1e-6) if progress else None
+        heard = callback is not None or bar is not None or LOG.isEnabledFor(20)
+        native, stopped = self._native.solve(
+            Hearer(callback, bar) if heard else None,
+            keywords,
+            before=None if after is None else after._handle("after"),
+            **arrays,
+        )
+        solution = Solution(native)
+        if stopped is not None:
+            stopped.solution = solution if native.n_steps else None
+            raise stopped
+        return _told(solution, check)
+
+
+def _told(solution: Solution, check: bool) -> Solution:
+    """The solution, and a word where it has not converged."""
+    if solution.converged:
+        return solution
+    text = f"not converged: {solution.status}"
+    bodies = [f"{body['body']}: {body['motion']}" for body in solution.report["steps"][-1]["not_held"]]
+    if bodies:
+        text += " (" + "; ".join(bodies) + ")"
+    if check:
+        error = SolveError(text)
+        error.solution = solution
+        raise error
+    warnings.warn(text, NotConvergedWarning, stacklevel=3)
+    return solution
+
+
+def solve(
+    K: Any,
+    f: ArrayLike,
+    *,
+    normal: Any,
+    tangential: Any = None,
+    gap: ArrayLike = 0.0,
+    slip_bound: ArrayLike | None = None,
+    friction: ArrayLike | None = None,
+    coordinates: ArrayLike | None = None,
+    dim: int | None = None,
+    interference: bool = False,
+    slip_origin: ArrayLike | None = None,
+    areas: ArrayLike | None = None,
+    dependent_rows: bool = False,
+    tolerance: float = 1e-6,
+    stiffness: str = "auto",
+    backend: str = "auto",
+    precision: str = "auto",
+    callback: Callable[[Step], object] | None = None,
+    progress: bool = False,
+    check: bool = False,
+    **settings: Any,
+) -> Solution:
+    """Solve a contact problem from matrices.
+
+    Parameters are those of `Problem`, then those of `Problem.solve`, and so is what it returns and raises.
+
+    Examples
+    --------
+    Two springs in a row, the outer one pushed into a wall that is 1 away and rubs with at most 0.1:
+
+    >>> import signorini
+    >>> solution = signorini.solve(
+    ...     [[2, -1], [-1, 1]], [0, 1], normal=[[0, 1]], tangential=[[1, 0]], gap=1.0, slip_bound=0.1
+    ... )
+    >>> solution.u.round(6)
+    array([0.45, 1.  ])
+    """
+    problem = Problem(
+        K,
+        f,
+        normal=normal,
+        tangential=tangential,
+        gap=gap,
+        slip_bound=slip_bound,
+        friction=friction,
+        coordinates=coordinates,
+        dim=dim,
+        interference=interference,
+        slip_origin=slip_origin,
+        areas=areas,
+        dependent_rows=dependent_rows,
+    )
+    return problem.solve(
+        tolerance=tolerance,
+        stiffness=stiffness,
+        backend=backend,
+        precision=precision,
+        callback=callback,
+        progress=progress,
+        check=check,
+        **settings,
+    )
+
+
+class Case(Problem):
+    """What a case file is about, ready to be solved; `Case.read` makes it."""
+
+    path: Path
+
+    def __init__(self) -> None:
+        raise TypeError("Case.read(path) makes one")
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str], settings: Mapping[str, Any] | None = None) -> Case:
+        """Read a case file with its mesh or matrices, and assemble it.
+
+        Parameters
+        ----------
+        path : path
+            The case file (TOML).
+        settings : dict; optional
+            Entries to replace or add, by their keys: ``{"solver.tolerance": 1e-8, "contact.0.friction.coulomb": 0.4}``.
+
+        Returns
+        -------
+        Case
+
+        Raises
+        ------
+        OSError
+            If a file cannot be read.
+        ModelError
+            If the case cannot be meant; the text names the line.
+        """
+        texts = [setting(key, value) for key, value in (settings or {}).items()]
+        self = cls.__new__(cls)
+        self._native = _native.read_case(os.fspath(path), texts)
+        self.path = Path(path)
+        return self

@@ -1,0 +1,15 @@
+"""The command ``signorini``."""
+
+import os
+import sys
+
+
+def main() -> int:
+    """Run the command line with the arguments of this process; returns its exit code."""
+    import signal
+
+    from ._native import program
+
+    # Ctrl-C is the program's, which writes what it has before it ends.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    return program(["signorini", *map(os.fsdecode, sys.argv[1:])])

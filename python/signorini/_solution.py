@@ -1,0 +1,544 @@
+"""What has come of a solve."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native
+from ._mesh import MESHIO
+from ._watch import slips
+
+Floats = NDArray[np.float64]
+
+HISTORY = np.dtype(
+    [
+        ("load_step", np.int64),
+        ("round", np.int64),
+        ("iter", np.int64),
+        ("inner", np.int64),
+        ("products", np.int64),
+        ("err", np.float64),
+        ("predicted", np.float64),
+        ("separated", np.int64),
+        ("stick", np.int64),
+        ("slip", np.int64),
+        ("frictionless", np.int64),
+        ("changes", np.int64),
+        ("safeguarded", np.bool_),
+    ]
+)
+
+
+def _nan(value: float | None) -> float:
+    """A number of a report, where what is not finite is null."""
+    return float("nan") if value is None else value
+
+
+def contact_names(pairs: Sequence[tuple[str, str]]) -> list[str]:
+    """What contacts are called: by their boundary, and by both where one stands in several."""
+    boundaries = [boundary for boundary, _ in pairs]
+    names: list[str] = []
+    for boundary, against in pairs:
+        name = boundary if boundaries.count(boundary) == 1 else f"{boundary} / {against}"
+        while name in names:
+            name += "'"
+        names.append(name)
+    return names
+
+
+@dataclass(frozen=True)
+class Kkt:
+    """Violations of the optimality conditions, checked in double precision against K, each relative to its own size."""
+
+    equilibrium: float
+    penetration: float
+    tension: float
+    complementarity: float
+    friction_bound: float
+    slip: float
+
+    def max(self) -> float:
+        """The largest of them."""
+        values = np.array([self.equilibrium, self.penetration, self.tension, self.complementarity])
+        return float(np.max([*values, self.friction_bound, self.slip]))
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Contact:
+    """A contact at the end of a load step; arrays have an entry for each of its k places.
+
+    Attributes
+    ----------
+    name, boundary, against, friction : str
+    points, normals : ndarray, (k, d)
+        Where the places are, and their normals, away from the body of `boundary`.
+    tangents : ndarray, (k, d − 1, d)
+        The directions that `traction` and `slip` are along.
+    areas : ndarray, (k,)
+    pressure : ndarray, (k,)
+        In Pa; ≥ 0.
+    traction : ndarray, (k, d − 1)
+        Of friction, on the body of `boundary`, in Pa.
+    bound : ndarray, (k,)
+        The bound that the traction obeys, in Pa.
+    traction_vectors : ndarray, (k, d)
+        The whole traction along the axes, in Pa.
+    gap : ndarray, (k,)
+        In m, after loading.
+    slip : ndarray, (k, d − 1)
+        Displacement against the other side, in m.
+    state : ndarray of str, (k,)
+        "separated", "stick", "slip", or "contact" without a law of friction.
+    force, moment, centre : ndarray
+        Resultant on the body of `boundary` in N, its moment in N m about `centre`.
+    normal_force, tangential_force : float
+        In N.
+    slipping_work : float
+        What friction has dissipated in the load step, in J.
+    area : float
+        In contact, in m².
+    """
+
+    name: str
+    boundary: str
+    against: str
+    friction: str
+    points: Floats
+    normals: Floats
+    tangents: Floats
+    areas: Floats
+    pressure: Floats
+    traction: Floats
+    bound: Floats
+    traction_vectors: Floats
+    gap: Floats
+    slip: Floats
+    state: NDArray[np.str_]
+    force: Floats
+    moment: Floats
+    centre: Floats
+    normal_force: float
+    tangential_force: float
+    slipping_work: float
+    area: float
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{np.sum(self.state == state)} {state}" for state in np.unique(self.state))
+        return f"<Contact {self.name!r} with {self.against}: {counts}; normal force {self.normal_force:.6g}>"
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """What a support carries at the end of a load step: `force` on the body in N, `moment` in N m about `centre`."""
+
+    name: str
+    force: Floats
+    moment: Floats
+    centre: Floats
+
+
+class LoadStep:
+    """The end of a load step.
+
+    Attributes
+    ----------
+    number : int
+        From 1.
+    report : dict
+        Its part of ``report.json``.
+    """
+
+    def __init__(self, of: Solution, number: int) -> None:
+        self._of = of
+        self.number = number
+        self.report: dict[str, Any] = of.report["steps"][number - 1]
+
+    @property
+    def status(self) -> str:
+        """ "converged", "iteration_limit", "stagnated", "not_held", "time_limit", "interrupted"."""
+        return str(self.report["status"])
+
+    @property
+    def converged(self) -> bool:
+        """Whether the accuracy that was asked for is reached, and checked."""
+        return self.status == "converged"
+
+    @property
+    def factor(self) -> float:
+        """The common load factor."""
+        return float(self.report["factor"])
+
+    @property
+    def u(self) -> Floats:
+        """Displacements: of a model (nodes, d); of matrices (n,)."""
+        return self._data("u")
+
+    @property
+    def lambda_normal(self) -> Floats:
+        """λν, the normal contact forces, (m,)."""
+        return self._data("lambda_normal")
+
+    @property
+    def lambda_tangential(self) -> Floats:
+        """λτ, the friction forces, (m, d − 1)."""
+        return self._data("lambda_tangential")
+
+    @property
+    def slip(self) -> Floats:
+        """Slip in this load step, (m, d − 1)."""
+        return self._data("slip")
+
+    @property
+    def slip_bound(self) -> Floats:
+        """The slip bounds that λτ obeys, (m,)."""
+        return self._data("slip_bound")
+
+    @property
+    def state(self) -> NDArray[np.str_]:
+        """What each contact place does, (m,): "separated", "stick", "slip", or "contact" without friction."""
+        state: NDArray[np.str_] = self._data("state")
+        return state
+
+    @property
+    def stress(self) -> Floats:
+        """Stresses at the nodes in Pa, (nodes, 6): xx, yy, zz, xy, yz, zx. Of models."""
+        return self._data("stress")
+
+    @property
+    def stress_in_elements(self) -> Floats:
+        """The same in the middle of the elements, (elements, 6)."""
+        return self._data("stress_in_elements")
+
+    @property
+    def contacts(self) -> dict[str, Contact]:
+        """The contacts of a model by the names of their boundaries; empty of matrices."""
+        contacts: dict[str, Contact] = self._data("contacts")
+        return contacts
+
+    @property
+    def supports(self) -> list[Support]:
+        """What the supports of a model carry, in its order."""
+        return [
+            Support(one["support"], *(np.array(one[key]) for key in ("force", "moment", "centre")))
+            for one in self.report["supports"]
+        ]
+
+    @property
+    def kkt(self) -> Kkt:
+        """The optimality conditions."""
+        return Kkt(**{name: _nan(value) for name, value in self.report["kkt"].items()})
+
+    @property
+    def iterations(self) -> int:
+        """Outer steps."""
+        return int(self.report["iter"])
+
+    @property
+    def products(self) -> int:
+        """Products with A."""
+        return int(self.report["n_A"])
+
+    def __repr__(self) -> str:
+        return f"<LoadStep {self.number}: {self.status}, {self.iterations} steps, {self.products} products>"
+
+    def _data(self, name: str) -> Any:
+        return self._of._data(self.number - 1, name)
+
+
+class Solution:
+    """The result of a solve: its load steps, of which the last one is that of the solution itself.
+
+    It may be pickled, with all of its numbers; `write` and the page in notebooks then need the original.
+
+    Attributes
+    ----------
+    report : dict
+        What ``report.json`` says.
+    steps : list of LoadStep
+        The load steps made.
+    """
+
+    def __init__(self, native: _native.Solved) -> None:
+        self._native: _native.Solved | None = native
+        self.report: dict[str, Any] = json.loads(native.report())
+        self._cache: dict[tuple[int, str], Any] = {}
+
+    @property
+    def steps(self) -> list[LoadStep]:
+        """The load steps made, from the first."""
+        return [LoadStep(self, number + 1) for number in range(len(self.report["steps"]))]
+
+    @property
+    def last(self) -> LoadStep:
+        """The last load step made."""
+        steps = self.report["steps"]
+        if not steps:
+            raise AttributeError("no load step was made")
+        return LoadStep(self, len(steps))
+
+    @property
+    def status(self) -> str:
+        """How the last load step ended: "converged", "iteration_limit", "stagnated", "not_held", "time_limit",
+        "interrupted"; "error" where an error has ended the solve after the steps that there are."""
+        return str(self.report["status"])
+
+    @property
+    def converged(self) -> bool:
+        """Whether the accuracy that was asked for is reached, and checked, in all load steps."""
+        return self.status == "converged"
+
+    @property
+    def u(self) -> Floats:
+        """Displacements: of a model (nodes, d); of matrices (n,)."""
+        return self.last.u
+
+    @property
+    def lambda_normal(self) -> Floats:
+        """λν, the normal contact forces, (m,)."""
+        return self.last.lambda_normal
+
+    @property
+    def lambda_tangential(self) -> Floats:
+        """λτ, the friction forces, (m, d − 1)."""
+        return self.last.lambda_tangential
+
+    @property
+    def slip(self) -> Floats:
+        """Slip in the last load step, (m, d − 1)."""
+        return self.last.slip
+
+    @property
+    def slip_bound(self) -> Floats:
+        """The slip bounds that λτ obeys, (m,)."""
+        return self.last.slip_bound
+
+    @property
+    def state(self) -> NDArray[np.str_]:
+        """What each contact place does, (m,): "separated", "stick", "slip", or "contact" without friction."""
+        return self.last.state
+
+    @property
+    def stress(self) -> Floats:
+        """Stresses at the nodes in Pa, (nodes, 6): xx, yy, zz, xy, yz, zx. Of models."""
+        return self.last.stress
+
+    @property
+    def stress_in_elements(self) -> Floats:
+        """The same in the middle of the elements, (elements, 6)."""
+        return self.last.stress_in_elements
+
+    @property
+    def contacts(self) -> dict[str, Contact]:
+        """The contacts of a model by the names of their boundaries; empty of matrices."""
+        return self.last.contacts
+
+    @property
+    def supports(self) -> list[Support]:
+        """What the supports of a model carry, in its order."""
+        return self.last.supports
+
+    @property
+    def kkt(self) -> Kkt:
+        """The optimality conditions."""
+        return self.last.kkt
+
+    @property
+    def n(self) -> int:
+        """Unknowns that no support prescribes."""
+        return int(self.report["n"])
+
+    @property
+    def m(self) -> int:
+        """Contact places."""
+        return int(self.report["m"])
+
+    @property
+    def iterations(self) -> int:
+        """Outer steps of all load steps."""
+        return int(self.report["iter"])
+
+    @property
+    def products(self) -> int:
+        """Products with A of all load steps."""
+        return int(self.report["n_A"])
+
+    @property
+    def hints(self) -> list[str]:
+        """What the figures suggest to look at."""
+        return list(self.report["hints"])
+
+    @property
+    def history(self) -> NDArray[Any]:
+        """A row for each outer step, as a structured array: ``history["err"]``, ``history["products"]`` …"""
+        rows = [
+            (
+                row["load_step"],
+                row["round"],
+                row["iter"],
+                row["inner"],
+                row["n_A"],
+                _nan(row["err"]),
+                _nan(row["predicted"]),
+                row["sets"]["separated"],
+                row["sets"]["stick"],
+                slips(row["sets"]),
+                row["sets"]["frictionless"],
+                row["changes"],
+                row["safeguarded"],
+            )
+            for row in self.report["history"]
+        ]
+        return np.array(rows, dtype=HISTORY)
+
+    def write(self, directory: str | os.PathLike[str], plots: bool = False) -> list[Path]:
+        """Write what ``signorini solve`` writes: ``report.json``, ``solution.vtu``, ``contact.csv``.
+
+        Parameters
+        ----------
+        directory : path
+            Made if need be; results of a run before are removed.
+        plots : bool
+            Whether to draw pictures and write ``report.html``.
+
+        Returns
+        -------
+        list of Path
+            The files.
+        """
+        files = self._handle("write").write(os.fspath(directory), plots)
+        return [Path(file) for file in files]
+
+    def to_meshio(self) -> Any:
+        """The bodies at the end of the last load step as a mesh of meshio, with displacement and stress."""
+        import meshio
+
+        points, cells = self._mesh()
+        order = np.concatenate([numbers for _, numbers, _ in cells])
+        in_elements = self.stress_in_elements
+        ends = np.cumsum([len(numbers) for _, numbers, _ in cells])[:-1]
+        return meshio.Mesh(
+            _in_space(points),
+            [(MESHIO[kind], nodes.astype(np.int64)) for kind, _, nodes in cells],
+            point_data={"displacement": _in_space(self.u), "stress": self.stress},
+            cell_data={"stress": np.split(in_elements[order], ends)},
+        )
+
+    def to_pyvista(self) -> Any:
+        """The bodies at the end of the last load step as a ``pyvista.UnstructuredGrid``, with displacement and stress."""
+        import pyvista
+
+        return pyvista.from_meshio(self.to_meshio())
+
+    def __repr__(self) -> str:
+        loads = len(self.report["steps"])
+        of = f" in {loads} load steps" if loads > 1 else ""
+        return (
+            f"<Solution {self.status}: n = {self.n}, m = {self.m}, "
+            f"{self.iterations} steps, {self.products} products{of}>"
+        )
+
+    def _repr_html_(self) -> str:
+        if self._native is None:
+            return html.escape(repr(self))
+        with tempfile.TemporaryDirectory() as directory:
+            self.write(directory, plots=True)
+            page = Path(directory, "report.html").read_text(encoding="utf-8")
+        frame = 'style="width: 100%; height: 640px; border: 1px solid #ddd"'
+        return f'<iframe {frame} srcdoc="{html.escape(page)}"></iframe>'
+
+    def __getstate__(self) -> dict[str, Any]:
+        names = list(_VECTORS)
+        if self._mesh_or_none() is not None:
+            names += ["stress", "stress_in_elements", "contacts"]
+        for step in range(len(self.report["steps"])):
+            for name in names:
+                self._data(step, name)
+        return {"report": self.report, "_cache": self._cache, "_native": None}
+
+    def _handle(self, what: str) -> _native.Solved:
+        """The solver's own; gone once pickled."""
+        if self._native is None:
+            raise ValueError(f"{what}: this solution was pickled, and has its numbers alone; use that of the solve")
+        return self._native
+
+    def _mesh_or_none(self) -> Any:
+        if (0, "mesh") not in self._cache:
+            self._cache[0, "mesh"] = self._handle("mesh").mesh()
+        return self._cache[0, "mesh"]
+
+    def _mesh(self) -> Any:
+        mesh = self._mesh_or_none()
+        if mesh is None:
+            raise AttributeError("a problem from matrices has no mesh")
+        return mesh
+
+    def _data(self, step: int, name: str) -> Any:
+        """An array of a load step, made when it is first asked for."""
+        if (step, name) not in self._cache:
+            self._make(step, name)
+        return self._cache[step, name]
+
+    def _make(self, step: int, name: str) -> None:
+        native = self._handle(name)
+        made: dict[str, Any] = {}
+        bodies = self._mesh_or_none() is not None
+        if name == "u" and bodies:
+            made["u"] = native.displacement(step)
+        elif name in _VECTORS:
+            made = native.vectors(step)
+            rows = (self.m, -1) if self.m else (0, 1)
+            for tangential in ("lambda_tangential", "slip"):
+                made[tangential] = made[tangential].reshape(rows)
+            made["state"] = np.array(made["state"], dtype=np.str_)
+            if bodies:
+                del made["u"]
+        elif name == "contacts":
+            made["contacts"] = self._contacts(step) if bodies else {}
+        else:
+            made["stress"], made["stress_in_elements"] = native.stress(step)
+        for key, value in made.items():
+            self._cache[step, key] = value
+
+    def _contacts(self, step: int) -> dict[str, Contact]:
+        fields = self._handle("contacts").contact(step)
+        pair_of = fields.pop("contact")
+        fields["state"] = np.array(fields["state"], dtype=np.str_)
+        places, d = fields["points"].shape
+        for name, shape in {"traction": (places, d - 1), "slip": (places, d - 1), "tangents": (places, d - 1, d)}.items():
+            fields[name] = fields[name].reshape(shape)
+        reports = self.report["steps"][step]["contacts"]
+        names = contact_names([(one["boundary"], one["against"]) for one in reports])
+        contacts = {}
+        for number, (name, one) in enumerate(zip(names, reports)):
+            of = pair_of == number
+            whole = {key: np.array(one[key]) for key in ("force", "moment", "centre")}
+            numbers = {key: _nan(one[key]) for key in ("normal_force", "tangential_force", "slipping_work", "area")}
+            contacts[name] = Contact(
+                name=name,
+                boundary=one["boundary"],
+                against=one["against"],
+                friction=one["friction"],
+                **{key: value[of] for key, value in fields.items()},
+                **whole,
+                **numbers,
+            )
+        return contacts
+
+
+_VECTORS = ("u", "lambda_normal", "lambda_tangential", "slip_bound", "slip", "state")
+
+
+def _in_space(vectors: Floats) -> Floats:
+    """Places or vectors with three components."""
+    missing = 3 - vectors.shape[1]
+    return np.pad(vectors, ((0, 0), (0, missing))) if missing else vectors

@@ -1,0 +1,135 @@
+"""Who hears of a solve: callbacks, the log, the bar."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+LOG = logging.getLogger("signorini")
+
+
+@dataclass(frozen=True)
+class Step:
+    """An outer step of the method, as a callback sees it.
+
+    Attributes
+    ----------
+    load_step : int
+        The load step, from 1.
+    iter : int
+        The step, from 1.
+    inner : int
+        Newton steps on the surrogate; in the algorithms as printed, CG iterations.
+    products : int
+        Products with A since the start of the load step.
+    err : float
+        The error relative to the first one.
+    separated, stick, slip, frictionless : int
+        How many contact places touch nothing, stick, slip, or have no law of friction.
+    changes : int
+        Places that have changed their set since the step before.
+    """
+
+    load_step: int
+    iter: int
+    inner: int
+    products: int
+    err: float
+    separated: int
+    stick: int
+    slip: int
+    frictionless: int
+    changes: int
+
+    @classmethod
+    def _of(cls, row: dict[str, Any]) -> Step:
+        sets = row["sets"]
+        err = row["err"]
+        return cls(
+            load_step=row["load_step"],
+            iter=row["iter"],
+            inner=row["inner"],
+            products=row["n_A"],
+            err=math.nan if err is None else err,
+            separated=sets["separated"],
+            stick=sets["stick"],
+            slip=slips(sets),
+            frictionless=sets["frictionless"],
+            changes=row["changes"],
+        )
+
+
+def slips(sets: dict[str, int]) -> int:
+    """How many places slip, whichever way."""
+    return sets["slip"] if "slip" in sets else sets["slip_plus"] + sets["slip_minus"]
+
+
+class Hearer:
+    """Hears news of a solve, on the thread that it was called from."""
+
+    def __init__(self, callback: Callable[[Step], object] | None, bar: Bar | None) -> None:
+        self._callback = callback
+        self._bar = bar
+
+    def line(self, text: str) -> None:
+        """What was chosen and why."""
+        LOG.info(text)
+
+    def begins(self, number: int, of: int, factor: float) -> None:
+        """A load step begins."""
+        if of > 1:
+            LOG.info("load step %d of %d, factor %g", number, of, factor)
+        if self._bar:
+            self._bar.begins(number, of)
+
+    def step(self, row: str, words: str) -> bool:
+        """An outer step is made; whether to go on."""
+        LOG.debug(words)
+        if not self._callback and not self._bar:
+            return True
+        step = Step._of(json.loads(row))
+        if self._bar:
+            self._bar.step(step)
+        return self._callback is None or self._callback(step) is not False
+
+    def ends(self, number: int, status: str) -> None:
+        """A load step has ended."""
+        LOG.info("load step %d: %s", number, status)
+        if self._bar:
+            self._bar.ends()
+
+
+class Bar:
+    """A line on standard error that is written over: how many decades the error has still to fall."""
+
+    WIDTH = 30
+
+    def __init__(self, tolerance: float) -> None:
+        self._decades = -math.log10(tolerance)
+        self._where = ""
+
+    def begins(self, number: int, of: int) -> None:
+        """A load step begins."""
+        self._where = f"load step {number}/{of} " if of > 1 else ""
+        self._show(0.0, "")
+
+    def step(self, step: Step) -> None:
+        """An outer step is made."""
+        fallen = -math.log10(step.err) if step.err > 0 else self._decades
+        self._show(fallen / self._decades, f"step {step.iter}, err {step.err:.1e}, {step.products} products")
+
+    def ends(self) -> None:
+        """A load step has ended."""
+        sys.stderr.write("\n")
+        sys.stderr.flush()
+
+    def _show(self, part: float, text: str) -> None:
+        full = round(self.WIDTH * min(max(part, 0.0), 1.0)) if math.isfinite(part) else 0
+        bar = "█" * full + "·" * (self.WIDTH - full)
+        sys.stderr.write(f"\r{self._where}{bar} {text:<40}")
+        sys.stderr.flush()

@@ -1,0 +1,39 @@
+//! What of the Python package `signorini` is Rust: problems, meshes and solves, with numbers as arrays of NumPy. Names, defaults
+//! and everything that Python says better stand in `signorini/*.py`; no user meets this module itself.
+
+mod arrays;
+mod errors;
+mod mesh;
+mod problem;
+mod settings;
+mod solved;
+mod watch;
+
+use pyo3::prelude::*;
+
+/// The Rust side of the package.
+#[pymodule]
+mod _native {
+    #[pymodule_export]
+    use super::errors::{ModelError, SolveError};
+    #[pymodule_export]
+    use super::mesh::Mesh;
+    #[pymodule_export]
+    use super::problem::{Problem, build, check_tables, read_case};
+    #[pymodule_export]
+    use super::solved::Solved;
+    #[pymodule_export]
+    use super::{program, version};
+}
+
+/// Runs the command line with these arguments, the name of the program first; returns its exit code.
+#[pyfunction]
+fn program(py: Python<'_>, arguments: Vec<std::ffi::OsString>) -> u8 {
+    py.detach(|| signorini::cli::run(arguments))
+}
+
+/// The version of the package, which is that of the program.
+#[pyfunction]
+fn version() -> &'static str {
+    env!("CARGO_PKG_VERSION")
+}

@@ -1,0 +1,611 @@
+//! Contact problems that are ready to be solved: from matrices, of a case, of a model on a mesh.
+
+use crate::arrays::{Sparse, entries, rows};
+use crate::errors::{argument, guarded, of_build, of_case, of_engine, of_solve};
+use crate::mesh::Mesh;
+use crate::settings;
+use crate::solved::{AnyRun, Run, Solved};
+use crate::watch::{Ear, News, Voice, watched};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use signorini::case::{Case, CaseProblem};
+use signorini::contact::Space;
+use signorini::engine::{Engine, EngineOptions};
+use signorini::mesh::{ElementKind, Topology};
+use signorini::model::{Analysis, AnyAnalysis};
+use signorini::output::{EnginePath, Report, StepResults};
+use signorini::problem::{
+    AnyProblem, ContactProblem, Matrices, ProblemError, SparseRef, dimension,
+};
+use signorini::quasistatic::{self, StepSettings};
+use signorini::solve::{self, Event};
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+/// An engine, and what was asked of it when it was made.
+struct Kept {
+    asked: String,
+    engine: Engine,
+}
+
+/// A contact problem, and the engine that its solves share.
+#[pyclass(frozen, module = "signorini._native")]
+pub struct Problem {
+    source: Arc<CaseProblem>,
+    title: String,
+    settings: StepSettings,
+    engine: Mutex<Option<Kept>>,
+    /// Of the engine.
+    ear: Ear,
+}
+
+/// What a solve changes of its problem, from Python.
+#[derive(Default)]
+struct Changes {
+    load: Option<Vec<f64>>,
+    gap: Option<Vec<f64>>,
+    slip_bound: Option<Vec<f64>>,
+    slip_origin: Option<Vec<f64>>,
+    friction: Option<Vec<f64>>,
+}
+
+impl Changes {
+    fn is_empty(&self) -> bool {
+        let all = [
+            &self.load,
+            &self.gap,
+            &self.slip_bound,
+            &self.slip_origin,
+            &self.friction,
+        ];
+        all.iter().all(|change| change.is_none())
+    }
+
+    /// The problem with them.
+    fn made<const D: usize>(
+        &self,
+        problem: &ContactProblem<D>,
+    ) -> Result<ContactProblem<D>, ProblemError> {
+        let mut problem = problem.clone();
+        if let Some(load) = &self.load {
+            // K may have rows that complete the last block.
+            let mut load = load.clone();
+            if load.len() == problem.n() {
+                load.resize(problem.n_rows(), 0.0);
+            }
+            problem = problem.with_load(load)?;
+        }
+        if let Some(gap) = &self.gap {
+            problem = problem.with_gap(gap.clone())?;
+        }
+        if let Some(bound) = &self.slip_bound {
+            problem = problem.with_slip_bound(bound.clone())?;
+        }
+        if let Some(origin) = &self.slip_origin {
+            problem = problem.with_slip_origin(origin.clone())?;
+        }
+        if let Some(friction) = &self.friction {
+            problem = problem.with_friction_coefficient(friction.clone())?;
+        }
+        Ok(problem)
+    }
+}
+
+fn wrong(error: ProblemError) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// A problem of D dimensions from matrices.
+#[expect(clippy::too_many_arguments, reason = "one for each matrix and vector")]
+fn of_matrices<const D: usize>(
+    stiffness: SparseRef,
+    load: &[f64],
+    normal: SparseRef,
+    tangential: SparseRef,
+    gap: &[f64],
+    slip_bound: &[f64],
+    friction: &[f64],
+    coordinates: Option<&[[f64; D]]>,
+    [interference, dependent_rows]: [bool; 2],
+    extra: &Changes,
+    areas: Option<Vec<f64>>,
+) -> Result<ContactProblem<D>, String>
+where
+    ElementKind: Topology<D>,
+{
+    let said = |error: ProblemError| error.to_string();
+    let mut problem = ContactProblem::from_matrices(Matrices {
+        stiffness,
+        load,
+        normal,
+        tangential,
+        gap,
+        interference,
+        dependent_rows,
+        slip_bound,
+        friction_coefficient: friction,
+        coordinates,
+    })
+    .map_err(said)?;
+    if let Some(areas) = areas {
+        problem = problem.with_areas(areas).map_err(said)?;
+    }
+    let problem = extra.made(&problem).map_err(said)?;
+    match Analysis::from(&problem).loose_body() {
+        Some(text) => Err(format!("the stiffness matrix K is singular: {text}")),
+        None => Ok(problem),
+    }
+}
+
+impl Problem {
+    fn new(source: CaseProblem, title: &str, settings: StepSettings) -> Self {
+        Self {
+            source: Arc::new(source),
+            title: title.to_owned(),
+            settings,
+            engine: Mutex::default(),
+            ear: Ear::default(),
+        }
+    }
+}
+
+#[pymethods]
+impl Problem {
+    /// From matrices in compressed rows or columns and vectors, all of which Python has brought into shape.
+    #[staticmethod]
+    #[pyo3(signature = (stiffness, load, normal, tangential, gap, slip_bound, friction, coordinates, dim, *, interference,
+                        dependent_rows, slip_origin=None, areas=None))]
+    #[expect(clippy::too_many_arguments, reason = "one for each matrix and vector")]
+    fn matrices(
+        py: Python<'_>,
+        stiffness: Sparse,
+        load: PyReadonlyArray1<f64>,
+        normal: Sparse,
+        tangential: Sparse,
+        gap: PyReadonlyArray1<f64>,
+        slip_bound: Option<PyReadonlyArray1<f64>>,
+        friction: Option<PyReadonlyArray1<f64>>,
+        coordinates: Option<PyReadonlyArray2<f64>>,
+        dim: Option<usize>,
+        interference: bool,
+        dependent_rows: bool,
+        slip_origin: Option<PyReadonlyArray1<f64>>,
+        areas: Option<PyReadonlyArray1<f64>>,
+    ) -> PyResult<Self> {
+        use numpy::PyUntypedArrayMethods as _;
+        let columns = coordinates.as_ref().map(|all| all.shape()[1]);
+        let of_shapes = match (dim, columns) {
+            (Some(dim), Some(columns)) if dim != columns => Err(format!(
+                "coordinates have {columns} columns, and dim is {dim}"
+            )),
+            (Some(dim), _) => Ok(dim),
+            (None, columns) => dimension(normal.shape().0, tangential.shape().0, columns),
+        };
+        let dim = of_shapes.map_err(PyValueError::new_err)?;
+        let some = |name, vector: &Option<PyReadonlyArray1<f64>>| {
+            let made = vector
+                .as_ref()
+                .map(|v| entries(name, v).map(<[f64]>::to_vec));
+            made.transpose()
+        };
+        let extra = Changes {
+            slip_origin: some("slip_origin", &slip_origin)?,
+            ..Changes::default()
+        };
+        let areas = some("areas", &areas)?;
+        let slip_bound = some("slip_bound", &slip_bound)?.unwrap_or_default();
+        let friction = some("friction", &friction)?.unwrap_or_default();
+        let load = entries("f", &load)?;
+        let gap = entries("gap", &gap)?;
+        let matrices = (
+            stiffness.matrix("K")?,
+            normal.matrix("normal")?,
+            tangential.matrix("tangential")?,
+        );
+        let (k, n, t) = matrices;
+        let flags = [interference, dependent_rows];
+        let problem = match dim {
+            2 => {
+                let points = coordinates
+                    .map(|x| rows::<f64, 2>("coordinates", &x))
+                    .transpose()?;
+                guarded(py, || {
+                    let points = points.as_deref();
+                    let made = of_matrices::<2>(
+                        k,
+                        load,
+                        n,
+                        t,
+                        gap,
+                        &slip_bound,
+                        &friction,
+                        points,
+                        flags,
+                        &extra,
+                        areas,
+                    );
+                    made.map(AnyProblem::Plane)
+                })?
+            }
+            3 => {
+                let points = coordinates
+                    .map(|x| rows::<f64, 3>("coordinates", &x))
+                    .transpose()?;
+                guarded(py, || {
+                    let points = points.as_deref();
+                    let made = of_matrices::<3>(
+                        k,
+                        load,
+                        n,
+                        t,
+                        gap,
+                        &slip_bound,
+                        &friction,
+                        points,
+                        flags,
+                        &extra,
+                        areas,
+                    );
+                    made.map(AnyProblem::Space)
+                })?
+            }
+            _ => return Err(argument("dim", format!("it is 2 or 3, not {dim}"))),
+        };
+        let problem = problem.map_err(PyValueError::new_err)?;
+        Ok(Self::new(
+            CaseProblem::Algebraic(problem),
+            "",
+            StepSettings::default(),
+        ))
+    }
+
+    /// The title of its case.
+    #[getter]
+    fn title(&self) -> &str {
+        &self.title
+    }
+
+    /// 2 in the plane, 3 in space.
+    #[getter]
+    fn dim(&self) -> usize {
+        match self.source.analysis() {
+            AnyAnalysis::Plane(_) => 2,
+            AnyAnalysis::Space(_) => 3,
+        }
+    }
+
+    /// Unknowns that no support prescribes.
+    #[getter]
+    fn n(&self) -> usize {
+        match self.source.analysis() {
+            AnyAnalysis::Plane(analysis) => analysis.problem.n_free(),
+            AnyAnalysis::Space(analysis) => analysis.problem.n_free(),
+        }
+    }
+
+    /// Contact places.
+    #[getter]
+    fn m(&self) -> usize {
+        match self.source.analysis() {
+            AnyAnalysis::Plane(analysis) => analysis.problem.m(),
+            AnyAnalysis::Space(analysis) => analysis.problem.m(),
+        }
+    }
+
+    /// Load steps.
+    #[getter]
+    fn n_steps(&self) -> usize {
+        match self.source.analysis() {
+            AnyAnalysis::Plane(analysis) => analysis.n_steps(),
+            AnyAnalysis::Space(analysis) => analysis.n_steps(),
+        }
+    }
+
+    /// The contact that each place belongs to; None for a problem from matrices.
+    fn contact_of_places(&self) -> Option<Vec<u32>> {
+        match self.source.analysis() {
+            AnyAnalysis::Plane(analysis) => analysis.elastic.map(|elastic| elastic.pair_of.clone()),
+            AnyAnalysis::Space(analysis) => analysis.elastic.map(|elastic| elastic.pair_of.clone()),
+        }
+    }
+
+    /// The boundary of each contact and what it meets.
+    fn contacts(&self) -> Vec<(String, String)> {
+        fn of<const D: usize>(analysis: Analysis<D>) -> Vec<(String, String)>
+        where
+            ElementKind: Topology<D>,
+        {
+            let pairs = analysis.elastic.map_or(&[][..], |elastic| &elastic.pairs);
+            let name = |pair: &signorini::model::PairData<D>| {
+                (pair.boundary.clone(), pair.against.clone())
+            };
+            pairs.iter().map(name).collect()
+        }
+        match self.source.analysis() {
+            AnyAnalysis::Plane(analysis) => of(analysis),
+            AnyAnalysis::Space(analysis) => of(analysis),
+        }
+    }
+
+    /// The coefficients of friction of all places; empty without Coulomb's law.
+    fn friction_coefficient(&self) -> Vec<f64> {
+        match self.source.analysis() {
+            AnyAnalysis::Plane(analysis) => analysis.problem.friction_coefficient().to_vec(),
+            AnyAnalysis::Space(analysis) => analysis.problem.friction_coefficient().to_vec(),
+        }
+    }
+
+    /// Solves; returns what has come of it and, where a signal or an exception of `hears` has ended it, or an error after steps
+    /// that were finished, that exception.
+    #[pyo3(signature = (hears, keywords, *, load=None, gap=None, slip_bound=None, slip_origin=None, friction=None, before=None))]
+    #[expect(clippy::too_many_arguments, reason = "one for each vector")]
+    fn solve(
+        &self,
+        py: Python<'_>,
+        hears: Option<Bound<PyAny>>,
+        keywords: Bound<PyDict>,
+        load: Option<PyReadonlyArray1<f64>>,
+        gap: Option<PyReadonlyArray1<f64>>,
+        slip_bound: Option<PyReadonlyArray1<f64>>,
+        slip_origin: Option<PyReadonlyArray1<f64>>,
+        friction: Option<PyReadonlyArray1<f64>>,
+        before: Option<PyRef<Solved>>,
+    ) -> PyResult<(Solved, Option<PyErr>)> {
+        let some = |name, vector: &Option<PyReadonlyArray1<f64>>| {
+            let made = vector
+                .as_ref()
+                .map(|v| entries(name, v).map(<[f64]>::to_vec));
+            made.transpose()
+        };
+        let changes = Changes {
+            load: some("f", &load)?,
+            gap: some("gap", &gap)?,
+            slip_bound: some("slip_bound", &slip_bound)?,
+            slip_origin: some("slip_origin", &slip_origin)?,
+            friction: some("friction", &friction)?,
+        };
+        let (mut options, mut settings) = (EngineOptions::default(), self.settings.clone());
+        settings::apply(&keywords, &mut options, &mut settings)?;
+        let interrupt = Arc::new(AtomicBool::new(false));
+        settings.ssnm.interrupt = Some(Arc::clone(&interrupt));
+        let job = Job {
+            of: self,
+            options,
+            settings,
+            changes,
+        };
+        let before = before.as_ref().map(|solved| &solved.run);
+        let (made, stopped) = watched(py, hears.as_ref(), &interrupt, |voice| {
+            match (self.source.analysis(), before) {
+                (AnyAnalysis::Plane(analysis), Some(AnyRun::Plane(before))) => job
+                    .make(analysis, Some(before), &voice)
+                    .map(|(r, e)| (AnyRun::Plane(r), e)),
+                (AnyAnalysis::Space(analysis), Some(AnyRun::Space(before))) => job
+                    .make(analysis, Some(before), &voice)
+                    .map(|(r, e)| (AnyRun::Space(r), e)),
+                (AnyAnalysis::Plane(analysis), None) => job
+                    .make(analysis, None, &voice)
+                    .map(|(r, e)| (AnyRun::Plane(r), e)),
+                (AnyAnalysis::Space(analysis), None) => job
+                    .make(analysis, None, &voice)
+                    .map(|(r, e)| (AnyRun::Space(r), e)),
+                _ => Err(Failure::Before),
+            }
+        })?;
+        let (run, failed) = made.map_err(|failure| match failure {
+            Failure::Before => argument(
+                "after",
+                "it is the solution of a problem of another dimension",
+            ),
+            Failure::Empty => argument("after", "no load step was made in it"),
+            Failure::Problem(error) => wrong(error),
+            Failure::Engine(error) => of_engine(error),
+        })?;
+        let solved = Solved {
+            source: Arc::clone(&self.source),
+            title: self.title.clone(),
+            run,
+        };
+        Ok((solved, stopped.or(failed.map(of_solve))))
+    }
+}
+
+/// Why nothing has come of a solve.
+enum Failure {
+    /// What it was to begin from is of another dimension.
+    Before,
+    /// Nothing has come of that.
+    Empty,
+    Problem(ProblemError),
+    Engine(signorini::engine::EngineError),
+}
+
+/// A solve that was asked for.
+struct Job<'a> {
+    of: &'a Problem,
+    options: EngineOptions,
+    settings: StepSettings,
+    changes: Changes,
+}
+
+/// Lets the lines of an engine be heard as long as it lives.
+struct Listening<'a>(&'a Ear);
+
+impl<'a> Listening<'a> {
+    fn to(ear: &'a Ear, voice: &Voice) -> Self {
+        *ear.lock().unwrap_or_else(PoisonError::into_inner) = voice.sender();
+        Self(ear)
+    }
+}
+
+impl Drop for Listening<'_> {
+    fn drop(&mut self) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}
+
+impl Job<'_> {
+    /// Makes or takes the engine, and the load steps on it.
+    fn make<const D: usize>(
+        &self,
+        analysis: Analysis<D>,
+        before: Option<&Run<D>>,
+        voice: &Voice,
+    ) -> Result<(Run<D>, Option<solve::Error>), Failure>
+    where
+        ElementKind: Space<D>,
+    {
+        let start = Instant::now();
+        let state = match before {
+            Some(run) => Some(run.end(analysis.problem).ok_or(Failure::Empty)?),
+            None => None,
+        };
+        let changed = self
+            .changes
+            .made(analysis.problem)
+            .map_err(Failure::Problem)?;
+        let analysis = Analysis {
+            problem: &changed,
+            elastic: analysis.elastic,
+        };
+        let mut report = Report::new(&self.of.title, analysis);
+        for body in analysis.floating_bodies() {
+            voice.tell(News::Line(format!("{body}: only contact holds it")));
+        }
+        let asked = format!("{:?}", self.options);
+        let mut kept = self
+            .of
+            .engine
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        let _listening = Listening::to(&self.of.ear, voice);
+        // An engine that a panic, or other wishes, have left behind is of no use.
+        let usable = kept.take().filter(|kept| kept.asked == asked);
+        let mut engine = match usable {
+            Some(kept) => kept.engine,
+            None => {
+                let ear = Arc::clone(&self.of.ear);
+                let log = move |line: &str| {
+                    let ear = ear.lock().unwrap_or_else(PoisonError::into_inner);
+                    if let Some(to) = &*ear {
+                        let _ = to.send(News::Line(line.to_owned()));
+                    }
+                };
+                let engine = Engine::new(&changed, self.options.clone(), log);
+                engine.map_err(Failure::Engine)?
+            }
+        };
+        report.set_up(&engine, start.elapsed().as_secs_f64());
+
+        let (mut steps, mut number) = (Vec::new(), 0);
+        let state = state.unwrap_or_else(|| quasistatic::State::at_rest(&changed));
+        let made = analysis.solve_after(state, &mut engine, &self.settings, |event| {
+            let mut goes_on = true;
+            match event {
+                Event::Begins { number: n, factor } => {
+                    number = n;
+                    voice.tell(News::Begins(n, analysis.n_steps(), factor));
+                }
+                Event::Within(quasistatic::Event::Newton(step)) if voice.is_heard() => {
+                    let mut row = serde_json::to_value(step).unwrap_or_default();
+                    row["load_step"] = number.into();
+                    goes_on = voice.ask(row.to_string(), step.to_string());
+                }
+                Event::Within(_) => {}
+                Event::Ends(solved) => {
+                    report.add_step(&StepResults::new(analysis, &solved));
+                    voice.tell(News::Ends(number, word(solved.solution.status)));
+                    steps.push(solved.solution);
+                }
+            }
+            match goes_on {
+                true => ControlFlow::Continue(()),
+                false => ControlFlow::Break(()),
+            }
+        });
+        report.set_path(EnginePath::of(&engine));
+        report.timings.total = start.elapsed().as_secs_f64();
+        let failed = made.err();
+        if let Some(error) = &failed {
+            report.fail(&error.to_string());
+        }
+        if self.changes.friction.is_some() {
+            for contact in report.steps.iter_mut().flat_map(|step| &mut step.contacts) {
+                contact.friction = "Coulomb, as given to the solve".to_owned();
+            }
+        }
+        *kept = Some(Kept { asked, engine });
+        drop(kept);
+        let problem = match self.changes.is_empty() {
+            true => None,
+            false => Some(changed),
+        };
+        Ok((
+            Run {
+                problem,
+                steps,
+                report,
+            },
+            failed,
+        ))
+    }
+}
+
+/// A status as reports write it.
+pub fn word(status: signorini::ssnm::Status) -> String {
+    let value = serde_json::to_value(status).unwrap_or_default();
+    value.as_str().unwrap_or_default().to_owned()
+}
+
+/// Reads a case file with these `key.path=value`, and builds what it is about.
+#[pyfunction]
+pub fn read_case(py: Python<'_>, path: PathBuf, settings: Vec<String>) -> PyResult<Problem> {
+    guarded(py, || -> Result<Problem, Wrong> {
+        let case = Case::read(&path, &settings).map_err(Wrong::Case)?;
+        let source = case.build().map_err(Wrong::Build)?;
+        Ok(Problem::new(source, &case.tables.title, case.settings()))
+    })?
+    .map_err(PyErr::from)
+}
+
+/// Builds what the tables of a text say of a mesh.
+#[pyfunction]
+pub fn build(py: Python<'_>, mesh: PyRef<Mesh>, text: String) -> PyResult<Problem> {
+    let mesh = mesh.copy();
+    guarded(py, || -> Result<Problem, Wrong> {
+        let case = Case::stated(text).map_err(Wrong::Case)?;
+        let source = case.build_on_mesh(mesh).map_err(Wrong::Build)?;
+        Ok(Problem::new(source, &case.tables.title, case.settings()))
+    })?
+    .map_err(PyErr::from)
+}
+
+/// Checks the tables of a text as far as that goes without a mesh.
+#[pyfunction]
+pub fn check_tables(py: Python<'_>, text: String, dim: usize) -> PyResult<()> {
+    guarded(py, || {
+        let case = Case::stated(text)?;
+        case.check_parts(dim)
+    })?
+    .map_err(of_case)
+}
+
+/// What may be wrong with a case.
+enum Wrong {
+    Case(signorini::case::CaseError),
+    Build(signorini::case::BuildError),
+}
+
+impl From<Wrong> for PyErr {
+    fn from(wrong: Wrong) -> Self {
+        match wrong {
+            Wrong::Case(error) => of_case(error),
+            Wrong::Build(error) => of_build(error),
+        }
+    }
+}

@@ -1,0 +1,280 @@
+"""Matrices: every form that they may have, every way that they may be wrong, many right-hand sides."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse
+from conftest import points_in_space
+
+import signorini
+
+PATHS = ["cholesky", "pcg"]
+# Two solves that are both this accurate differ by no more than EQUAL of the largest displacement.
+EXACT = 1e-9
+EQUAL = 1e-6
+
+
+def same(u: Any, other: Any) -> None:
+    np.testing.assert_allclose(u, other, rtol=0, atol=EQUAL * np.abs(other).max())
+
+
+def solve(problem: dict[str, Any], **changes: Any) -> signorini.Solution:
+    return signorini.solve(**{**problem, **changes})
+
+
+def test_springs(springs: dict[str, Any]) -> None:
+    solution = solve(springs)
+    assert solution.converged and solution.status == "converged"
+    np.testing.assert_allclose(solution.u, [0.45, 1.0], atol=1e-6)
+    np.testing.assert_allclose(solution.lambda_normal, [0.45], atol=1e-6)
+    assert solution.lambda_tangential.shape == (1, 1)
+    np.testing.assert_allclose(np.abs(solution.lambda_tangential), 0.1, atol=1e-6)
+    assert list(solution.state) == ["slip"]
+    assert solution.kkt.max() < 1e-5
+    assert solution.contacts == {} and solution.supports == []
+
+
+def test_no_friction(springs: dict[str, Any]) -> None:
+    del springs["tangential"], springs["slip_bound"]
+    solution = solve(springs)
+    np.testing.assert_allclose(solution.u, [0.5, 1.0], atol=1e-6)
+    assert list(solution.state) == ["contact"]
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_space(path: str) -> None:
+    problem = points_in_space()
+    solution = solve(problem, stiffness=path)
+    push = problem["f"].reshape(-1, 3)[:, :2]
+    size = np.linalg.norm(push, axis=1, keepdims=True)
+    expected = push * np.maximum(0.0, 1.0 - 0.5 / size)
+    np.testing.assert_allclose(solution.u.reshape(-1, 3)[:, :2], expected, atol=1e-6)
+    np.testing.assert_allclose(solution.lambda_normal, 1.0, atol=1e-6)
+    assert solution.lambda_tangential.shape == (4, 2)
+    assert list(solution.state[2:]) == ["slip", "slip"] and solution.state[0] == "stick"
+
+
+def test_coulomb() -> None:
+    problem = points_in_space()
+    del problem["slip_bound"]
+    # λν = 1: the bound is what it was.
+    np.testing.assert_allclose(solve(problem, friction=0.5).u, solve(points_in_space()).u, atol=1e-6)
+
+
+def _unsorted(matrix: Any) -> Any:
+    """The entries of each row the other way round, the first of each in two halves."""
+    csr = scipy.sparse.csr_array(matrix)
+    rows, cols, values = [], [], []
+    for i in range(csr.shape[0]):
+        row = slice(csr.indptr[i], csr.indptr[i + 1])
+        for j, value in list(zip(csr.indices[row], csr.data[row]))[::-1]:
+            for _ in range(2):
+                rows.append(i), cols.append(j), values.append(value / 2)
+    made = scipy.sparse.csr_array(csr.shape)
+    made.indptr = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=csr.shape[0]))]).astype(np.int32)
+    made.indices, made.data = np.array(cols, dtype=np.int32), np.array(values)
+    return made
+
+
+def _wide(matrix: Any) -> Any:
+    made = scipy.sparse.csr_array(matrix)
+    made.indptr, made.indices = made.indptr.astype(np.int64), made.indices.astype(np.int64)
+    return made
+
+
+FORMS = {
+    "csc": scipy.sparse.csc_array,
+    "coo": scipy.sparse.coo_array,
+    "matrix": scipy.sparse.csr_matrix,
+    "bsr": scipy.sparse.bsr_array,
+    "dense": lambda matrix: matrix.toarray(),
+    "lists": lambda matrix: matrix.toarray().tolist(),
+    "fortran": lambda matrix: np.asfortranarray(matrix.toarray()),
+    "wide": _wide,
+    "unsorted": _unsorted,
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_forms_are_the_same_to_the_last_bit(block: dict[str, Any], form: str) -> None:
+    expected = solve(block).u
+    matrices = {name: FORMS[form](block[name]) for name in ("K", "normal", "tangential")}
+    np.testing.assert_array_equal(solve(block, **matrices).u, expected)
+
+
+def test_vectors_of_any_stride_and_type(block: dict[str, Any]) -> None:
+    expected = solve(block).u
+    f = np.zeros((len(block["f"]), 3))
+    f[:, 1] = block["f"]
+    gap = block["gap"].copy()
+    gap.setflags(write=False)
+    found = solve(block, f=f[:, 1], gap=gap, slip_bound=block["slip_bound"][::-1][::-1], coordinates=block["coordinates"].tolist())
+    np.testing.assert_array_equal(found.u, expected)
+    whole = solve(block, f=(block["f"] / 1e3).round().astype(int), slip_bound=np.float32(1e4))
+    same = solve(block, f=(block["f"] / 1e3).round(), slip_bound=1e4)
+    np.testing.assert_array_equal(whole.u, same.u)
+
+
+def test_nothing_of_the_user_is_changed(block: dict[str, Any]) -> None:
+    before = {name: value.copy() for name, value in block.items()}
+    solve(block)
+    for name, value in block.items():
+        if scipy.sparse.issparse(value):
+            assert (value != before[name]).nnz == 0
+        else:
+            np.testing.assert_array_equal(value, before[name])
+
+
+def test_empty_contact(springs: dict[str, Any]) -> None:
+    none = scipy.sparse.csr_array((0, 2))
+    solution = signorini.solve(springs["K"], springs["f"], normal=none)
+    np.testing.assert_allclose(solution.u, [1.0, 2.0])
+    assert solution.lambda_tangential.shape == (0, 1)
+
+
+def _csr(data: Any, indices: Any, indptr: Any, shape: tuple[int, int] = (2, 2)) -> Any:
+    """A matrix as it stands, however wrong."""
+    made = scipy.sparse.csr_array(shape)
+    made.data, made.indices, made.indptr = np.asarray(data), np.asarray(indices), np.asarray(indptr)
+    return made
+
+
+NAN, INF = np.nan, np.inf
+WRONG = [
+    ("K", [[2.0, -1.0], [-0.5, 1.0]], "symmetric"),
+    ("K", [[2.0, NAN], [NAN, 1.0]], "K"),
+    ("K", [[2.0, -1.0], [-1.0, INF]], "K"),
+    ("K", [[-2.0, -1.0], [-1.0, 1.0]], "K"),
+    ("K", [[2.0, -1.0]], "K"),
+    ("K", [2.0, -1.0], "K: expected an array of two dimensions"),
+    ("K", [[2.0, 1j], [1j, 1.0]], "K: expected real numbers"),
+    ("K", [["a", "b"], ["c", "d"]], "K: expected real numbers"),
+    ("K", [[2.0], [1.0, 2.0]], "K"),
+    ("K", None, "K"),
+    ("K", _csr([2.0, -1.0, -1.0, 1.0], [0, 1, 0, 7], [0, 2, 4]), "K"),
+    ("K", _csr([2.0, -1.0, -1.0, 1.0], [0, 1, 0, -1], [0, 2, 4]), "K"),
+    ("K", _csr([2.0, -1.0, -1.0, 1.0], [0, 1, 0, 1], [0, 3, 2]), "K"),
+    ("K", _csr([2.0, -1.0, -1.0, 1.0], [0, 1, 0, 1], [0, 2, 9]), "K"),
+    ("K", _csr([2.0, -1.0, -1.0], [0, 1, 0, 1], [0, 2, 4]), "K"),
+    ("K", scipy.sparse.csr_array((2, 2)), "K"),
+    ("f", [0.0, 1.0, 2.0], "f"),
+    ("f", [[0.0, 1.0]], "f: expected a vector"),
+    ("f", 1.0, "f: expected a vector"),
+    ("f", [0.0, NAN], "f"),
+    ("f", ["a", "b"], "f: expected real numbers"),
+    ("f", None, "f: expected real numbers"),
+    ("f", [], "f"),
+    ("normal", [[0.0, 0.0]], "N"),
+    ("normal", [[0.0, 1.0, 0.0]], "N"),
+    ("normal", [[0.0, NAN]], "N"),
+    ("normal", np.zeros((0, 2)), "gap: expected 0 entries"),
+    ("tangential", [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]], "T"),
+    ("tangential", [[0.0, 2.0]], "T"),
+    ("gap", [1.0, 2.0], "gap: expected 1 entries, found 2"),
+    ("gap", [-1.0], "gap"),
+    ("gap", NAN, "gap"),
+    ("slip_bound", [-0.1], "slip bound"),
+    ("slip_bound", [INF], "slip bound"),
+    ("slip_bound", None, "slip_bound or friction"),
+    ("friction", [-0.1], "friction"),
+    ("friction", "a", "friction: expected real numbers"),
+    ("coordinates", [[0.0, 0.0], [1.0, 0.0]], "coordinates"),
+    ("coordinates", [[0.0]], "coordinates"),
+    ("coordinates", [0.0, 0.0], "coordinates: expected an array of two dimensions"),
+    ("coordinates", [[NAN, 0.0]], "coordinates"),
+    ("dim", 4, "dim: it is 2 or 3"),
+    ("dim", 3, "T"),
+    ("areas", [0.0], "area"),
+    ("areas", [1.0, 1.0], "areas: expected 1 entries"),
+    ("slip_origin", [NAN], "slip"),
+    ("tolerance", 2.0, "tolerance must lie between 0 and 1"),
+    ("tolerance", "small", "tolerance: expected a number"),
+    ("stiffness", "lu", 'stiffness: it is one of "auto", "cholesky", "pcg"'),
+    ("backend", 3, "backend: it is one of"),
+    ("precision", "f16", "precision: it is one of"),
+    ("method", "newton", "method: it is one of"),
+    ("time_limit", -1.0, "time_limit: it is a number of seconds"),
+    ("max_iterations", -1, "max_iterations"),
+    ("colour", "red", "colour: no solve has such a setting"),
+    ("callback", 3, "callback: expected something to call"),
+]
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("name, value, text", WRONG)
+def test_what_is_wrong_is_named(springs: dict[str, Any], name: str, value: Any, text: str, path: str) -> None:
+    with pytest.raises((ValueError, signorini.SolveError)) as caught:
+        solve(springs, **{"stiffness": path, name: value})
+    assert text in str(caught.value), str(caught.value)
+    assert "defect" not in str(caught.value)
+
+
+def test_singular(springs: dict[str, Any]) -> None:
+    with pytest.raises(signorini.SolveError, match="singular"):
+        solve(springs, K=[[1.0, -1.0], [-1.0, 1.0]])
+
+
+def test_many_right_hand_sides_share_the_factor(block: dict[str, Any]) -> None:
+    problem = signorini.Problem(**block)
+    assert (problem.n, problem.m, problem.dim) == (len(block["f"]), len(block["gap"]), 2)
+    first = problem.solve(tolerance=EXACT)
+    for factor in (0.5, 1.0, 2.0):
+        again = problem.solve(f=factor * block["f"], tolerance=EXACT)
+        same(again.u, solve(block, f=factor * block["f"], tolerance=EXACT).u)
+    assert problem.solve(tolerance=EXACT).products <= first.products
+    changed = problem.solve(gap=2e-5, slip_bound=0.0, friction=0.2, tolerance=EXACT)
+    alone = solve({k: v for k, v in block.items() if k != "slip_bound"}, gap=2e-5, friction=0.2, tolerance=EXACT)
+    same(changed.u, alone.u)
+
+
+def test_load_steps_remember_slip() -> None:
+    """Pushed forth, a point slips; let go, it stays where friction holds it: 0.5 from where the spring would have it."""
+    problem = signorini.Problem(**points_in_space(1))
+    push = np.array([3.0, 0.0, -2.0])
+    forth = problem.solve(f=push)
+    back = problem.solve(f=np.array([0.0, 0.0, -2.0]), after=forth)
+    np.testing.assert_allclose(forth.u[0], 2.5, atol=1e-5)
+    np.testing.assert_allclose(back.u[0], 0.5, atol=1e-5)
+    np.testing.assert_allclose(back.slip, [[-2.0, 0.0]], atol=1e-5)
+    with pytest.raises(ValueError, match="another dimension"):
+        problem.solve(after=signorini.solve([[1.0]], [1.0], normal=[[1.0]]))
+
+
+def test_threads(block: dict[str, Any]) -> None:
+    """Two problems at once, and one from two threads."""
+    shared = signorini.Problem(**block)
+    expected = [solve(block, f=factor * block["f"], tolerance=EXACT).u for factor in (1.0, 2.0)]
+    found: dict[tuple[str, int], Any] = {}
+
+    def work(number: int) -> None:
+        f = (number + 1.0) * block["f"]
+        for _ in range(5):
+            found["own", number] = solve(block, f=f, tolerance=EXACT).u
+            found["shared", number] = shared.solve(f=f, tolerance=EXACT).u
+
+    threads = [threading.Thread(target=work, args=(number,)) for number in range(2)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    for (_, number), u in found.items():
+        same(u, expected[number])
+    assert len(found) == 4
+
+
+def test_reports(block: dict[str, Any]) -> None:
+    solution = solve(block)
+    assert repr(solution).startswith("<Solution converged: n = ")
+    assert len(solution.steps) == 1 and solution.steps[0].iterations == solution.iterations
+    history = solution.history
+    assert len(history) == solution.iterations and history.dtype.names[0] == "load_step"
+    assert history["err"][-1] <= 1e-6 and history["products"][-1] <= solution.products
+    assert repr(signorini.Problem(**block)).count("[") == 0
+
+
+def test_pcg_and_the_factor_agree(block: dict[str, Any]) -> None:
+    direct, iterative = (solve(block, stiffness=path, tolerance=EXACT) for path in PATHS)
+    assert direct.report["stiffness"] == "cholesky" and iterative.report["stiffness"] == "pcg"
+    same(iterative.u, direct.u)

@@ -1,0 +1,389 @@
+"""Models and cases: meshes from everywhere, quantities of all kinds, results against the command line, errors."""
+
+from __future__ import annotations
+
+import csv
+import json
+import pickle
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+import skfem
+from conftest import EXAMPLES
+
+import signorini
+
+FLOOR = {"half_plane": {"point": [0, 0], "normal": [0, 1]}}
+
+
+def block(mesh: signorini.Mesh | None = None, **contact: Any) -> signorini.Model:
+    """A block, 3 × 1, clamped on the left, on a floor."""
+    model = signorini.Model(mesh or signorini.rectangle([3, 1], [12, 4]), "block")
+    model.material(young=2.1e11, poisson=0.3).support("left", x=0, y=0)
+    return model.contact("bottom", **{"obstacle": FLOOR, "friction": {"tresca": 3e6}, **contact})
+
+
+def pressed(**traction: Any) -> signorini.Solution:
+    return block().traction("top", **traction).solve()
+
+
+def test_forces_balance() -> None:
+    solution = pressed(pressure=2e7)
+    contact = solution.contacts["bottom"]
+    load = np.array([0.0, -6e7])
+    forces = contact.force + solution.supports[0].force + load
+    np.testing.assert_allclose(forces, 0.0, atol=1e-4 * 6e7)
+    np.testing.assert_allclose(contact.normal_force, np.sum(contact.pressure * contact.areas), rtol=1e-9)
+    assert solution.u.shape == (13 * 5, 2) and solution.stress.shape == (65, 6)
+    assert solution.stress_in_elements.shape == (48, 6)
+    k = len(contact.pressure)
+    assert contact.points.shape == contact.normals.shape == contact.traction_vectors.shape == (k, 2)
+    assert contact.traction.shape == contact.slip.shape == (k, 1) and contact.tangents.shape == (k, 1, 2)
+    assert set(contact.state) <= {"separated", "stick", "slip"}
+    assert "block" == solution.report["title"] and "tresca" in contact.friction.lower()
+
+
+@pytest.mark.parametrize("key", ["pressure", "y"])
+def test_quantities_say_the_same(key: str) -> None:
+    """A linear load as an expression, as a function, as values at nodes: shape functions interpolate it exactly."""
+    sign = 1.0 if key == "pressure" else -1.0
+    mesh = block().mesh
+    linear = lambda x: sign * 1e7 * (1.0 + x[:, 0])  # noqa: E731
+    given = [f"{sign} * 1e7 * (1 + x)", linear, linear(mesh.points), linear(mesh.points).tolist()]
+    found = [pressed(**{key: value}) for value in given]
+    for other in found[1:]:
+        np.testing.assert_allclose(other.u, found[0].u, atol=1e-9 * np.abs(found[0].u).max())
+    np.testing.assert_array_equal(found[1].u, found[2].u)
+    np.testing.assert_array_equal(found[1].u, found[3].u)
+
+
+def test_functions_are_called_once_with_all_points() -> None:
+    calls = []
+
+    def gap(points: Any) -> float:
+        calls.append(points.shape)
+        return 1e-5
+
+    one = block(gap=gap).traction("top", pressure=2e7).solve()
+    other = block(gap=1e-5).traction("top", pressure=2e7).solve()
+    assert calls == [(65, 2)]
+    np.testing.assert_array_equal(one.u, other.u)
+
+
+def test_quantities_everywhere() -> None:
+    """Supports, body forces and laws of friction, in space and on elements of second order, against expressions."""
+    for order in (1, 2):
+        mesh = signorini.box([2, 1, 1], [4, 2, 2], order=order, shape="tetrahedron")
+        found = []
+        for as_array in (False, True):
+
+            def say(text: str, function: Any) -> Any:
+                return function(mesh.points) if as_array else text
+
+            model = signorini.Model(mesh).material(young=1e9, poisson=0.3)
+            model.support("left", x=say("1e-4 * y", lambda x: 1e-4 * x[:, 1]), y=0, z=0)
+            model.body_force(z=say("-1e5 * (1 + x)", lambda x: -1e5 * (1 + x[:, 0])))
+            model.traction("top", z=say("-1e5 * (1 + x + y)", lambda x: -1e5 * (1 + x[:, 0] + x[:, 1])))
+            law = say("0.1 + 0.1 * x", lambda x: 0.1 + 0.1 * x[:, 0])
+            gap = say("1e-5 * (x + y)", lambda x: 1e-5 * (x[:, 0] + x[:, 1]))
+            ground = {"half_space": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
+            model.contact("bottom", obstacle=ground, friction={"coulomb": law}, gap=gap)
+            found.append(model.solve(tolerance=1e-9))
+        scale = np.abs(found[0].u).max()
+        np.testing.assert_allclose(found[1].u, found[0].u, atol=1e-6 * scale)
+        assert found[0].contacts["bottom"].normal_force > 1e5
+
+
+def test_values_of_bodies_that_touch_are_their_own() -> None:
+    """Two blocks of which each has its own value at nodes that lie in one place; the mortar side has its own friction."""
+    low, high = (signorini.rectangle([2, 1], [8, 4]) for _ in range(2))
+    mesh = signorini.Mesh.join({"low": low, "high": high}, shift={"high": [0, 1]})
+    upper = np.arange(len(mesh.points)) >= len(low.points)
+
+    def solved(friction: Any) -> signorini.Solution:
+        model = signorini.Model(mesh).material(young=1e9, poisson=0.3).support("low-bottom", x=0, y=0)
+        model.traction("high-top", pressure=1e6, x=1e5).support("high-left", x=0)
+        return model.contact("high-bottom", "low-top", friction={"coulomb": friction}).solve(tolerance=1e-9)
+
+    mixed = solved(np.where(upper, 0.3, 99.0))
+    plain = solved(0.3)
+    np.testing.assert_allclose(mixed.u, plain.u, atol=1e-6 * np.abs(plain.u).max())
+    assert "values at the nodes" in mixed.contacts["high-bottom"].friction
+
+
+def test_load_steps() -> None:
+    model = block(friction={"coulomb": 0.3}).traction("top", pressure=2e7).support("right", x=1e-4, factors=[0, 1, -1])
+    solution = model.steps([1, 1, 1]).solve()
+    assert [step.status for step in solution.steps] == ["converged"] * 3
+    assert solution.u is solution.steps[2].u
+    ends = [step.contacts["bottom"].slip.mean() for step in solution.steps]
+    assert ends[1] > ends[0] > ends[2] or ends[1] < ends[0] < ends[2]
+    assert solution.steps[1].contacts["bottom"].slipping_work > 0
+
+
+def test_friction_of_a_model_may_change() -> None:
+    problem = block(friction={"coulomb": 0.1}).traction("top", pressure=2e7, x=1e6).build()
+    assert problem.contacts == ["bottom"] and "m = 12" in repr(problem)
+    for friction in (0.4, {"bottom": 0.4}, np.full(problem.m, 0.4)):
+        found = problem.solve(friction=friction, tolerance=1e-9)
+        alone = block(friction={"coulomb": 0.4}).traction("top", pressure=2e7, x=1e6).solve(tolerance=1e-9)
+        np.testing.assert_allclose(found.u, alone.u, atol=1e-6 * np.abs(alone.u).max())
+        assert "as given" in found.contacts["bottom"].friction
+    for wrong, text in (({"top": 1.0}, "there is no contact 'top'"), ([0.1], "friction: expected 12 entries")):
+        with pytest.raises(ValueError, match=text):
+            problem.solve(friction=wrong)
+    for name in ("f", "gap", "slip_bound", "slip_origin"):
+        with pytest.raises(ValueError, match=f"{name}: what acts on a model"):
+            problem.solve(**{name: 1.0})
+
+
+def same_as_files(solution: signorini.Solution, directory: Path) -> None:
+    """The arrays are those of contact.csv, number by number."""
+    with open(directory / "contact.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    contacts = list(solution.contacts.values())
+    d = contacts[0].points.shape[1]
+    names = ("x", "y", "z")[:d]
+
+    def written(columns: tuple[str, ...]) -> Any:
+        return np.array([[float(row[next(k for k in row if k.split(" ")[0] == c)]) for c in columns] for row in rows])
+
+    points = np.concatenate([contact.points for contact in contacts])
+    order = []
+    start = 0
+    for contact in contacts:
+        keys = [contact.points[:, c] for c in reversed(range(d))]
+        order.append(start + np.lexsort(keys))
+        start += len(contact.points)
+    picked = np.concatenate(order)
+    np.testing.assert_array_equal(points[picked], written(names))
+    for name, columns in {
+        "gap": ("gap",),
+        "pressure": ("normal_pressure",),
+        "traction": ("tangential_traction",) if d == 2 else ("tangential_traction_1", "tangential_traction_2"),
+        "slip": ("slip",) if d == 2 else ("slip_1", "slip_2"),
+    }.items():
+        values = np.concatenate([getattr(contact, name).reshape(len(contact.points), -1) for contact in contacts])
+        np.testing.assert_array_equal(values[picked], written(columns))
+    states = np.concatenate([contact.state for contact in contacts])[picked]
+    assert list(states) == [row["status"] for row in rows]
+
+
+@pytest.mark.parametrize("case, settings", [("press", {}), ("ball", {}), ("dovetail", {"steps.factors": [1]})])
+def test_cases_are_to_the_last_bit_those_of_the_command_line(case: str, settings: dict[str, Any], tmp_path: Path, run_program: Any) -> None:
+    path = EXAMPLES / f"{case}.toml"
+    solution = signorini.Case.read(path, settings).solve(backend="cpu")
+    flags = [flag for key, value in settings.items() for flag in ("--set", f"{key}={json.dumps(value)}")]
+    run_program("solve", path, "--backend", "cpu", "--output", tmp_path / "cli", *flags)
+    same_as_files(solution, tmp_path / "cli")
+    solution.write(tmp_path / "python")
+    for name in ("contact.csv", "solution.vtu"):
+        assert (tmp_path / "cli" / name).read_bytes() == (tmp_path / "python" / name).read_bytes()
+    reports = [json.loads((tmp_path / place / "report.json").read_text()) for place in ("cli", "python")]
+    for report in reports:
+        # Seconds, memory, and the linear solve that the command line counts beside.
+        for key in ("timings", "peak_memory_mib", "v_cycles_linear", "work_ratio"):
+            del report[key]
+    assert reports[0] == reports[1]
+
+
+def test_matrices_are_to_the_last_bit_those_of_the_command_line(tmp_path: Path, run_program: Any, block: dict[str, Any]) -> None:
+    run_program("solve", EXAMPLES / "matrices" / "block.toml", "--output", tmp_path, "--backend", "cpu")
+    solution = signorini.solve(**block, backend="cpu")
+    for name, values in {"u": solution.u, "lambda_normal": solution.lambda_normal, "lambda_tangential": solution.lambda_tangential}.items():
+        lines = [line for line in (tmp_path / f"{name}.mtx").read_text().splitlines() if not line.startswith("%")]
+        np.testing.assert_array_equal(np.array(lines[1:], dtype=float), values.ravel())
+
+
+def test_settings_of_cases(tmp_path: Path) -> None:
+    case = signorini.Case.read(EXAMPLES / "press.toml", {"solver.tolerance": 1e-3, "title": 'a "b" \\ c'})
+    assert case.title == 'a "b" \\ c' and case.path == EXAMPLES / "press.toml" and case.dim == 2
+    assert case.solve().products < case.solve(tolerance=1e-9).products
+    with pytest.raises(FileNotFoundError, match="nothing.toml"):
+        signorini.Case.read(tmp_path / "nothing.toml")
+    with pytest.raises(signorini.ModelError, match="did you mean `tolerance`"):
+        signorini.Case.read(EXAMPLES / "press.toml", {"solver.tolerence": 1e-3})
+    (tmp_path / "wrong.toml").write_text("[mesh.rectangle]\nsize = [1, 1]\ncells = [2, 2]\n[[support]]\nboundary = 'left'\nz = 1\n")
+    with pytest.raises(signorini.ModelError, match="wrong.toml, line 6: z has no meaning"):
+        signorini.Case.read(tmp_path / "wrong.toml")
+    with pytest.raises(TypeError):
+        signorini.Case()
+
+
+WRONG_TABLES = [
+    ("material", {"young": -1.0, "poisson": 0.3}, "young is -1"),
+    ("material", {"young": "stiff", "poisson": 0.3}, "material, young: invalid type"),
+    ("material", {"young": 1e9}, "material: missing field `poisson`"),
+    ("support", {"boundary": "left"}, "holds nothing"),
+    ("support", {"boundary": "left", "x": "2 *"}, "support, x"),
+    ("support", {"boundary": "left", "x": [1.0, np.nan]}, "support, x: value 1 of the list"),
+    ("support", {"boundary": "left", "x": lambda points: points}, r"x: the function was given 65 points and returned an array of shape \(65, 2\)"),
+    ("support", {"boundary": "left", "x": lambda points: points[:, 0].astype(str)}, "instead of real numbers"),
+    ("support", {"boundary": "left", "z": 0.0}, "support, z: z has no meaning"),
+    ("support", {"boundary": 3, "x": 0}, "support, boundary: .*expected the name of a boundary"),
+    ("support", {"boundary": "left", "y": 1 + 2j}, "y: complex is no value"),
+    ("support", {"boundary": "left", "xx": 0}, "did you mean"),
+    ("traction", {"boundary": "top"}, "a traction needs"),
+    ("traction", {"boundary": "top", "force": [1, 2, 3]}, "traction, force: expected 2 entries, found 3"),
+    ("contact", {"boundary": "bottom"}, "either against"),
+    ("contact", {"boundary": "bottom", "obstacle": {"sphere": {"center": [0, 0, 0], "radius": 1}}}, "no obstacle in the plane"),
+    ("contact", {"boundary": "bottom", "obstacle": FLOOR, "friction": {"coulomb": 0.3, "tresca": 1.0}}, "contact, friction"),
+    ("contact", {"boundary": "bottom", "obstacle": FLOOR, "friction": 0.3}, "a friction law is written as"),
+    ("wheel", {"radius": 1}, "wheel: unknown field"),
+]
+
+
+@pytest.mark.parametrize("table, entries, text", WRONG_TABLES)
+def test_what_is_wrong_with_a_table_is_told_at_once(table: str, entries: dict[str, Any], text: str) -> None:
+    model = signorini.Model(signorini.rectangle([3, 1], [12, 4]))
+    with pytest.raises(ValueError, match=text):
+        model.add(table, **entries)
+    assert "nothing said yet" in repr(model)
+
+
+def test_what_is_wrong_with_a_model_is_told_when_it_is_built() -> None:
+    wrong: list[tuple[Any, str]] = [
+        (lambda m: m.support("lfet", x=0), 'support 2: there is no boundary "lfet".*did you mean "left"'),
+        (lambda m: m.traction("top", pressure=[1.0, 2.0]), "traction: a quantity has 2 values, and the mesh 65 nodes"),
+        (lambda m: m.traction("top", pressure="1 / 0"), 'traction: the traction has no finite value'),
+        (lambda m: m.body_force("steel", y=1), 'there is no region "steel"'),
+        (lambda m: m.steps([]), "steps: factors needs at least one number"),
+        (lambda m: m.analysis(gravity=[0, -9.81]), "no material has a density"),
+        (lambda m: m.material("body", young=1e9, poisson=0.3), "with several materials"),
+    ]
+    for say, text in wrong:
+        with pytest.raises(signorini.ModelError, match=text):
+            model = block()
+            say(model)
+            model.build()
+    with pytest.raises(signorini.ModelError, match="there is no material"):
+        signorini.Model(signorini.rectangle([1, 1], [2, 2])).build()
+    with pytest.raises(ValueError, match="mesh: expected a signorini.Mesh"):
+        signorini.Model("mesh.msh")  # type: ignore[arg-type]
+
+
+def test_meshes_of_arrays() -> None:
+    points = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1], [9, 9]]
+    cells = {"quad": [[0, 1, 4, 3]], "triangle": [[1, 2, 5], [1, 5, 4]]}
+    boundaries = {"low": [[0, 1], [1, 2]], "high": [3, 4, 5], "sides": [np.array([[0, 3]]), np.array([[2, 5]])]}
+    mesh = signorini.Mesh(points, cells, {"a": [0, 1], "b": [1, 2]}, boundaries)
+    assert mesh.dim == 2 and mesh.points.shape == (6, 2) and mesh.n_bodies == 1
+    assert {name: sorted(of.tolist()) for name, of in mesh.regions.items() if " & " not in name} == {"a": [0, 1], "b": [1, 2]}
+    assert mesh.boundaries["high"].tolist() == [3, 4, 5] and mesh.boundaries["sides"].tolist() == [0, 2, 3, 5]
+    assert sorted(map(sorted, mesh.facets("low")[0].tolist())) == [[0, 1], [1, 2]]
+    copy = pickle.loads(pickle.dumps(mesh))
+    np.testing.assert_array_equal(copy.points, mesh.points)
+    assert repr(copy) == repr(mesh) and "array" not in repr(mesh)
+    assert list(copy.regions) == list(mesh.regions)
+
+
+WRONG_MESHES = [
+    ({"points": [[0, 0], [1, 0], [np.nan, 1]]}, "not finite"),
+    ({"points": [0, 1, 2]}, "points: expected an array of two dimensions"),
+    ({"points": [[0], [1], [2]]}, "points: expected 2 or 3 columns, found 1"),
+    ({"points": [["a", "b"]]}, "points: expected real numbers"),
+    ({"cells": {"triangle": [[0, 1, 7]]}}, "names node 7"),
+    ({"cells": {"triangle": [[0, 1, -2]]}}, "-2 is no number of a node"),
+    ({"cells": {"triangle": [[0, 1]]}}, "a tri3 has 3 nodes, and the array has 2 columns"),
+    ({"cells": {"triangle": [0, 1, 2]}}, "a row for each element"),
+    ({"cells": {"triangle": [[0.0, 1.0, 2.0]]}}, "cells: expected integers"),
+    ({"cells": {"hexagon": [[0, 1, 2]]}}, "no elements are called 'hexagon'"),
+    ({"cells": {"tetra": [[0, 1, 2, 0]]}}, "tet4 are no elements of a mesh whose points have 2"),
+    ({"cells": {}}, "the mesh has no elements"),
+    ({"cells": {"triangle": [[0, 1, 1]]}}, "element 0"),
+    ({"regions": {"a": [3]}}, "regions: 'a' names an element that does not exist"),
+    ({"regions": ["a", "b"]}, "regions: there are 1 elements, and regions for 2"),
+    ({"boundaries": {"low": [[0, 9]]}}, "names node 9"),
+    ({"boundaries": {"low": [0]}}, "all corners of no outer facet"),
+    ({"boundaries": {"low": [0, 99]}}, "names node 99"),
+    ({"boundaries": {"low": [[0, 1, 2, 0]]}}, "have 4 nodes"),
+    ({"boundaries": {"low": [0.5]}}, "boundaries, 'low': expected integers"),
+]
+
+
+@pytest.mark.parametrize("changes, text", WRONG_MESHES)
+def test_wrong_meshes(changes: dict[str, Any], text: str) -> None:
+    good: dict[str, Any] = {"points": [[0, 0], [1, 0], [0, 1]], "cells": {"triangle": [[0, 1, 2]]}}
+    with pytest.raises(ValueError, match=text):
+        signorini.Mesh(**{**good, **changes})
+
+
+def test_meshes_of_files(tmp_path: Path) -> None:
+    mesh = signorini.Mesh.read(EXAMPLES / "bracket.msh", scale=2.0)
+    np.testing.assert_allclose(mesh.points, 2.0 * signorini.Mesh.read(EXAMPLES / "bracket.msh").points)
+    assert signorini.Mesh.read(EXAMPLES / "bracket.msh", order=2).cells.keys() == {"triangle6"}
+    with pytest.raises(FileNotFoundError):
+        signorini.Mesh.read(tmp_path / "nothing.msh")
+    (tmp_path / "wrong.msh").write_text("nonsense")
+    with pytest.raises(signorini.ModelError, match="wrong.msh"):
+        signorini.Mesh.read(tmp_path / "wrong.msh")
+    with pytest.raises(signorini.ModelError, match="order is that of the elements"):
+        signorini.Mesh.read(EXAMPLES / "bracket.msh", order=3)
+
+
+@pytest.mark.parametrize("file", ["bracket", "bracket-3d", "shrink-fit", "dovetail"])
+def test_meshio_and_the_reader_see_the_same_mesh(file: str) -> None:
+    path = EXAMPLES / f"{file}.msh"
+    ours, theirs = signorini.Mesh.read(path), signorini.Mesh.from_meshio(meshio.read(path))
+    assert {k: len(v) for k, v in ours.cells.items()} == {k: len(v) for k, v in theirs.cells.items()}
+    assert ours.boundaries.keys() == theirs.boundaries.keys() and ours.n_bodies == theirs.n_bodies
+
+    def places(mesh: signorini.Mesh, name: str) -> Any:
+        found = mesh.points[mesh.boundaries[name]]
+        return found[np.lexsort(found.T)]
+
+    for name in ours.boundaries:
+        np.testing.assert_array_equal(places(ours, name), places(theirs, name))
+    assert {n: len(of) for n, of in ours.regions.items()} == {n: len(of) for n, of in theirs.regions.items()}
+
+
+def test_meshio_there_and_back(tmp_path: Path) -> None:
+    """What is handed to meshio is what was solved; and a second-order mesh survives it."""
+    for order in (1, 2):
+        solution = block(signorini.rectangle([3, 1], [6, 2], order=order)).traction("top", pressure=2e7).solve()
+        grid = solution.to_meshio()
+        assert grid.points.shape[1] == 3
+        np.testing.assert_array_equal(grid.point_data["displacement"][:, :2], solution.u)
+        np.testing.assert_array_equal(np.concatenate(grid.cell_data["stress"]), solution.stress_in_elements)
+        grid.write(tmp_path / "grid.vtu")
+        again = signorini.Mesh.from_meshio(meshio.read(tmp_path / "grid.vtu"))
+        np.testing.assert_array_equal(again.points, grid.points[:, :2])
+    bent = meshio.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 1]], [("triangle", [[0, 1, 2]])])
+    with pytest.raises(signorini.ModelError, match="not plane"):
+        signorini.Mesh.from_meshio(bent)
+    level = meshio.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [("triangle", [[0, 1, 2]])], cell_data={"mat": [[7]]})
+    assert list(signorini.Mesh.from_meshio(level, regions="mat").regions) == ["7"]
+    with pytest.raises(ValueError, match="no cell data 'colour'"):
+        signorini.Mesh.from_meshio(level, regions="colour")
+
+
+@pytest.mark.parametrize("kind", ["MeshTri", "MeshQuad", "MeshTri2", "MeshQuad2", "MeshTet", "MeshHex", "MeshTet2", "MeshHex2"])
+def test_scikit_fem(kind: str) -> None:
+    """Every kind of its elements: a body of volume 1 that weight presses on a floor with all that it weighs."""
+    mesh = getattr(skfem, kind)().refined(2) if not kind.endswith("2") else getattr(skfem, kind).from_mesh(getattr(skfem, kind[:-1])().refined(1))
+    d = mesh.dim()
+    low = (lambda x: x[1] == 0.0) if d == 2 else (lambda x: x[2] == 0.0)
+    ours = signorini.Mesh.from_skfem(mesh, {"low": low, "side": lambda x: x[0] == 0.0})
+    assert ours.dim == d and set(ours.boundaries) >= {"low", "side"}
+    floor = FLOOR if d == 2 else {"half_space": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
+    down = {"y": -1e3} if d == 2 else {"z": -1e3}
+    model = signorini.Model(ours).material(young=1e9, poisson=0.3).support("side", x=0).body_force(**down)
+    if d == 3:
+        model.support(point=[0, 0, 0], y=0).support(point=[0, 0, 1], y=0)
+    contact = model.contact("low", obstacle=floor).solve().contacts["low"]
+    np.testing.assert_allclose(contact.normal_force, 1e3, rtol=1e-5)
+
+
+def test_join_and_map() -> None:
+    part = signorini.rectangle([1, 1], [2, 2], map=["x", "y + 0.1*x^2"], shape="triangle")
+    mesh = signorini.Mesh.join({"a": part, "b": part}, shift={"b": [5, 0]})
+    assert mesh.n_bodies == 2 and set(mesh.regions) == {"a", "b"} and "b-left" in mesh.boundaries
+    with pytest.raises(signorini.ModelError, match="plane and of space"):
+        signorini.Mesh.join({"a": part, "c": signorini.box([1, 1, 1], [1, 1, 1])})
+    with pytest.raises(signorini.ModelError, match="positive sizes"):
+        signorini.box([1, 1, 0], [1, 1, 1])
+    with pytest.raises(ValueError, match="shift: expected 2 numbers"):
+        signorini.Mesh.join({"a": part}, shift={"a": [1, 2, 3]})
