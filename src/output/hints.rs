@@ -71,7 +71,7 @@ where
     let size = length(minus(high, low));
     let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));
     for (number, (pair, contact)) in elastic.pairs.iter().zip(contacts).enumerate() {
-        let name = format!("contact {} / {}", pair.boundary, pair.against);
+        let name = format!("contact {}", pair.title());
         let rows = || (0..elastic.pair_of.len()).filter(|&i| elastic.pair_of[i] as usize == number);
         let touching = contact.stick + contact.slip + contact.frictionless;
         if touching == 0 {

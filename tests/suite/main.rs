@@ -20,6 +20,7 @@ mod half_space;
 mod invariance;
 mod manufactured;
 mod nested;
+mod nodal_data;
 mod other_meshes;
 mod pairs;
 mod quasistatic;
