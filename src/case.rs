@@ -19,7 +19,7 @@ pub use build::{BuildError, CaseProblem};
 pub use quantity::NumberOrExpression;
 pub use solver::SolverTable;
 pub use tables::{
-    AlgebraicTable, AnalysisTable, AxisTable, BodyForceTable, BoxTable, ContactTable,
+    AlgebraicTable, AnalysisTable, AxisTable, BodyForceTable, BoxTable, ContactTable, ForceTable,
     FrictionTable, MaterialTable, MeshTable, ObstacleTable, PartTable, RectangleTable, StepsTable,
     SupportTable, Tables, TractionTable,
 };
@@ -269,6 +269,7 @@ impl Case {
             ("support", first(&t.support)),
             ("traction", first(&t.traction)),
             ("body_force", first(&t.body_force)),
+            ("force", first(&t.force)),
             ("contact", first(&t.contact)),
             ("steps", t.steps.as_ref().map(Spanned::span)),
         ];

@@ -59,6 +59,9 @@ where
     /// [`Self::faults`] names also hold facets between elements, which have no outward normal:
     /// [`Mesh::outer_facets`] and [`Mesh::facets`] mind that.
     pub boundaries: BTreeMap<String, Vec<Facet<D>>>,
+    /// Named sets of nodes, each sorted and without repeats, whether or not they make up facets: node sets of an Abaqus input
+    /// file, physical points of a Gmsh file.
+    pub node_sets: BTreeMap<String, Vec<u32>>,
     /// What is wrong with the boundaries that are not on the outside of the body altogether.
     pub faults: BTreeMap<String, FacetFault<D>>,
     /// What the file that it comes from says and is not done.
@@ -278,12 +281,24 @@ where
         regions: Vec<String>,
         boundaries: BTreeMap<String, Vec<Facet<D>>>,
     ) -> Result<Self, MeshError> {
+        Self::with_node_sets(nodes, elements, regions, boundaries, BTreeMap::new())
+    }
+
+    /// The same with sets of nodes, which leave out the nodes that no element uses.
+    pub(crate) fn with_node_sets(
+        nodes: Vec<[f64; D]>,
+        elements: Vec<Element<D>>,
+        regions: Vec<String>,
+        boundaries: BTreeMap<String, Vec<Facet<D>>>,
+        node_sets: BTreeMap<String, Vec<u32>>,
+    ) -> Result<Self, MeshError> {
         let mut mesh = Self {
             nodes,
             elements,
             regions,
             groups: BTreeMap::new(),
             boundaries,
+            node_sets,
             faults: BTreeMap::new(),
             notes: Vec::new(),
         };
@@ -366,6 +381,9 @@ where
             }
         }
         self.nodes = kept;
+        for set in self.node_sets.values_mut() {
+            set.retain(|&node| new_number[node as usize] != u32::MAX);
+        }
         self.renumber(|node| new_number[node as usize]);
     }
 
@@ -373,7 +391,9 @@ where
     fn renumber(&mut self, number: impl Fn(u32) -> u32) {
         let elements = self.elements.iter_mut().map(Element::nodes_mut);
         let facets = self.boundaries.values_mut().flatten();
-        for node in elements.chain(facets.map(AsMut::as_mut)).flatten() {
+        let sets = self.node_sets.values_mut().map(Vec::as_mut_slice);
+        let of_facets = facets.map(AsMut::as_mut);
+        for node in elements.chain(of_facets).chain(sets).flatten() {
             *node = number(*node);
         }
     }
@@ -399,6 +419,7 @@ where
         }
         keys(&mut self.groups, region);
         keys(&mut self.boundaries, &boundary);
+        keys(&mut self.node_sets, &boundary);
         keys(&mut self.faults, boundary);
     }
 

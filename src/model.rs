@@ -57,7 +57,7 @@ pub use build::Draft;
 pub use build::{AnyBuilt, Built};
 pub use contacts::PairData;
 pub use elastic::Elastic;
-pub use entities::{BodyForce, Names, Pair, Support, Traction};
+pub use entities::{BodyForce, Force, Names, Pair, Support, Traction};
 pub use error::{Entity, EntityKind, Fault, ModelError};
 pub use loads::StepData;
 pub use quantity::Quantity;
@@ -93,6 +93,7 @@ pub(crate) struct Definition<const D: usize = 2> {
     pub(crate) supports: Vec<Support<D>>,
     pub(crate) tractions: Vec<Traction<D>>,
     pub(crate) body_forces: Vec<BodyForce<D>>,
+    pub(crate) forces: Vec<Force<D>>,
     pub(crate) pairs: Vec<Pair<D>>,
     pub(crate) ties: Vec<Pair<D>>,
     /// The factors of the load steps; None: one step with the factor 1.
@@ -111,6 +112,7 @@ impl<const D: usize> Default for Definition<D> {
             supports: Vec::new(),
             tractions: Vec::new(),
             body_forces: Vec::new(),
+            forces: Vec::new(),
             pairs: Vec::new(),
             ties: Vec::new(),
             steps: None,
@@ -180,6 +182,12 @@ where
     /// Adds forces in the volume.
     pub fn body_force(mut self, force: BodyForce<D>) -> Self {
         self.definition.body_forces.push(force);
+        self
+    }
+
+    /// Adds forces on single nodes.
+    pub fn force(mut self, force: Force<D>) -> Self {
+        self.definition.forces.push(force);
         self
     }
 
@@ -285,7 +293,8 @@ impl<const D: usize> Definition<D> {
     fn check_entities(&self) -> Result<(), ModelError> {
         let supports = (self.supports.iter().enumerate()).map(|(i, s)| (s.entity(i), s.fault()));
         let tractions = (self.tractions.iter().enumerate()).map(|(i, t)| (t.entity(i), t.fault()));
-        let forces = (self.body_forces.iter().enumerate()).map(|(i, b)| (b.entity(i), b.fault()));
+        let volume = (self.body_forces.iter().enumerate()).map(|(i, b)| (b.entity(i), b.fault()));
+        let forces = (self.forces.iter().enumerate()).map(|(i, f)| (f.entity(i), f.fault()));
         let pairs = self.pairs.iter().enumerate().map(|(i, pair)| {
             let twice = self.pairs[..i].iter().any(|other| pair.mirrors(other));
             let twice = twice.then_some(
@@ -299,8 +308,7 @@ impl<const D: usize> Definition<D> {
                 (!tie.is_tie()).then_some("this is a contact and no tie: Pair::tied makes one");
             (tie.entity(i), tie.fault().or(stray))
         });
-        let mut all = supports
-            .chain(tractions)
+        let mut all = (supports.chain(tractions).chain(volume))
             .chain(forces)
             .chain(pairs)
             .chain(ties);
@@ -319,9 +327,10 @@ impl<const D: usize> Definition<D> {
         }
         let supports = (self.supports.iter().enumerate()).map(|(i, s)| (s.entity(i), &s.factors));
         let tractions = (self.tractions.iter().enumerate()).map(|(i, t)| (t.entity(i), &t.factors));
-        let forces = (self.body_forces.iter().enumerate()).map(|(i, b)| (b.entity(i), &b.factors));
+        let volume = (self.body_forces.iter().enumerate()).map(|(i, b)| (b.entity(i), &b.factors));
+        let forces = (self.forces.iter().enumerate()).map(|(i, f)| (f.entity(i), &f.factors));
         let n_steps = self.n_steps();
-        for (entity, factors) in supports.chain(tractions).chain(forces) {
+        for (entity, factors) in (supports.chain(tractions).chain(volume)).chain(forces) {
             let Some(factors) = factors else { continue };
             if factors.len() == n_steps && finite(factors) {
                 continue;

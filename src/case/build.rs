@@ -198,6 +198,8 @@ impl Case {
             _ if entity.kind == EntityKind::Tie && entity.number.is_some() => {
                 format!("tie {}: {fault}", entity.place)
             }
+            // The line tells which part it is; who has given it a name knows it by that.
+            _ if entity.place.starts_with('"') => format!("{entity}: {fault}"),
             _ => fault.to_string(),
         };
         let span = self.tables.span(&entity);

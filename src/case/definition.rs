@@ -1,15 +1,15 @@
 //! What the tables of a case say as parts of a model, in the dimension of its mesh.
 
 use super::tables::{
-    AxisTable, BodyForceTable, ContactTable, FrictionTable, MaterialTable, ObstacleTable,
-    OverlapTable, SupportTable, TieTable, TractionTable,
+    AxisTable, BodyForceTable, ContactTable, ForceTable, FrictionTable, MaterialTable,
+    ObstacleTable, OverlapTable, SupportTable, TieTable, TractionTable,
 };
 use super::{NumberOrExpression, Tables};
 use crate::contact::Obstacle;
 use crate::elasticity::Material;
 use crate::model::{
-    Axis, BodyForce, Definition, Entity, EntityKind, Names, Pair, Quantity, Support, Traction,
-    Units,
+    Axis, BodyForce, Definition, Entity, EntityKind, Force, Names, Pair, Quantity, Support,
+    Traction, Units,
 };
 use serde::Deserialize;
 use std::ops::Range;
@@ -135,10 +135,14 @@ fn axis<const D: usize>(table: &Option<Spanned<AxisTable>>) -> Result<Option<Axi
 
 impl SupportTable {
     fn support<const D: usize>(&self, span: Range<usize>) -> Result<Support<D>, Wrong> {
-        let support = match (&self.boundary, &self.point) {
-            (Some(names), None) => Support::on(names.clone()),
-            (None, Some(point)) => Support::at_point(vector(point)?),
-            _ => return Err((span, "a support needs either a boundary or a point".into())),
+        let support = match (&self.boundary, &self.nodes, &self.point) {
+            (Some(names), None, None) => Support::on(names.clone()),
+            (None, Some(sets), None) => Support::at_nodes(sets.clone()),
+            (None, None, Some(point)) => Support::at_point(vector(point)?),
+            _ => {
+                let message = "a support needs one of boundary, nodes and point";
+                return Err((span, message.to_owned()));
+            }
         };
         let components = [&self.x, &self.y, &self.z];
         let support = along_each(support, components, NO_Z, Support::along)?;
@@ -148,6 +152,7 @@ impl SupportTable {
         if self.symmetry {
             support = support.symmetry();
         }
+        let support = with(support, &self.name, Support::named);
         Ok(with(support, &self.factors, Support::factors))
     }
 }
@@ -163,7 +168,25 @@ impl TractionTable {
         let traction = with(traction, &self.torque, Traction::torque);
         let force = self.force.as_ref().map(vector).transpose()?;
         let traction = with(traction, &force, Traction::force);
+        let traction = with(traction, &self.name, Traction::named);
         Ok(with(traction, &self.factors, Traction::factors))
+    }
+}
+
+impl ForceTable {
+    fn force<const D: usize>(&self, span: Range<usize>) -> Result<Force<D>, Wrong> {
+        let force = match (&self.boundary, &self.nodes, &self.point) {
+            (Some(names), None, None) => Force::on(names.clone()),
+            (None, Some(sets), None) => Force::at_nodes(sets.clone()),
+            (None, None, Some(point)) => Force::at_point(vector(point)?),
+            _ => {
+                let message = "a force needs one of nodes, point and boundary";
+                return Err((span, message.to_owned()));
+            }
+        };
+        let force = along_each(force, [&self.x, &self.y, &self.z], NO_Z, Force::along)?;
+        let force = with(force, &self.name, Force::named);
+        Ok(with(force, &self.factors, Force::factors))
     }
 }
 
@@ -174,6 +197,7 @@ impl BodyForceTable {
             None => BodyForce::everywhere(),
         };
         let force = along_each(force, [&self.x, &self.y, &self.z], NO_Z, BodyForce::along)?;
+        let force = with(force, &self.name, BodyForce::named);
         Ok(with(force, &self.factors, BodyForce::factors))
     }
 }
@@ -269,6 +293,7 @@ impl ContactTable {
         }
         pair = with(pair, &self.adjust, Pair::adjust);
         pair = with(pair, &self.edge_angle, Pair::edge_angle);
+        pair = with(pair, &self.name, Pair::named);
         Ok(with(pair, &self.search_distance, Pair::search_distance))
     }
 }
@@ -303,7 +328,8 @@ impl Tables {
         });
         let supports = (self.support.iter()).map(|table| table.get_ref().support(table.span()));
         let tractions = self.traction.iter().map(|table| table.get_ref().traction());
-        let forces = (self.body_force.iter()).map(|table| table.get_ref().body_force());
+        let volume = (self.body_force.iter()).map(|table| table.get_ref().body_force());
+        let forces = (self.force.iter()).map(|table| table.get_ref().force(table.span()));
         let pairs = (self.contact.iter()).map(|table| table.get_ref().pair(table.span()));
         let analysis = &self.analysis;
         let plane = analysis.plane.as_ref().map(|p| ("plane", p.span()));
@@ -321,7 +347,8 @@ impl Tables {
             gravity: analysis.gravity.as_ref().map(vector).transpose()?,
             supports: supports.collect::<Result<_, _>>()?,
             tractions: tractions.collect::<Result<_, _>>()?,
-            body_forces: forces.collect::<Result<_, _>>()?,
+            body_forces: volume.collect::<Result<_, _>>()?,
+            forces: forces.collect::<Result<_, _>>()?,
             pairs: pairs.collect::<Result<_, _>>()?,
             ties: (self.tie.iter())
                 .map(|table| table.get_ref().pair())
@@ -359,6 +386,7 @@ impl Tables {
             EntityKind::Support => of(&self.support, number),
             EntityKind::Traction => of(&self.traction, number),
             EntityKind::BodyForce => of(&self.body_force, number),
+            EntityKind::Force => of(&self.force, number),
             EntityKind::Contact => of(&self.contact, number),
             EntityKind::Tie => of(&self.tie, number),
             EntityKind::Thickness => self.analysis.thickness.as_ref().map(Spanned::span),

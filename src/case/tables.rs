@@ -38,6 +38,9 @@ pub struct Tables {
     /// Forces in the volume.
     #[serde(default)]
     pub body_force: Vec<Spanned<BodyForceTable>>,
+    /// Forces on single nodes.
+    #[serde(default)]
+    pub force: Vec<Spanned<ForceTable>>,
     /// Contact pairs and their friction.
     #[serde(default)]
     pub contact: Vec<Spanned<ContactTable>>,
@@ -195,8 +198,12 @@ fn incompressible<'de, D: Deserializer<'de>>(from: D) -> Result<Incompressible, 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SupportTable {
+    /// What results call it, instead of its place.
+    pub name: Option<String>,
     /// A boundary or several, or
     pub boundary: Option<Names>,
+    /// a set of nodes or several, or
+    pub nodes: Option<Names>,
     /// the node nearest to a point.
     pub point: Option<Spanned<Vec<f64>>>,
     /// u_x in m; free if left out.
@@ -224,6 +231,8 @@ pub struct SupportTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TractionTable {
+    /// What messages call it.
+    pub name: Option<String>,
     /// A boundary or several.
     pub boundary: Names,
     /// In Pa.
@@ -280,6 +289,8 @@ impl fmt::Display for AxisTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodyForceTable {
+    /// What messages call it.
+    pub name: Option<String>,
     /// A region; all if left out.
     pub region: Option<String>,
     /// In N/m³.
@@ -287,6 +298,28 @@ pub struct BodyForceTable {
     /// In N/m³.
     pub y: Option<Spanned<NumberOrExpression>>,
     /// In N/m³; in space only.
+    pub z: Option<Spanned<NumberOrExpression>>,
+    /// Load factors of its own, one per step.
+    pub factors: Option<Vec<f64>>,
+}
+
+/// `[[force]]`: forces on single nodes.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ForceTable {
+    /// What messages call it.
+    pub name: Option<String>,
+    /// A set of nodes or several, or
+    pub nodes: Option<Names>,
+    /// the node nearest to a point, or
+    pub point: Option<Spanned<Vec<f64>>>,
+    /// the nodes of a boundary or several.
+    pub boundary: Option<Names>,
+    /// In N, on each node.
+    pub x: Option<Spanned<NumberOrExpression>>,
+    /// In N, on each node.
+    pub y: Option<Spanned<NumberOrExpression>>,
+    /// In N, on each node; in space only.
     pub z: Option<Spanned<NumberOrExpression>>,
     /// Load factors of its own, one per step.
     pub factors: Option<Vec<f64>>,
@@ -304,6 +337,8 @@ pub struct StepsTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactTable {
+    /// What results call it, instead of its boundaries.
+    pub name: Option<String>,
     /// The boundary that carries the multipliers, or several as one.
     pub boundary: Names,
     /// The boundary of another body that it meets (or several), or

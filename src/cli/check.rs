@@ -1,9 +1,9 @@
 //! `signorini check`.
 
 use super::advice::message_of;
-use signorini::case::Case;
 #[cfg(feature = "mpi")]
 use signorini::case::CaseDraft;
+use signorini::case::{Case, ForceTable};
 use signorini::contact::Space;
 use signorini::elasticity::Plane;
 use signorini::engine::factor_bytes;
@@ -57,6 +57,7 @@ where
         Some(elastic) => {
             bodies(&mut lines, case, elastic);
             boundaries(&mut lines, case, &elastic.mesh);
+            lines.extend(node_sets(&elastic.mesh));
             loads(&mut lines, case, analysis, elastic)?;
             for pair in &elastic.pairs {
                 contact(&mut lines, case, pair);
@@ -212,6 +213,17 @@ where
     }
 }
 
+/// The sets of nodes.
+pub(super) fn node_sets<const D: usize>(mesh: &Mesh<D>) -> impl Iterator<Item = String>
+where
+    ElementKind: Topology<D>,
+{
+    (mesh.node_sets.iter()).map(|(name, nodes)| match nodes.len() {
+        1 => format!("nodes         \"{name}\": 1 node"),
+        n => format!("nodes         \"{name}\": {n} nodes"),
+    })
+}
+
 /// The analysis, the loads of each step, the supports, the bodies without enough of them.
 fn loads<const D: usize>(
     lines: &mut Vec<String>,
@@ -259,6 +271,9 @@ where
             ));
         }
     }
+    for table in case.tables.force.iter().map(Spanned::get_ref) {
+        lines.push(format!("force         {}", force(table)));
+    }
     for (name, table) in elastic.supports.iter().zip(&case.tables.support) {
         let s = table.get_ref();
         let along = [("x", &s.x), ("y", &s.y), ("z", &s.z)];
@@ -291,6 +306,24 @@ where
     Ok(())
 }
 
+/// A force on nodes, as its table states it.
+fn force(table: &ForceTable) -> String {
+    let place = match (&table.nodes, &table.boundary, &table.point) {
+        (Some(names), ..) => format!("on each node of \"{names}\""),
+        (_, Some(names), _) => format!("on each node of boundary \"{names}\""),
+        (.., point) => format!(
+            "at {:?}",
+            point.as_ref().map_or(&[][..], |point| point.get_ref())
+        ),
+    };
+    let components = [("x", &table.x), ("y", &table.y), ("z", &table.z)];
+    let stated: Vec<String> = (components.iter())
+        .filter_map(|(c, value)| Some(format!("{c} = {}", value.as_ref()?.get_ref())))
+        .collect();
+    let name = (table.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" "));
+    format!("{name}{place}: {}", stated.join(", "))
+}
+
 /// A contact pair with its gaps, its law of friction and the nodes that the law does not reach.
 fn contact<const D: usize>(lines: &mut Vec<String>, case: &Case, pair: &PairData<D>)
 where
@@ -298,13 +331,14 @@ where
 {
     let length = case.units().length;
     lines.push(format!(
-        "{}\"{}\" / {}: {} places, {:.4e} {length}², initial gap {:.4e} to {:.4e} {length}, {}; \
+        "{}{}\"{}\" / {}: {} places, {:.4e} {length}², initial gap {:.4e} to {:.4e} {length}, {}; \
          {} of them within the search distance {:.4e} {length}",
         if pair.tied {
             "tie           "
         } else {
             "contact       "
         },
+        (pair.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" on ")),
         pair.boundary,
         pair.against,
         pair.places,

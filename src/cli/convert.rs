@@ -61,5 +61,6 @@ where
             all.len()
         ));
     }
+    lines.extend(super::check::node_sets(mesh));
     lines
 }

@@ -79,6 +79,7 @@ where
             regions: mesh.regions.clone(),
             groups: Default::default(),
             boundaries: Default::default(),
+            node_sets: Default::default(),
             faults: Default::default(),
             notes: Default::default(),
         };

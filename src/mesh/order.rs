@@ -27,7 +27,7 @@ where
     /// The mesh with elements of second order, as exact as they can be: those of first order get nodes in the middle of
     /// their straight edges, of their quadrilaterals and of themselves (6-node triangles, 9-node quadrilaterals, 10-node
     /// tetrahedra, 27-node hexahedra, 18-node wedges). These nodes follow those that there are, and neighbours share them.
-    /// Elements of second order stay what they are.
+    /// Elements of second order stay what they are. A new node between nodes of a set is one of the set.
     ///
     /// To have curved sides, move the new nodes to where these are.
     ///
@@ -76,8 +76,9 @@ where
     }
 
     /// Makes the chosen elements those of second order with all nodes that there are, with nodes where the map of the
-    /// element as it is has the middles.
+    /// element as it is has the middles. A new node between nodes of a set is one of the set.
     fn add_middles(&mut self, chosen: &[bool]) {
+        let before = self.nodes.len() as u32;
         let mut known: HashMap<Between, u32> = HashMap::new();
         for element in &self.elements {
             let (corners, middles) = element.nodes().split_at(element.kind().n_corners());
@@ -119,6 +120,15 @@ where
                 nodes.push(node);
             }
             *element = Element::new(raised, &nodes, element.region);
+        }
+        let added = known.iter().filter(|(_, node)| **node >= before);
+        let mut added: Vec<(u32, &Between)> = added.map(|(of, &node)| (node, of)).collect();
+        added.sort_unstable();
+        for set in self.node_sets.values_mut() {
+            let is_in = |corner: &u32| *corner == u32::MAX || set.binary_search(corner).is_ok();
+            let inside = added.iter().filter(|(_, of)| of.iter().all(is_in));
+            let inside: Vec<u32> = inside.map(|(node, _)| *node).collect();
+            set.extend(inside);
         }
     }
 

@@ -78,6 +78,7 @@ pub fn rectangle(
         regions: vec![region.to_owned()],
         groups: BTreeMap::from([(region.to_owned(), vec![0])]),
         boundaries,
+        node_sets: BTreeMap::new(),
         faults: BTreeMap::new(),
         notes: Vec::new(),
     }
@@ -188,6 +189,7 @@ pub fn block(
         regions: vec![region.to_owned()],
         groups: BTreeMap::from([(region.to_owned(), vec![0])]),
         boundaries: sides.collect(),
+        node_sets: BTreeMap::new(),
         faults: BTreeMap::new(),
         notes: Vec::new(),
     }
@@ -221,6 +223,9 @@ where
     }
     for (name, facets) in b.boundaries {
         assert!(a.boundaries.insert(name, facets).is_none());
+    }
+    for (name, nodes) in b.node_sets {
+        assert!(a.node_sets.insert(name, nodes).is_none());
     }
     a
 }

@@ -181,6 +181,7 @@ pub(crate) fn in_space(nodes: Vec<[f64; 3]>) -> Mesh<3> {
         regions: Vec::new(),
         groups: BTreeMap::new(),
         boundaries: BTreeMap::new(),
+        node_sets: BTreeMap::new(),
         faults: BTreeMap::new(),
         notes: Vec::new(),
     }

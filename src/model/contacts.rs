@@ -21,6 +21,8 @@ pub struct PairData<const D: usize = 2>
 where
     ElementKind: Topology<D>,
 {
+    /// The name of its own that it has, if any.
+    pub name: Option<String>,
     /// The boundary that carries the multipliers; several in one text.
     pub boundary: String,
     /// Its facets.
@@ -61,6 +63,14 @@ impl<const D: usize> PairData<D>
 where
     ElementKind: Topology<D>,
 {
+    /// What results call it: its name or, where it has none, both sides.
+    pub fn title(&self) -> String {
+        match &self.name {
+            Some(name) => name.clone(),
+            None => format!("{} / {}", self.boundary, self.against),
+        }
+    }
+
     /// What of the master boundary lies opposite and is not met, in words.
     pub fn unmet_text(&self, units: &Units) -> Option<String> {
         let unmet = self.unmet.as_ref()?;
@@ -197,6 +207,7 @@ where
             }
         };
         let data = PairData {
+            name: self.name.clone(),
             boundary: self.boundary.to_string(),
             facets,
             others,

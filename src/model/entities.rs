@@ -62,7 +62,34 @@ impl fmt::Display for Names {
 /// What the components of a vector are called.
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// What supports, tractions and body forces have in common: a quantity along each axis, and load factors.
+/// What parts that results speak of have in common: a name.
+macro_rules! with_a_name {
+    ($part:ident) => {
+        impl<const D: usize> $part<D> {
+            /// A name of its own, which messages, tables and pictures call it by.
+            pub fn named(mut self, name: impl Into<String>) -> Self {
+                self.name = Some(name.into());
+                self
+            }
+
+            /// What an error calls it: its name, if it has one, and where it is.
+            fn place(&self, place: String) -> String {
+                match &self.name {
+                    Some(name) => format!("\"{name}\" {place}"),
+                    None => place,
+                }
+            }
+        }
+    };
+}
+
+with_a_name!(Support);
+with_a_name!(Traction);
+with_a_name!(BodyForce);
+with_a_name!(Force);
+with_a_name!(Pair);
+
+/// What supports, tractions, forces and body forces have in common: a quantity along each axis, and load factors.
 macro_rules! along_axes {
     ($part:ident, $what:literal, $unit:literal) => {
         impl<const D: usize> $part<D> {
@@ -153,6 +180,7 @@ fn axis_fault<const D: usize>(axis: Option<&Axis<D>>, wanted: bool) -> Option<&'
 along_axes!(Support, "displacement", "m");
 along_axes!(Traction, "force per area", "Pa");
 along_axes!(BodyForce, "force per volume", "N/m³");
+along_axes!(Force, "force on each node", "N");
 
 /// Prescribed displacements on boundaries or at a point. What is not stated is free.
 #[derive(Clone, Debug)]
@@ -164,13 +192,48 @@ pub struct Support<const D: usize = 2> {
     pub(super) axis: Option<Axis<D>>,
     pub(super) symmetry: bool,
     pub(super) factors: Option<Vec<f64>>,
+    pub(super) name: Option<String>,
 }
 
-/// Where a support is.
+/// Where a support is, or a force.
 #[derive(Clone, Debug)]
 pub(super) enum Target<const D: usize> {
     Boundary(Names),
+    /// Sets of nodes.
+    Nodes(Names),
     Point([f64; D]),
+}
+
+impl<const D: usize> Target<D> {
+    /// Its names or its point.
+    fn name(&self) -> String {
+        match self {
+            Self::Boundary(names) | Self::Nodes(names) => names.to_string(),
+            Self::Point(point) => {
+                let point: Vec<String> = point.iter().map(f64::to_string).collect();
+                format!("({})", point.join(", "))
+            }
+        }
+    }
+
+    /// In words, for messages.
+    fn place(&self) -> String {
+        match self {
+            Self::Boundary(_) => format!("on \"{}\"", self.name()),
+            Self::Nodes(_) => format!("on the nodes \"{}\"", self.name()),
+            Self::Point(_) => format!("at {}", self.name()),
+        }
+    }
+
+    fn fault(&self) -> Option<&'static str> {
+        match self {
+            Self::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),
+            Self::Nodes(names) if names.all().is_empty() => {
+                Some("a list of node sets is empty: name at least one")
+            }
+            _ => None,
+        }
+    }
 }
 
 impl<const D: usize> Support<D> {
@@ -182,12 +245,18 @@ impl<const D: usize> Support<D> {
             axis: None,
             symmetry: false,
             factors: None,
+            name: None,
         }
     }
 
     /// On a boundary, or on several.
     pub fn on(boundary: impl Into<Names>) -> Self {
         Self::at(Target::Boundary(boundary.into()))
+    }
+
+    /// At the nodes of a set, or of several.
+    pub fn at_nodes(sets: impl Into<Names>) -> Self {
+        Self::at(Target::Nodes(sets.into()))
     }
 
     /// At the node nearest to a point.
@@ -208,30 +277,19 @@ impl<const D: usize> Support<D> {
     }
 
     pub(super) fn entity(&self, number: usize) -> Entity {
-        let place = match &self.place {
-            Target::Boundary(names) => format!("on \"{names}\""),
-            Target::Point(_) => format!("at {}", self.place_name()),
-        };
-        Entity::one(EntityKind::Support, number, place)
+        Entity::one(EntityKind::Support, number, self.place(self.place.place()))
     }
 
-    fn place_name(&self) -> String {
-        match &self.place {
-            Target::Boundary(names) => names.to_string(),
-            Target::Point(point) => {
-                let point: Vec<String> = point.iter().map(f64::to_string).collect();
-                format!("({})", point.join(", "))
-            }
-        }
-    }
-
-    /// Its boundaries or point, with the components where it does not hold all.
+    /// Its name or, where it has none, its boundaries, sets of nodes or point, with the components where it does not hold all.
     pub(super) fn name(&self) -> String {
+        if let Some(name) = &self.name {
+            return name.clone();
+        }
         let names = AXES[..D].iter().chain(&AROUND);
         let held: Vec<&str> = (self.components.iter().chain(&self.around).zip(names))
             .filter_map(|(value, axis)| value.as_ref().map(|_| *axis))
             .collect();
-        let mut name = self.place_name();
+        let mut name = self.place.name();
         if held.len() < D {
             for axis in held {
                 name = name + ", " + axis;
@@ -247,9 +305,11 @@ impl<const D: usize> Support<D> {
         if let Some(fault) = axis_fault(self.axis.as_ref(), around) {
             return Some(fault);
         }
+        if let Some(fault) = self.place.fault() {
+            return Some(fault);
+        }
         match &self.place {
-            Target::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),
-            Target::Point(_) if self.symmetry => Some(alone::<D>()),
+            Target::Point(_) | Target::Nodes(_) if self.symmetry => Some(alone::<D>()),
             _ if self.symmetry && stated => Some(alone::<D>()),
             _ if !self.symmetry && !stated => Some(match D {
                 2 => {
@@ -269,8 +329,8 @@ const NO_BOUNDARY: &str = "a list of boundaries is empty: name at least one";
 /// What symmetry cannot stand with.
 fn alone<const D: usize>() -> &'static str {
     match D {
-        2 => "symmetry stands alone with a boundary: leave out x, y and point",
-        _ => "symmetry stands alone with a boundary: leave out x, y, z and point",
+        2 => "symmetry stands alone with a boundary: leave out x, y, nodes and point",
+        _ => "symmetry stands alone with a boundary: leave out x, y, z, nodes and point",
     }
 }
 
@@ -286,6 +346,7 @@ pub struct Traction<const D: usize = 2> {
     pub(super) torque: Option<f64>,
     pub(super) force: Option<[f64; D]>,
     pub(super) factors: Option<Vec<f64>>,
+    pub(super) name: Option<String>,
 }
 
 impl<const D: usize> Traction<D> {
@@ -300,6 +361,7 @@ impl<const D: usize> Traction<D> {
             torque: None,
             force: None,
             factors: None,
+            name: None,
         }
     }
 
@@ -325,7 +387,7 @@ impl<const D: usize> Traction<D> {
         Entity::one(
             EntityKind::Traction,
             number,
-            format!("on \"{}\"", self.boundary),
+            self.place(format!("on \"{}\"", self.boundary)),
         )
     }
 
@@ -356,6 +418,7 @@ pub struct BodyForce<const D: usize = 2> {
     pub(super) region: Option<String>,
     pub(super) components: [Option<Quantity<D>>; D],
     pub(super) factors: Option<Vec<f64>>,
+    pub(super) name: Option<String>,
 }
 
 impl<const D: usize> BodyForce<D> {
@@ -364,6 +427,7 @@ impl<const D: usize> BodyForce<D> {
             region,
             components: [const { None }; D],
             factors: None,
+            name: None,
         }
     }
 
@@ -379,7 +443,7 @@ impl<const D: usize> BodyForce<D> {
 
     pub(super) fn entity(&self, number: usize) -> Entity {
         let place = (self.region.as_ref()).map_or(String::new(), |name| format!("in \"{name}\""));
-        Entity::one(EntityKind::BodyForce, number, place)
+        Entity::one(EntityKind::BodyForce, number, self.place(place))
     }
 
     pub(super) fn fault(&self) -> Option<&'static str> {
@@ -388,6 +452,54 @@ impl<const D: usize> BodyForce<D> {
             2 => "a body force needs x or y",
             _ => "a body force needs x, y or z",
         })
+    }
+}
+
+/// Forces on single nodes, the same on each. (Of elements of second order, an even traction has other forces on corners than
+/// between them: to spread a resultant, use [`Traction::force`].)
+#[derive(Clone, Debug)]
+pub struct Force<const D: usize = 2> {
+    pub(super) place: Target<D>,
+    pub(super) components: [Option<Quantity<D>>; D],
+    pub(super) factors: Option<Vec<f64>>,
+    pub(super) name: Option<String>,
+}
+
+impl<const D: usize> Force<D> {
+    fn at(place: Target<D>) -> Self {
+        Self {
+            place,
+            components: [const { None }; D],
+            factors: None,
+            name: None,
+        }
+    }
+
+    /// On each node of a set, or of several; a node of two of them counts once.
+    pub fn at_nodes(sets: impl Into<Names>) -> Self {
+        Self::at(Target::Nodes(sets.into()))
+    }
+
+    /// On each node of a boundary, or of several.
+    pub fn on(boundary: impl Into<Names>) -> Self {
+        Self::at(Target::Boundary(boundary.into()))
+    }
+
+    /// On the node nearest to a point.
+    pub fn at_point(point: [f64; D]) -> Self {
+        Self::at(Target::Point(point))
+    }
+
+    pub(super) fn entity(&self, number: usize) -> Entity {
+        Entity::one(EntityKind::Force, number, self.place(self.place.place()))
+    }
+
+    pub(super) fn fault(&self) -> Option<&'static str> {
+        let stated = self.components.iter().any(Option::is_some);
+        self.place.fault().or((!stated).then_some(match D {
+            2 => "a force needs x or y",
+            _ => "a force needs x, y or z",
+        }))
     }
 }
 
@@ -405,6 +517,7 @@ pub struct Pair<const D: usize = 2> {
     pub(super) adjust: f64,
     pub(super) edge_angle: Option<f64>,
     pub(super) search_distance: Option<f64>,
+    pub(super) name: Option<String>,
 }
 
 /// What a boundary may touch.
@@ -436,6 +549,7 @@ impl<const D: usize> Pair<D> {
             adjust: 0.0,
             edge_angle: None,
             search_distance: None,
+            name: None,
         }
     }
 
@@ -541,7 +655,7 @@ impl<const D: usize> Pair<D> {
                 EntityKind::Contact
             },
             number,
-            format!("on \"{}\"", self.boundary),
+            self.place(format!("on \"{}\"", self.boundary)),
         )
     }
 

@@ -40,6 +40,8 @@ pub enum EntityKind {
     Traction,
     /// A body force.
     BodyForce,
+    /// A force on nodes.
+    Force,
     /// A contact.
     Contact,
     /// A tie.
@@ -78,6 +80,16 @@ pub enum Fault {
         name: String,
         /// The regions of the mesh and their groups.
         known: Vec<String>,
+    },
+    /// The mesh has no such set of nodes.
+    #[error("there is no set of nodes \"{name}\"{}", node_sets(name, known, *is_boundary))]
+    NoNodeSet {
+        /// The name that was stated.
+        name: String,
+        /// The sets of the mesh.
+        known: Vec<String>,
+        /// Whether there is a boundary of this name.
+        is_boundary: bool,
     },
     /// The boundary is none that this can be done to.
     #[error(transparent)]
@@ -141,6 +153,7 @@ impl fmt::Display for Entity {
             EntityKind::Support => ("support", "supports"),
             EntityKind::Traction => ("traction", "tractions"),
             EntityKind::BodyForce => ("body force", "body forces"),
+            EntityKind::Force => ("force", "forces"),
             EntityKind::Contact => ("contact", "contacts"),
             EntityKind::Tie => ("tie", "ties"),
             EntityKind::Thickness => ("thickness", "thickness"),
@@ -160,6 +173,18 @@ impl fmt::Display for Entity {
 fn boundaries(name: &str, known: &[String], dimension: usize) -> String {
     if known.is_empty() {
         return without_boundaries(name, dimension);
+    }
+    format!("; the mesh has {}{}", listed(known), meant(name, known))
+}
+
+/// What the mesh has instead of a set of nodes.
+fn node_sets(name: &str, known: &[String], is_boundary: bool) -> String {
+    if is_boundary {
+        return ", but a boundary is called so: write boundary instead of nodes".to_owned();
+    }
+    if known.is_empty() {
+        return ": the mesh file has none; in Gmsh add Physical Point(\"…\") = {…}; in an .inp file a *NSET, or hold a point"
+            .to_owned();
     }
     format!("; the mesh has {}{}", listed(known), meant(name, known))
 }

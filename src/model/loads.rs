@@ -128,9 +128,9 @@ where
     /// The nodal forces of a step.
     pub(super) fn forces(&self, body: &Body<D>, step: usize) -> Result<Vec<[f64; D]>, ModelError> {
         let mut forces = vec![[0.0; D]; body.mesh.nodes.len()];
-        let finite = |forces: &[[f64; D]], what: &str| {
+        let finite = |forces: &[[f64; D]], places: &[[f64; D]], what: &str| {
             let bad = |f: &[f64; D]| f.iter().find(|v| !(v.abs() <= LARGEST)).copied();
-            let found = (forces.iter().zip(&body.mesh.nodes)).find_map(|(f, x)| Some((bad(f)?, x)));
+            let found = (forces.iter().zip(places)).find_map(|(f, x)| Some((bad(f)?, x)));
             match found {
                 None => Ok(()),
                 Some((value, &x)) if value.is_finite() => Err(Fault::Stated(format!(
@@ -143,6 +143,7 @@ where
                 ))),
             }
         };
+        let places = &body.mesh.nodes;
         // The first load that does anything.
         let mut acting = None;
         let mut note = |forces: &[[f64; D]], entity: Entity| {
@@ -157,7 +158,7 @@ where
             let whole = t.per_area(body, &facets).map_err(at_fault)?;
             let traction = |x, n| whole.at(x, n).map(|t| factor * t);
             body.add_traction(&facets, traction, &mut forces);
-            finite(&forces, "traction").map_err(at_fault)?;
+            finite(&forces, places, "traction").map_err(at_fault)?;
             note(&forces, t.entity(number));
         }
         for (number, b) in self.body_forces.iter().enumerate() {
@@ -172,8 +173,21 @@ where
                 components.map(|component| factor * at(component, x))
             };
             body.add_body_force(regions, force, &mut forces);
-            finite(&forces, "body force").map_err(at_fault)?;
+            finite(&forces, places, "body force").map_err(at_fault)?;
             note(&forces, b.entity(number));
+        }
+        for (number, f) in self.forces.iter().enumerate() {
+            let at_fault = |fault: Fault| f.entity(number).error(fault);
+            let factor = self.factor(&f.factors, step);
+            for node in f.place.nodes(body.mesh).map_err(at_fault)? {
+                let x = body.mesh.nodes[node as usize];
+                let components = f.components.each_ref();
+                let added = components.map(|component| factor * at(component, x));
+                let sum = &mut forces[node as usize];
+                (0..D).for_each(|c| sum[c] += added[c]);
+                finite(&[*sum], &[x], "force").map_err(at_fault)?;
+                note(&[added], f.entity(number));
+            }
         }
         if let Some(g) = self.gravity {
             if body.materials.iter().all(|m| m.density == 0.0) {
@@ -184,7 +198,7 @@ where
             let force = |_, density| g.map(|g| factor * g * density);
             body.add_body_force(None, force, &mut forces);
             let all = || Entity::all(EntityKind::Gravity);
-            finite(&forces, "gravity").map_err(|fault| all().error(fault))?;
+            finite(&forces, places, "gravity").map_err(|fault| all().error(fault))?;
             note(&forces, all());
         }
         let largest = norm_max(forces.as_flattened());

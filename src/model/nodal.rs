@@ -177,6 +177,19 @@ where
     all.flatten().copied().map(OfFacet).collect()
 }
 
+/// The facets of all elements, of which any node is one, if a quantity has values at nodes.
+fn around_nodes<'q, const D: usize>(
+    mesh: &Mesh<D>,
+    mut quantities: impl Iterator<Item = &'q Quantity<D>>,
+) -> Vec<OfFacet<Facet<D>>>
+where
+    ElementKind: Topology<D>,
+{
+    let any = quantities.any(|quantity| quantity.nodal().is_some());
+    let elements = mesh.elements.iter().filter(|_| any);
+    elements.flat_map(Element::facets).map(OfFacet).collect()
+}
+
 impl<const D: usize> Definition<D>
 where
     ElementKind: Topology<D>,
@@ -190,11 +203,8 @@ where
             let entity = support.entity(number);
             let facets = match &support.place {
                 Target::Boundary(names) => facets_of(mesh, names.all()),
-                // The node nearest to a point is one of any facet that it belongs to.
-                Target::Point(_) => {
-                    let all = mesh.elements.iter().flat_map(Element::facets);
-                    let any = (support.components.iter().flatten()).any(|q| q.nodal().is_some());
-                    all.filter(|_| any).map(OfFacet).collect()
+                Target::Point(_) | Target::Nodes(_) => {
+                    around_nodes(mesh, support.components.iter().flatten())
                 }
             };
             let mut pieces = None;
@@ -247,11 +257,26 @@ where
                     .map_err(|fault| entity.clone().error(fault))?;
             }
         }
+        for (number, force) in self.forces.iter_mut().enumerate() {
+            let entity = force.entity(number);
+            let facets = match &force.place {
+                Target::Boundary(names) => facets_of(mesh, names.all()),
+                Target::Point(_) | Target::Nodes(_) => {
+                    around_nodes(mesh, force.components.iter().flatten())
+                }
+            };
+            let mut pieces = None;
+            for quantity in force.components.iter_mut().flatten() {
+                let made = || Ok(Pieces::new(mesh, facets.iter().copied()));
+                placed(quantity, &mut pieces, made, n)
+                    .map_err(|fault| entity.clone().error(fault))?;
+            }
+        }
         for (number, pair) in self.pairs.iter_mut().enumerate() {
             let entity = pair.entity(number);
             let facets = facets_of(mesh, pair.boundary.all());
             let law = match &mut pair.law {
-                Law::None => None,
+                Law::None | Law::Tied => None,
                 Law::Tresca(value) | Law::Coulomb(value) => Some(value),
             };
             let mut pieces = None;
@@ -259,6 +284,7 @@ where
                 .into_iter()
                 .chain(&mut pair.gap)
                 .chain(&mut pair.interference)
+                .chain(pair.stiffness.iter_mut().flatten())
             {
                 placed(
                     quantity,

@@ -708,6 +708,7 @@ where
             regions: common.regions.clone(),
             groups: BTreeMap::new(),
             boundaries: BTreeMap::new(),
+            node_sets: BTreeMap::new(),
             faults: BTreeMap::new(),
             notes: Vec::new(),
         };

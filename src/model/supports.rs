@@ -1,7 +1,7 @@
 //! Prescribed displacements: which nodes supports hold, along which directions, and by how much in each step.
 
 use super::axis::AROUND;
-use super::entities::{AXES, Support, Target};
+use super::entities::{AXES, Names, Support, Target};
 use super::error::{Fault, ModelError};
 use super::loads::known;
 use super::{Definition, Quantity};
@@ -79,6 +79,10 @@ impl<const D: usize> Support<D> {
         let mut nodes = Held::new();
         match &self.place {
             Target::Point(point) => nodes.push((nearest_node(mesh, *point)?, stated)),
+            Target::Nodes(names) => {
+                let held = nodes_of_sets(mesh, names)?.into_iter();
+                nodes.extend(held.map(|node| (node, stated.clone())));
+            }
             Target::Boundary(names) => {
                 for name in names.all() {
                     let facets = known(mesh, mesh.facets(name))?;
@@ -129,6 +133,56 @@ impl<const D: usize> Support<D> {
             ))),
         }
     }
+}
+
+impl<const D: usize> Target<D> {
+    /// Its nodes, each once.
+    pub(super) fn nodes(&self, mesh: &Mesh<D>) -> Result<Vec<u32>, Fault>
+    where
+        ElementKind: Topology<D>,
+    {
+        let names = match self {
+            Self::Point(point) => return Ok(vec![nearest_node(mesh, *point)?]),
+            Self::Nodes(names) => return nodes_of_sets(mesh, names),
+            Self::Boundary(names) => names,
+        };
+        let mut nodes = Vec::new();
+        for name in names.all() {
+            let facets = known(mesh, mesh.facets(name))?;
+            nodes.extend(facets.iter().flat_map(facet_nodes));
+        }
+        nodes.sort_unstable();
+        nodes.dedup();
+        Ok(nodes)
+    }
+}
+
+/// The nodes of sets, each once.
+fn nodes_of_sets<const D: usize>(mesh: &Mesh<D>, names: &Names) -> Result<Vec<u32>, Fault>
+where
+    ElementKind: Topology<D>,
+{
+    let mut nodes = Vec::new();
+    for name in names.all() {
+        match mesh.node_sets.get(name) {
+            Some(set) if set.is_empty() => {
+                return Err(Fault::Stated(format!(
+                    "the set of nodes \"{name}\" is empty, or no element has its nodes"
+                )));
+            }
+            Some(set) => nodes.extend_from_slice(set),
+            None => {
+                return Err(Fault::NoNodeSet {
+                    name: name.clone(),
+                    known: mesh.node_sets.keys().cloned().collect(),
+                    is_boundary: mesh.boundaries.contains_key(name),
+                });
+            }
+        }
+    }
+    nodes.sort_unstable();
+    nodes.dedup();
+    Ok(nodes)
 }
 
 impl<const D: usize> Definition<D>
@@ -326,7 +380,7 @@ where
         Ok(all)
     }
 
-    /// The centroid of the boundaries of each support, or its node.
+    /// The centroid of the boundaries of each support, its node, or the mean of its nodes.
     pub(super) fn support_centres(
         &self,
         body: &Body<D>,
@@ -334,8 +388,14 @@ where
     ) -> Vec<[f64; D]> {
         let centre = |(number, support): (usize, &Support<D>)| {
             let Target::Boundary(names) = &support.place else {
-                let own = prescriptions.all.iter().find(|p| p.support == number);
-                return own.map_or([0.0; D], |p| body.mesh.nodes[p.node as usize]);
+                let own = prescriptions.all.iter().filter(|p| p.support == number);
+                let mut nodes: Vec<u32> = own.map(|p| p.node).collect();
+                nodes.dedup();
+                let share = 1.0 / nodes.len().max(1) as f64;
+                let places = nodes.iter().map(|&node| body.mesh.nodes[node as usize]);
+                return places.fold([0.0; D], |mean, x| {
+                    std::array::from_fn(|c| mean[c] + share * x[c])
+                });
             };
             let mut facets: Vec<Facet<D>> = (names.all().iter())
                 .filter_map(|name| body.mesh.boundaries.get(name))

@@ -180,6 +180,10 @@ where
             places.fold(pairs, |order, (p, q)| order.then(p.total_cmp(&q)))
         });
         let mut text = self.head(elastic);
+        let name_of = |pair: u32| {
+            let pair = &elastic.pairs[pair as usize];
+            pair.name.as_ref().unwrap_or(&pair.boundary)
+        };
         for i in order {
             let along = (D - 1) * i..(D - 1) * (i + 1);
             let numbers = (place(i).into_iter())
@@ -200,7 +204,7 @@ where
                     "{},{},{}{vector},{}",
                     numbers.join(","),
                     self.status(i).name(),
-                    csv_text(&elastic.pairs[elastic.pair_of[i] as usize].boundary),
+                    csv_text(name_of(elastic.pair_of[i])),
                     elastic.contact.places[i].node.map_or("edge", |_| "node")
                 ),
             );

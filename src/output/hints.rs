@@ -73,7 +73,7 @@ where
     let pairs = elastic.pairs.iter().zip(contacts).enumerate();
     // What is tied neither opens nor rubs.
     for (number, (pair, contact)) in pairs.filter(|(_, (pair, _))| !pair.tied) {
-        let name = format!("contact {} / {}", pair.boundary, pair.against);
+        let name = format!("contact {}", pair.title());
         let rows = || (0..elastic.pair_of.len()).filter(|&i| elastic.pair_of[i] as usize == number);
         let touching = contact.stick + contact.slip + contact.frictionless;
         if touching == 0 {

@@ -89,7 +89,7 @@ where
                 1 => "contact".to_owned(),
                 _ => format!("contact-{}", number + 1),
             };
-            let title = format!("{} / {}", pair.boundary, pair.against);
+            let title = pair.title();
             let svg = Self::contact(&format!("{title}{of_step}"), &bodies, number);
             picture(&name, &format!("Contact {title}"), svg, None)
         });

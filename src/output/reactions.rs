@@ -17,6 +17,8 @@ const PEAK: f64 = 0.7;
 /// What a contact carries at the end of a step.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct ContactReport {
+    /// The name of its own that it has, if any.
+    pub name: Option<String>,
     /// The boundary that carries the multipliers.
     pub boundary: String,
     /// The master boundary, or what kind of obstacle.
@@ -55,10 +57,20 @@ pub struct ContactReport {
     pub peaks: usize,
 }
 
+impl ContactReport {
+    /// What pictures and the summary call it: its name or, where it has none, both sides.
+    pub fn title(&self) -> String {
+        match &self.name {
+            Some(name) => name.clone(),
+            None => format!("{} / {}", self.boundary, self.against),
+        }
+    }
+}
+
 /// What a support carries at the end of a step.
 #[derive(Clone, Debug, Serialize)]
 pub struct SupportReport {
-    /// Its boundary or point.
+    /// Its name or, where it has none, its boundary, set of nodes or point.
     pub support: String,
     /// Resultant on the body along the axes, in N; a component that two supports hold counts for the first.
     pub force: Vec<f64>,
@@ -133,6 +145,7 @@ where
     let centres = pair_centres(elastic);
     let mut contacts: Vec<ContactReport> = (elastic.pairs.iter().zip(&centres))
         .map(|(pair, centre)| ContactReport {
+            name: pair.name.clone(),
             boundary: pair.boundary.clone(),
             against: pair.against.clone(),
             friction: pair.friction.clone(),

@@ -21,6 +21,7 @@ mod half_space;
 mod invariance;
 mod manufactured;
 mod nested;
+mod nodal_data;
 mod other_meshes;
 mod overlap;
 mod pairs;

@@ -151,14 +151,16 @@ fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = 
     let contacts = step.contacts.iter().map(move |contact| {
         let work = if contact.slipping_work > 0.0 && contact.slip > 0 {
             let length = &report.units.length;
-            format!(", slipping work {:.4e} {unit} {length}", contact.slipping_work)
+            format!(
+                ", slipping work {:.4e} {unit} {length}",
+                contact.slipping_work
+            )
         } else {
             String::new()
         };
         format!(
-            "  contact {} / {}: force on the first ({}) {unit}{}, pressure up to {:.4e} {stress}{work}",
-            contact.boundary,
-            contact.against,
+            "  contact {}: force on the first ({}) {unit}{}, pressure up to {:.4e} {stress}{work}",
+            contact.title(),
             listed(&contact.force),
             moment(&contact.moment, &contact.centre, &contact.force),
             contact.max_pressure

@@ -8,6 +8,7 @@
 use super::super::frame;
 use super::flat::{Flat, area, edges, turn};
 use super::hull::Hull;
+use super::places::SLIVER;
 use super::{Beam, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet};
 use crate::contact::transformed::Transformed;
 use crate::mesh::shape::{FaceAt, LINE5, LINE8, ShapeFunctions, Visit, face_kind, triangle_points};
@@ -457,14 +458,14 @@ fn places(
 ) -> (Hull, Option<Vec<Site>>) {
     let size = area(outline).sqrt();
     let near = |p: Flat, q: Flat, same: f64| length(minus(p, q)) <= same;
-    let covers = |p: Flat, is_corner: bool| match is_corner {
-        true => hull.vertices.iter().any(|&v| near(p, v, SAME * size)),
-        // The middle of an edge may lie on a straight border, which has no vertex there.
-        false => {
-            edges(&hull.vertices).all(|(a, b)| turn(a, b, p) >= -SAME * size * length(minus(b, a)))
-        }
+    // Curved facets hardly ever have a border just where another one has it, in a plane of symmetry either: what that misses
+    // is no more than what is handed on anyway.
+    let covers = |p: Flat| match ring.len() > n_corners {
+        false => hull.vertices.iter().any(|&v| near(p, v, SAME * size)),
+        true => (edges(&hull.vertices))
+            .all(|(a, b)| turn(a, b, p) >= -SLIVER * size * length(minus(b, a))),
     };
-    if (outline.iter().zip(ring)).all(|(&p, &k)| covers(p, k < n_corners)) {
+    if outline.iter().all(|&p| covers(p)) {
         return (hull, None);
     }
     let hull = hull.simplified();

@@ -1,6 +1,7 @@
 //! What two boundaries of the plane have in common: segments between projected nodes of both meshes, along the field of
 //! averaged normals of the slave boundary.
 
+use super::places::SLIVER;
 use super::{
     CONVERGED, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet,
 };
@@ -121,17 +122,20 @@ pub(super) fn covers(
     for segments in segments.chunk_by(connected) {
         let (from, to) = (segments[0].1, segments[segments.len() - 1].2);
         let same = SAME.min(SAME_OF_WIDTH * (to - from));
-        let is_whole = from <= same && 1.0 - to <= same;
+        let missed = if is_curved { SLIVER } else { same };
+        let is_whole = from <= missed && 1.0 - to <= missed;
         let site = |s: f64| match s {
             s if s <= same => (Site::Node(0), edge.x[0], 0.5),
             s if 1.0 - s <= same => (Site::Node(1), edge.x[1], 0.5),
             s if is_curved && (s - 0.5).abs() <= same => (Site::Node(2), edge.x[2], 0.5),
             _ => (Site::Inside, edge.at(s).0, 0.5),
         };
-        let mut vertices = vec![site(from), site(to)];
-        if is_whole && is_curved {
-            vertices.push((Site::Node(2), edge.x[2], 1.0));
-        }
+        let vertices = match is_whole && is_curved {
+            false => vec![site(from), site(to)],
+            true => (edge.x.iter().zip([0.5, 0.5, 1.0]).enumerate())
+                .map(|(k, (&place, angle))| (Site::Node(k), place, angle))
+                .collect(),
+        };
         let [a, b] = [from, to].map(|s| edge.at(s).0);
         let (along, square) = (minus(b, a), dot(minus(b, a), minus(b, a)));
         let mut cover = Cover {

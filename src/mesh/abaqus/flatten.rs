@@ -374,7 +374,10 @@ impl<'a> Flat<'a> {
                 last.clone_from(&tags);
             }
             let nodes = &self.nodes_of_cells[begin..][..cell.n_nodes()];
-            self.raw.push(cell, set, nodes);
+            // A mass at a node makes no set of nodes.
+            if cell != Cell::Point {
+                self.raw.push(cell, set, nodes);
+            }
         }
     }
 
@@ -402,6 +405,8 @@ impl<'a> Flat<'a> {
                 }
             }
             nodes.iter().for_each(|&node| inside[node as usize] = false);
+            let set = (names[tag].clone(), nodes.clone());
+            self.raw.node_sets.push(set);
             if let (Some(&node), true) = (nodes.first(), all.len() == before) {
                 let none = (names[tag].clone(), self.raw.nodes[node as usize]);
                 self.raw.without_facets.push(none);

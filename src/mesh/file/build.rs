@@ -3,7 +3,7 @@
 use super::raw::{GroupSets, Raw};
 use super::{Failure, Result};
 use crate::mesh::{
-    AnyMesh, Element, ElementKind, Facet, FacetFault, FaultKind, Mesh, Topology, facet,
+    AnyMesh, Element, ElementKind, Facet, FacetFault, FaultKind, Mesh, Topology, facet, facet_nodes,
 };
 use std::collections::{BTreeMap, HashMap};
 
@@ -35,7 +35,7 @@ pub(in crate::mesh) fn build(raw: Raw, scale: f64) -> Result<AnyMesh> {
     }
 }
 
-/// Surfaces are regions, curves boundaries.
+/// Surfaces are regions, curves boundaries, points sets of nodes.
 fn plane(mut raw: Raw, scale: f64) -> Result<Mesh> {
     let groups = Groups::new(&raw, 2);
     let none = (raw.without_facets.iter())
@@ -44,20 +44,22 @@ fn plane(mut raw: Raw, scale: f64) -> Result<Mesh> {
     let nodes: Vec<[f64; 2]> = (raw.nodes.iter())
         .map(|x| [x[0] * scale, x[1] * scale])
         .collect();
-    let mut mesh = groups.mesh(&mut raw.groups, nodes, raw.faces, raw.lines)?;
+    let sets = groups.node_sets(&mut raw);
+    let mut mesh = groups.mesh(&mut raw.groups, nodes, raw.faces, raw.lines, sets)?;
     note(&mut mesh, none);
     mesh.notes = raw.notes;
     Ok(mesh)
 }
 
-/// Volumes are regions, surfaces boundaries; curves and points are left out.
+/// Volumes are regions, surfaces boundaries, curves and points sets of nodes.
 fn solid(mut raw: Raw, scale: f64) -> Result<Mesh<3>> {
     let groups = Groups::new(&raw, 3);
     let nodes = raw.nodes.iter().map(|x| x.map(|v| v * scale)).collect();
     let faces = raw.faces.iter();
     let faces = faces.map(|face| (face.region, facet::<3>(face.nodes())));
     let faces = faces.collect();
-    let mut mesh = groups.mesh(&mut raw.groups, nodes, raw.solids, faces)?;
+    let sets = groups.node_sets(&mut raw);
+    let mut mesh = groups.mesh(&mut raw.groups, nodes, raw.solids, faces, sets)?;
     let none = (raw.without_facets.into_iter()).map(|(name, x)| (name, x.map(|v| v * scale)));
     note(&mut mesh, none.collect());
     mesh.notes = raw.notes;
@@ -96,7 +98,7 @@ impl Groups {
         }
     }
 
-    /// The names of a set of groups of elements (`below` 0) or of facets (1); two tags may have the same one.
+    /// The names of a set of groups of elements (`below` 0), of facets (1) or of less (2, 3); two tags may have the same one.
     fn names(&self, sets: &GroupSets, below: i64, set: u32) -> Vec<String> {
         let mut names: Vec<String> = Vec::new();
         for &tag in &sets.sets[set as usize] {
@@ -111,6 +113,32 @@ impl Groups {
         names
     }
 
+    /// The sets of nodes: those under names, the groups of points, and in space those of curves.
+    fn node_sets(&self, raw: &mut Raw) -> BTreeMap<String, Vec<u32>> {
+        let mut all: BTreeMap<String, Vec<u32>> = BTreeMap::new();
+        for (name, nodes) in std::mem::take(&mut raw.node_sets) {
+            all.entry(name).or_default().extend(nodes);
+        }
+        let mut add = |below: i64, set: u32, nodes: &[u32]| {
+            for name in self.names(&raw.groups, below, set) {
+                all.entry(name).or_default().extend(nodes);
+            }
+        };
+        for &(set, node) in &raw.points {
+            add(self.dimension, set, &[node]);
+        }
+        if self.dimension == 3 {
+            for (set, line) in &raw.lines {
+                add(2, *set, facet_nodes(line));
+            }
+        }
+        for nodes in all.values_mut() {
+            nodes.sort_unstable();
+            nodes.dedup();
+        }
+        all
+    }
+
     /// The mesh of elements and facets, with the numbers of their sets of groups.
     fn mesh<const D: usize>(
         &self,
@@ -118,6 +146,7 @@ impl Groups {
         nodes: Vec<[f64; D]>,
         mut elements: Vec<Element<D>>,
         mut facets: Vec<(u32, Facet<D>)>,
+        node_sets: BTreeMap<String, Vec<u32>>,
     ) -> Result<Mesh<D>>
     where
         ElementKind: Topology<D>,
@@ -157,7 +186,8 @@ impl Groups {
                 boundary.extend(facets.iter().map(|facet| facet.1));
             }
         }
-        let mut mesh = Mesh::new(nodes, elements, regions, boundaries).map_err(Failure::Mesh)?;
+        let mut mesh = Mesh::with_node_sets(nodes, elements, regions, boundaries, node_sets)
+            .map_err(Failure::Mesh)?;
         mesh.groups = groups;
         Ok(mesh)
     }

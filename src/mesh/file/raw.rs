@@ -123,6 +123,10 @@ pub(in crate::mesh) struct Raw {
     pub entities: HashMap<(i64, i64), u32>,
     pub nodes: Vec<[f64; 3]>,
     numbers: NodeNumbers,
+    /// (set of physical groups, node) of points.
+    pub points: Vec<(u32, u32)>,
+    /// Sets of nodes under their names.
+    pub node_sets: Vec<(String, Vec<u32>)>,
     /// (set of physical groups, nodes) of lines.
     pub lines: Vec<(u32, Facet)>,
     /// Triangles and quadrilaterals; the region is the number of the set of physical groups.
@@ -167,7 +171,7 @@ impl Raw {
     /// Adds an element with our numbers of its nodes, as many as it has.
     pub fn push(&mut self, cell: Cell, set: u32, nodes: &[u32]) {
         match cell {
-            Cell::Point => {}
+            Cell::Point => self.points.push((set, nodes[0])),
             Cell::Line | Cell::Line3 => self.lines.push((set, facet::<2>(nodes))),
             Cell::Element(kind) if cell.is_surface() => {
                 self.faces.push(Element::new(kind, nodes, set));

@@ -6,13 +6,16 @@ use crate::mesh::shape::face_kind;
 use crate::mesh::{AnyMesh, ElementKind, Mesh, Topology, facet_nodes};
 use std::fmt::Write as _;
 
-/// The text of a file with the mesh and its regions and boundaries under their names.
+/// The text of a file with the mesh and its regions, boundaries and sets of nodes under their names.
 pub fn msh(mesh: &AnyMesh) -> String {
     match mesh {
         AnyMesh::Plane(mesh) => text(mesh),
         AnyMesh::Space(mesh) => text(mesh),
     }
 }
+
+/// Gmsh's number for a point.
+const POINT: i64 = 15;
 
 /// Gmsh's number for a kind of element.
 fn number(kind: ElementKind) -> i64 {
@@ -54,12 +57,19 @@ where
         let _ = text.write_fmt(arguments);
         text.push('\n');
     };
-    put(format_args!("{}", groups.len() + boundaries.len()));
+    let node_sets: Vec<_> = (mesh.node_sets.iter())
+        .filter(|set| !set.1.is_empty())
+        .collect();
+    let n_names = groups.len() + boundaries.len() + node_sets.len();
+    put(format_args!("{n_names}"));
     for (tag, (name, _)) in (1..).zip(&groups) {
         put(format_args!("{D} {tag} \"{name}\""));
     }
     for (tag, (name, _)) in (1..).zip(&boundaries) {
         put(format_args!("{} {tag} \"{name}\"", D - 1));
+    }
+    for (tag, (name, _)) in (1..).zip(&node_sets) {
+        put(format_args!("0 {tag} \"{name}\""));
     }
     put(format_args!(
         "$EndPhysicalNames\n$Nodes\n{}",
@@ -76,6 +86,9 @@ where
             .for_each(|&region| tags_of[region as usize].push(tag));
     }
     let mut rows: Vec<(i64, usize, Vec<u32>)> = Vec::new();
+    for (tag, (_, nodes)) in (1..).zip(&node_sets) {
+        rows.extend(nodes.iter().map(|&node| (POINT, tag, vec![node])));
+    }
     for (tag, (_, facets)) in (1..).zip(&boundaries) {
         let facets = facets.iter().map(facet_nodes);
         rows.extend(facets.map(|nodes| (facet_number::<D>(nodes.len()), tag, nodes.to_vec())));

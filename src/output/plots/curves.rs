@@ -251,7 +251,8 @@ pub(super) fn steps(report: &Report) -> Chart {
                 .map(|(i, step)| ((i + 1) as f64, value(&step.contacts[c])))
                 .collect()
         };
-        let name = &report.steps[0].contacts[c].boundary;
+        let contact = &report.steps[0].contacts[c];
+        let name = contact.name.as_ref().unwrap_or(&contact.boundary);
         let (normal, tangential) = (format!("{name}, normal"), format!("{name}, tangential"));
         let forces = over(&|contact| contact.normal_force);
         series.push(Series::new(&normal, COLOURS[c], Mark::LineAndDots, forces));

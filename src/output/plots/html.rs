@@ -142,7 +142,7 @@ fn contacts(out: &mut String, report: &Report, step: &StepReport) {
         .collect();
     let rows = step.contacts.iter().map(|c| {
         let counts = [c.separated, c.stick, c.slip, c.frictionless];
-        let name = format!("{} / {}", c.boundary, c.against);
+        let name = c.title();
         ([name, c.friction.clone()].into_iter())
             .chain(components(&c.force))
             .chain([c.max_pressure, c.area].map(|v| format!("{v:.4e}")))
