@@ -5,6 +5,7 @@
 //! geometry of the plane or of space ([`Mortar`]); all else is written for any dimension ([`Space`]).
 
 mod mortar;
+mod nodes;
 mod obstacle;
 mod rows;
 mod search;
@@ -13,6 +14,7 @@ mod tests;
 mod transformed;
 
 pub use mortar::{Mortar, MortarContact, Unmet, mortar_contact};
+pub use nodes::{Met, node_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
 #[cfg(feature = "files")]
 pub(crate) use rows::pooled;

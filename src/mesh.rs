@@ -26,7 +26,7 @@ mod vtu;
 #[cfg(feature = "plots")]
 pub(crate) use element::edge_parts;
 pub use element::{Element, ElementKind, Facet, Topology, facet, facet_corners, facet_nodes};
-pub(crate) use element::{border, face_parts, face_ring};
+pub(crate) use element::{border, face_parts, face_ring, facet_parts};
 pub use file::FileError;
 pub use gmsh::write::msh;
 pub(crate) use groups::Groups;

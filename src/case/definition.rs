@@ -253,7 +253,13 @@ impl ObstacleTable {
 
 impl ContactTable {
     fn pair<const D: usize>(&self, span: Range<usize>) -> Result<Pair<D>, Wrong> {
-        let boundary = self.boundary.clone();
+        let boundary = match (&self.boundary, &self.nodes) {
+            (Some(names), None) | (None, Some(names)) => names.clone(),
+            _ => {
+                let message = "a contact needs a boundary or, instead of it, nodes";
+                return Err((span, message.to_owned()));
+            }
+        };
         let mut pair = match (&self.against, &self.obstacle) {
             (Some(against), None) => Pair::new(boundary, against.clone()),
             (None, Some(obstacle)) => {
@@ -277,6 +283,9 @@ impl ContactTable {
                 return Err((span, message.to_owned()));
             }
         };
+        if self.nodes.is_some() {
+            pair = pair.by_nodes();
+        }
         pair = match &self.friction {
             FrictionTable::None => pair,
             FrictionTable::Tresca(bound) => pair.tresca(quantity(bound)?),

@@ -339,8 +339,10 @@ pub struct StepsTable {
 pub struct ContactTable {
     /// What results call it, instead of its boundaries.
     pub name: Option<String>,
-    /// The boundary that carries the multipliers, or several as one.
-    pub boundary: Names,
+    /// The boundary that carries the multipliers, or several as one, or
+    pub boundary: Option<Names>,
+    /// sets of nodes, one by one.
+    pub nodes: Option<Names>,
     /// The boundary of another body that it meets (or several), or
     pub against: Option<Names>,
     /// a rigid obstacle.

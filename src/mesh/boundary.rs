@@ -63,6 +63,35 @@ where
         self.facets_with(name, Some(FaultKind::Inside))
     }
 
+    /// The outer facets of which all corners, or any, are among some nodes.
+    pub(crate) fn outer_facets_at(&self, nodes: &[u32], all: bool) -> Vec<Facet<D>> {
+        let mut is_one = vec![false; self.nodes.len()];
+        nodes.iter().for_each(|&node| is_one[node as usize] = true);
+        let is_there = |facet: &Facet<D>| {
+            let mut corners = facet_corners(facet)
+                .iter()
+                .map(|&node| is_one[node as usize]);
+            if all {
+                corners.all(|is| is)
+            } else {
+                corners.any(|is| is)
+            }
+        };
+        let mut owners: HashMap<[u32; 4], (u32, Facet<D>)> = HashMap::new();
+        for facet in self
+            .elements
+            .iter()
+            .flat_map(Element::facets)
+            .filter(is_there)
+        {
+            owners.entry(unsided(&facet)).or_insert((0, facet)).0 += 1;
+        }
+        let outer = owners.into_values().filter(|(count, _)| *count == 1);
+        let mut facets: Vec<Facet<D>> = outer.map(|(_, facet)| facet).collect();
+        facets.sort_unstable();
+        facets
+    }
+
     fn facets_with(
         &self,
         name: &str,

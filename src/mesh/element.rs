@@ -389,6 +389,18 @@ pub(crate) fn border<F: AsRef<[u32]>>(facet: &F) -> &'static [usize] {
     }
 }
 
+/// The straight parts of a facet between its nodes: segments, or triangles and quadrilaterals.
+pub(crate) fn facet_parts<F: AsRef<[u32]>>(facet: &F) -> Vec<Vec<u32>> {
+    let nodes = facet_nodes(facet);
+    let parts: &[&[usize]] = match (facet.as_ref().len(), nodes.len()) {
+        (3, 2) => &[&[0, 1]],
+        (3, _) => &[&[0, 2], &[2, 1]],
+        (_, len) => face_parts(len),
+    };
+    let of_part = |part: &&[usize]| part.iter().map(|&k| nodes[k]).collect();
+    parts.iter().map(of_part).collect()
+}
+
 /// The triangles and quadrilaterals between the nodes of a face or of an element of the plane, by the places of those.
 pub(crate) fn face_parts(n_nodes: usize) -> &'static [&'static [usize]] {
     match n_nodes {

@@ -4,11 +4,11 @@ use super::arcs::between_arcs;
 use super::entities::{Against, Law};
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::outer_facets;
-use super::supports::Prescriptions;
+use super::supports::{Prescriptions, nodes_of_sets};
 use super::{Definition, Pair, Units};
 use crate::contact::{
-    ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Friction, Obstacle, PairOptions, Space,
-    Unmet, mortar_contact, obstacle_contact,
+    ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Friction, Met, Obstacle, PairOptions,
+    Space, Unmet, mortar_contact, node_contact, obstacle_contact,
 };
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{length, minus};
@@ -152,7 +152,15 @@ where
         units: &Units,
         symmetry: &HashMap<u32, Vec<[f64; D]>>,
     ) -> Result<Found<D>, Fault> {
-        let facets = outer_facets(body.mesh, self.boundary.all())?;
+        let mesh = body.mesh;
+        let nodes = match self.by_nodes {
+            true => nodes_of_sets(mesh, &self.boundary)?,
+            false => Vec::new(),
+        };
+        let facets = match self.by_nodes {
+            true => mesh.outer_facets_at(&nodes, false),
+            false => outer_facets(mesh, self.boundary.all())?,
+        };
         let law = |x| match &self.law {
             Law::None | Law::Tied => 0.0,
             Law::Tresca(value) | Law::Coulomb(value) => value.at(x),
@@ -192,17 +200,23 @@ where
                 }
                 let distance = options.distance_between(body, &facets, &others);
                 options.search_distance = Some(distance);
-                let found = mortar_contact(body, &facets, &others, &options).map(|found| {
-                    unmet = found.unmet;
-                    found.places
-                });
+                let found = match self.by_nodes {
+                    true => node_contact(body, &nodes, &facets, Met::Facets(&others), &options),
+                    false => mortar_contact(body, &facets, &others, &options).map(|found| {
+                        unmet = found.unmet;
+                        found.places
+                    }),
+                };
                 (found, names.to_string(), distance)
             }
             Against::Obstacle(obstacle) => {
                 let name = format!("rigid {}", obstacle.name());
                 let distance = options.distance_to(body, &facets, obstacle);
                 options.search_distance = Some(distance);
-                let found = obstacle_contact(body, &facets, obstacle, &options);
+                let found = match self.by_nodes {
+                    true => node_contact(body, &nodes, &facets, Met::Obstacle(obstacle), &options),
+                    false => obstacle_contact(body, &facets, obstacle, &options),
+                };
                 (found, name, distance)
             }
         };

@@ -507,6 +507,8 @@ impl<const D: usize> Force<D> {
 #[derive(Clone, Debug)]
 pub struct Pair<const D: usize = 2> {
     pub(super) boundary: Names,
+    /// Whether its first side are sets of nodes, one by one.
+    pub(super) by_nodes: bool,
     pub(super) against: Against<D>,
     pub(super) law: Law<D>,
     pub(super) gap: Option<Quantity<D>>,
@@ -540,6 +542,7 @@ impl<const D: usize> Pair<D> {
     fn with(boundary: Names, against: Against<D>) -> Self {
         Self {
             boundary,
+            by_nodes: false,
             against,
             law: Law::None,
             gap: None,
@@ -567,6 +570,13 @@ impl<const D: usize> Pair<D> {
             law: Law::Tied,
             ..Self::new(boundary, against)
         }
+    }
+
+    /// Takes the names of the first side for sets of nodes ([`Mesh::node_sets`](crate::mesh::Mesh::node_sets)), each node of which
+    /// meets the point nearest to it. Where the nodes make up facets, [`Pair::new`] does better.
+    pub fn by_nodes(mut self) -> Self {
+        self.by_nodes = true;
+        self
     }
 
     /// Whether the gap is the distance of the meshes.

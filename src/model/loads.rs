@@ -1,12 +1,12 @@
 //! The forces of each load step.
 
 use super::entities::Traction;
-use super::error::{Entity, EntityKind, Fault, ModelError};
+use super::error::{Entity, EntityKind, Fault, ModelError, listed};
 use super::{Definition, Elastic, Quantity};
 use crate::contact::Space;
 use crate::elasticity::{Body, Unknowns, load_vector};
 use crate::mesh::vector::dot;
-use crate::mesh::{BoundaryError, ElementKind, Facet, Location, Mesh, Topology};
+use crate::mesh::{BoundaryError, ElementKind, Facet, Location, Mesh, Topology, facet_nodes};
 use crate::problem::{LARGEST, SIZES, is_sized};
 use crate::quasistatic::Load;
 use crate::sparse::{norm, norm_max};
@@ -90,7 +90,8 @@ where
     })
 }
 
-/// The facets of several boundaries on the outside as of one.
+/// The facets of several boundaries on the outside as of one. Where some of them are sets of nodes without a face of their own,
+/// those whose nodes are in all of them together.
 pub(super) fn outer_facets<const D: usize>(
     mesh: &Mesh<D>,
     names: &[String],
@@ -98,6 +99,11 @@ pub(super) fn outer_facets<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
+    let is_bare =
+        |name: &String| mesh.outer_facets(name).is_err() && mesh.node_sets.contains_key(name);
+    if names.iter().any(is_bare) {
+        return between_sets(mesh, names);
+    }
     let mut all = Vec::new();
     for name in names {
         all.extend_from_slice(known(mesh, mesh.outer_facets(name))?);
@@ -105,6 +111,33 @@ where
     all.sort_unstable();
     all.dedup();
     Ok(all)
+}
+
+/// The outer facets whose corners are in sets of nodes and on boundaries together.
+fn between_sets<const D: usize>(mesh: &Mesh<D>, names: &[String]) -> Result<Vec<Facet<D>>, Fault>
+where
+    ElementKind: Topology<D>,
+{
+    let mut nodes = Vec::new();
+    for name in names {
+        match mesh.node_sets.get(name) {
+            Some(set) => nodes.extend_from_slice(set),
+            None => {
+                let facets = known(mesh, mesh.outer_facets(name))?;
+                nodes.extend(facets.iter().flat_map(facet_nodes));
+            }
+        }
+    }
+    let facets = mesh.outer_facets_at(&nodes, true);
+    if facets.is_empty() {
+        return Err(Fault::Stated(format!(
+            "no outer {} has all of its corners in the nodes of {}: name more sets with a comma between, or take their nodes one by \
+             one (nodes = … in a contact)",
+            if D == 2 { "edge" } else { "face" },
+            listed(names)
+        )));
+    }
+    Ok(facets)
 }
 
 /// The regions that a name stands for.

@@ -158,7 +158,10 @@ impl<const D: usize> Target<D> {
 }
 
 /// The nodes of sets, each once.
-fn nodes_of_sets<const D: usize>(mesh: &Mesh<D>, names: &Names) -> Result<Vec<u32>, Fault>
+pub(super) fn nodes_of_sets<const D: usize>(
+    mesh: &Mesh<D>,
+    names: &Names,
+) -> Result<Vec<u32>, Fault>
 where
     ElementKind: Topology<D>,
 {

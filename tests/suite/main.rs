@@ -22,6 +22,7 @@ mod invariance;
 mod manufactured;
 mod nested;
 mod nodal_data;
+mod node_contact;
 mod other_meshes;
 mod overlap;
 mod pairs;
