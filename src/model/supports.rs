@@ -86,12 +86,19 @@ impl<const D: usize> Support<D> {
             Target::Boundary(names) => {
                 for name in names.all() {
                     let facets = known(mesh, mesh.facets(name))?;
-                    let mut ways = stated.clone();
-                    if self.symmetry {
-                        ways.push((across(mesh, name, facets)?, zero));
+                    let mut hold = |facets: &[Facet<D>], ways: &Vec<(Way<D>, &'s Quantity<D>)>| {
+                        let held = facets.iter().flat_map(facet_nodes);
+                        nodes.extend(held.map(|&node| (node, ways.clone())));
+                    };
+                    if !self.symmetry {
+                        hold(facets, &stated);
+                        continue;
                     }
-                    let held = facets.iter().flat_map(facet_nodes);
-                    nodes.extend(held.map(|&node| (node, ways.clone())));
+                    for (way, facets) in planes(mesh, name, facets)? {
+                        let mut ways = stated.clone();
+                        ways.push((way, zero));
+                        hold(&facets, &ways);
+                    }
                 }
             }
         }
@@ -203,19 +210,54 @@ where
                 continue;
             };
             for name in names.all().iter().filter(|_| support.symmetry) {
-                let across = known(mesh, mesh.facets(name))
-                    .and_then(|facets| Ok((facets, across(mesh, name, facets)?)));
-                let (facets, way) = across.map_err(|fault| support.entity(number).error(fault))?;
-                for &node in facets.iter().flat_map(facet_nodes) {
-                    let of_node = planes.entry(node).or_default();
-                    if !of_node.contains(&way.vector()) {
-                        of_node.push(way.vector());
+                let found = known(mesh, mesh.facets(name))
+                    .and_then(|facets| self::planes(mesh, name, facets));
+                for (way, facets) in found.map_err(|fault| support.entity(number).error(fault))? {
+                    for &node in facets.iter().flat_map(facet_nodes) {
+                        let of_node = planes.entry(node).or_default();
+                        if !of_node.contains(&way.vector()) {
+                            of_node.push(way.vector());
+                        }
                     }
                 }
             }
         }
         Ok(planes)
     }
+}
+
+/// Planes of one boundary differ by more than this cosine says, 26°: less is how a curved boundary is bent from facet to facet.
+const APART: f64 = 0.9;
+
+/// The planes that a boundary consists of, up to one for each dimension, with the directions across them.
+fn planes<const D: usize>(
+    mesh: &Mesh<D>,
+    name: &str,
+    facets: &[Facet<D>],
+) -> Result<Vec<(Way<D>, Vec<Facet<D>>)>, Fault>
+where
+    ElementKind: Topology<D>,
+{
+    let curved = match across(mesh, name, facets) {
+        Ok(way) => return Ok(vec![(way, facets.to_vec())]),
+        Err(curved) => curved,
+    };
+    let mut parts: Vec<([f64; D], Vec<Facet<D>>)> = Vec::new();
+    for facet in facets {
+        let normal = mesh.facet_normal(facet).1;
+        let count = parts.len();
+        let same = |(of, _): &&mut ([f64; D], Vec<Facet<D>>)| dot(*of, normal).abs() > APART;
+        match parts.iter_mut().find(same) {
+            Some((_, part)) => part.push(*facet),
+            None if count < D => parts.push((normal, vec![*facet])),
+            None => return Err(curved),
+        }
+    }
+    if parts.len() < 2 {
+        return Err(curved);
+    }
+    let of_part = |(_, part): ([f64; D], Vec<Facet<D>>)| Ok((across(mesh, name, &part)?, part));
+    parts.into_iter().map(of_part).collect()
 }
 
 /// The direction across a plane boundary.

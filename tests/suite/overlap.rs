@@ -1,11 +1,11 @@
-//! What a drawing overlaps: refused with all that can be said about it, or pressed apart.
+//! What a drawing says: overlaps, refused with all that can be said about them or pressed apart; planes of symmetry.
 
 use crate::common::models::answer;
 use signorini::contact::Obstacle;
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
-use signorini::model::{Model, Pair, Support};
+use signorini::model::{Model, Pair, Support, Traction};
 
 const YOUNG: f64 = 2e11;
 const DEEP: f64 = 1e-4;
@@ -161,4 +161,50 @@ fn all_of_a_boundary_or_a_part_of_it() {
         .find(|&i| found.place(i)[0] == 1.0)
         .expect("a corner");
     assert!(found.solution.lambda[first] > 0.0 && found.solution.lambda[last] == 0.0);
+}
+
+/// One boundary of several planes is held across each of them, as the planes one by one; a curved one is refused.
+#[test]
+fn symmetry_of_a_boundary_of_several_planes() {
+    let mut mesh = block(
+        [0.0; 3],
+        [1.0; 3],
+        [3, 2, 2],
+        SolidShape::Hexahedron,
+        "body",
+        "",
+    );
+    let corner: Vec<_> = (["left", "front", "bottom"].iter())
+        .flat_map(|side| mesh.boundaries[*side].clone())
+        .collect();
+    mesh.boundaries.insert("corner".to_owned(), corner);
+    let model = |names: &[&str]| {
+        Model::on(mesh.clone())
+            .material(Material::new(YOUNG, 0.3))
+            .support(Support::on(names).symmetry())
+            .traction(Traction::on("top").z(-1e7))
+            .contact(Pair::obstacle(
+                "right",
+                Obstacle::HalfSpace {
+                    point: [1.0 + 1e-5, 0.0, 0.0],
+                    normal: [-1.0, 0.0, 0.0],
+                },
+            ))
+    };
+    let found = answer(model(&["corner"]), 1e-9, Stiffness::Cholesky);
+    let expected = answer(
+        model(&["left", "front", "bottom"]),
+        1e-9,
+        Stiffness::Cholesky,
+    );
+    assert_eq!(found.solution.u, expected.solution.u);
+    let mut bent = mesh.clone();
+    for x in &mut bent.nodes {
+        x[2] += 0.3 * x[0] * x[0];
+    }
+    let error = (Model::on(bent).material(Material::new(YOUNG, 0.3)))
+        .support(Support::on(["top"]).symmetry())
+        .build()
+        .unwrap_err();
+    assert!(error.to_string().contains("is not plane"), "{error}");
 }
