@@ -95,7 +95,9 @@ where
         for &tangent in &place.frame[1..] {
             let (entries, motion) = row(unknowns, &place, tangent);
             tie(&entries, &motion);
-            let is_kept = !entries.is_empty() && kept_along(body.mesh, unknowns, &place, tangent);
+            // A tie is about what neighbours deform by, too.
+            let is_kept =
+                !is_tied && !entries.is_empty() && kept_along(body.mesh, unknowns, &place, tangent);
             let (entries, motion, instead) = match is_kept {
                 true => (Vec::new(), Vec::new(), Some(motion)),
                 false => (entries, motion, None),

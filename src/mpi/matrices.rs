@@ -34,7 +34,7 @@ pub struct OwnMatrices<const D: usize> {
     pub tangential: Vec<(usize, usize, f64)>,
     /// d, length m.
     pub gap: Vec<f64>,
-    /// g, length m.
+    /// g, length m; infinite where a node is tied ([`ContactProblem::with_ties`]).
     pub slip_bound: Vec<f64>,
     /// μ, length m; empty without Coulomb friction.
     pub friction: Vec<f64>,
@@ -109,13 +109,11 @@ impl<const D: usize> OwnMatrices<D> {
         {
             format!("slip_bound and friction need {m} entries, as gap has")
         } else if !finite(&self.gap)
-            || !self
-                .slip_bound
-                .iter()
-                .chain(&self.friction)
-                .all(|&v| v >= 0.0 && v.is_finite())
+            || !finite(&self.friction)
+            || !(self.slip_bound.iter().chain(&self.friction)).all(|&v| v >= 0.0)
         {
-            "gap has to be finite, slip_bound and friction finite and not negative".to_owned()
+            "gap has to be finite, friction finite and not negative, and slip_bound not negative"
+                .to_owned()
         } else if self
             .coordinates
             .as_ref()
