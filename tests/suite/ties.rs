@@ -93,10 +93,12 @@ fn patch_in_the_plane() {
             named("up", &["left", "right", "top"]),
         ]
         .concat();
-        patch(&mesh, &Pair::tied("up-bottom", "low-top"), |g| {
-            let field = field::<2>(g);
-            (Support::on(outer.clone()).x(move |x| field(x, 0))).y(move |x| field(x, 1))
-        });
+        for mesh in [mesh.clone(), mesh.raised().or_panic()] {
+            patch(&mesh, &Pair::tied("up-bottom", "low-top"), |g| {
+                let field = field::<2>(g);
+                (Support::on(outer.clone()).x(move |x| field(x, 0))).y(move |x| field(x, 1))
+            });
+        }
     }
 }
 
@@ -111,12 +113,14 @@ fn patch_in_space() {
         let sides = ["left", "right", "front", "back"];
         let mut outer = [named("low", &sides), named("up", &sides)].concat();
         outer.extend(["low-bottom".to_owned(), "up-top".to_owned()]);
-        patch(&mesh, &Pair::tied("up-bottom", "low-top"), |g| {
-            let field = field::<3>(g);
-            (Support::on(outer.clone()).x(move |x| field(x, 0)))
-                .y(move |x| field(x, 1))
-                .z(move |x| field(x, 2))
-        });
+        for mesh in [mesh.clone(), mesh.raised().or_panic()] {
+            patch(&mesh, &Pair::tied("up-bottom", "low-top"), |g| {
+                let field = field::<3>(g);
+                (Support::on(outer.clone()).x(move |x| field(x, 0)))
+                    .y(move |x| field(x, 1))
+                    .z(move |x| field(x, 2))
+            });
+        }
     }
 }
 
