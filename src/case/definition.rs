@@ -311,6 +311,7 @@ impl TieTable {
     fn pair<const D: usize>(&self) -> Pair<D> {
         let pair = Pair::tied(self.boundary.clone(), self.against.clone());
         let pair = with(pair, &self.adjust, Pair::adjust);
+        let pair = with(pair, &self.name, Pair::named);
         with(pair, &self.edge_angle, Pair::edge_angle)
     }
 }

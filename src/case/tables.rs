@@ -370,6 +370,8 @@ pub struct ContactTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TieTable {
+    /// What results call it, instead of its boundaries.
+    pub name: Option<String>,
     /// The boundary that carries the multipliers, or several as one.
     pub boundary: Names,
     /// The boundary of another body that it is tied to (or several).

@@ -194,9 +194,11 @@ where
         let (found, against, search_distance) = match &self.against {
             Against::Boundary(names) => {
                 others = outer_facets(body.mesh, names.all())?;
-                if self.is_tie() && options.search_distance.is_none() {
-                    options.search_distance =
-                        Some(TIE_DISTANCE * largest_facet(body.mesh, &facets));
+                if self.is_tie() {
+                    options.search_distance = Some(match self.adjust {
+                        0.0 => TIE_DISTANCE * largest_facet(body.mesh, &facets),
+                        adjust => adjust,
+                    });
                 }
                 let distance = options.distance_between(body, &facets, &others);
                 options.search_distance = Some(distance);
