@@ -181,27 +181,27 @@ class LoadStep:
     @property
     def u(self) -> Floats:
         """Displacements: of a model (nodes, d); of matrices (n,)."""
-        return self._data("u")
+        return self._array("u")
 
     @property
     def lambda_normal(self) -> Floats:
         """λν, the normal contact forces, (m,)."""
-        return self._data("lambda_normal")
+        return self._array("lambda_normal")
 
     @property
     def lambda_tangential(self) -> Floats:
         """λτ, the friction forces, (m, d − 1)."""
-        return self._data("lambda_tangential")
+        return self._array("lambda_tangential")
 
     @property
     def slip(self) -> Floats:
         """Slip in this load step, (m, d − 1)."""
-        return self._data("slip")
+        return self._array("slip")
 
     @property
     def slip_bound(self) -> Floats:
         """The slip bounds that λτ obeys, (m,)."""
-        return self._data("slip_bound")
+        return self._array("slip_bound")
 
     @property
     def state(self) -> NDArray[np.str_]:
@@ -212,12 +212,12 @@ class LoadStep:
     @property
     def stress(self) -> Floats:
         """Stresses at the nodes in Pa, (nodes, 6): xx, yy, zz, xy, yz, zx. Of models."""
-        return self._data("stress")
+        return self._array("stress")
 
     @property
     def stress_in_elements(self) -> Floats:
         """The same in the middle of the elements, (elements, 6)."""
-        return self._data("stress_in_elements")
+        return self._array("stress_in_elements")
 
     @property
     def contacts(self) -> dict[str, Contact]:
@@ -253,6 +253,10 @@ class LoadStep:
 
     def _data(self, name: str) -> Any:
         return self._of._data(self.number - 1, name)
+
+    def _array(self, name: str) -> Floats:
+        array: Floats = self._data(name)
+        return array
 
 
 class Solution:
@@ -521,17 +525,11 @@ class Solution:
         contacts = {}
         for number, (name, one) in enumerate(zip(names, reports)):
             of = pair_of == number
-            whole = {key: np.array(one[key]) for key in ("force", "moment", "centre")}
-            numbers = {key: _nan(one[key]) for key in ("normal_force", "tangential_force", "slipping_work", "area")}
-            contacts[name] = Contact(
-                name=name,
-                boundary=one["boundary"],
-                against=one["against"],
-                friction=one["friction"],
-                **{key: value[of] for key, value in fields.items()},
-                **whole,
-                **numbers,
-            )
+            known: dict[str, Any] = {key: value[of] for key, value in fields.items()}
+            known |= {key: one[key] for key in ("boundary", "against", "friction")}
+            known |= {key: np.array(one[key]) for key in ("force", "moment", "centre")}
+            known |= {key: _nan(one[key]) for key in ("normal_force", "tangential_force", "slipping_work", "area")}
+            contacts[name] = Contact(name=name, **known)
         return contacts
 
 
