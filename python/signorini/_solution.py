@@ -44,12 +44,12 @@ def _nan(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-def contact_names(pairs: Sequence[tuple[str, str]]) -> list[str]:
-    """What contacts are called: by their boundary, and by both where one stands in several."""
-    boundaries = [boundary for boundary, _ in pairs]
+def contact_names(pairs: Sequence[tuple[str | None, str, str]]) -> list[str]:
+    """What contacts are called: by their names or else by their boundary, and by both where one stands in several."""
+    boundaries = [boundary for _, boundary, _ in pairs]
     names: list[str] = []
-    for boundary, against in pairs:
-        name = boundary if boundaries.count(boundary) == 1 else f"{boundary} / {against}"
+    for own, boundary, against in pairs:
+        name = own or (boundary if boundaries.count(boundary) == 1 else f"{boundary} / {against}")
         while name in names:
             name += "'"
         names.append(name)
@@ -98,7 +98,7 @@ class Contact:
     slip : ndarray, (k, d − 1)
         Displacement against the other side, in m.
     state : ndarray of str, (k,)
-        "separated", "stick", "slip", or "contact" without a law of friction.
+        "separated", "stick", "slip", "contact" without a law of friction, or "tied".
     force, moment, centre : ndarray
         Resultant on the body of `boundary` in N, its moment in N m about `centre`.
     normal_force, tangential_force : float
@@ -205,7 +205,7 @@ class LoadStep:
 
     @property
     def state(self) -> NDArray[np.str_]:
-        """What each contact place does, (m,): "separated", "stick", "slip", or "contact" without friction."""
+        """What each contact place does, (m,): "separated", "stick", "slip", "contact" without friction, or "tied"."""
         state: NDArray[np.str_] = self._data("state")
         return state
 
@@ -221,7 +221,7 @@ class LoadStep:
 
     @property
     def contacts(self) -> dict[str, Contact]:
-        """The contacts of a model by the names of their boundaries; empty of matrices."""
+        """The contacts and ties of a model by their names, or those of their boundaries; empty of matrices."""
         contacts: dict[str, Contact] = self._data("contacts")
         return contacts
 
@@ -328,7 +328,7 @@ class Solution:
 
     @property
     def state(self) -> NDArray[np.str_]:
-        """What each contact place does, (m,): "separated", "stick", "slip", or "contact" without friction."""
+        """What each contact place does, (m,): "separated", "stick", "slip", "contact" without friction, or "tied"."""
         return self.last.state
 
     @property
@@ -343,7 +343,7 @@ class Solution:
 
     @property
     def contacts(self) -> dict[str, Contact]:
-        """The contacts of a model by the names of their boundaries; empty of matrices."""
+        """The contacts and ties of a model by their names, or those of their boundaries; empty of matrices."""
         return self.last.contacts
 
     @property
@@ -521,7 +521,7 @@ class Solution:
         for name, shape in {"traction": (places, d - 1), "slip": (places, d - 1), "tangents": (places, d - 1, d)}.items():
             fields[name] = fields[name].reshape(shape)
         reports = self.report["steps"][step]["contacts"]
-        names = contact_names([(one["boundary"], one["against"]) for one in reports])
+        names = contact_names([(one["name"], one["boundary"], one["against"]) for one in reports])
         contacts = {}
         for number, (name, one) in enumerate(zip(names, reports)):
             of = pair_of == number
