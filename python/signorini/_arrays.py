@@ -53,6 +53,14 @@ def integers(name: str, value: ArrayLike) -> NDArray[np.int64]:
     return np.ascontiguousarray(array, dtype=np.int64)
 
 
+def flags(name: str, value: ArrayLike, length: int) -> list[bool]:
+    """Yes or no for each of so many."""
+    array = np.asarray(value)
+    if array.dtype.kind != "b" or array.shape != (length,):
+        raise ValueError(f"{name}: expected {length} of True or False, found dtype {array.dtype}, shape {array.shape}")
+    return [bool(one) for one in array]
+
+
 def sparse(name: str, matrix: Any) -> Sparse:
     """A matrix of SciPy, or one like it, or a dense one, in compressed rows or columns: nothing is copied that fits."""
     if hasattr(matrix, "to_scipy_sparse"):

@@ -79,7 +79,9 @@ class Mesh:
         facets: dict[str, list[NDArray[np.int64]]] = {}
         node_sets: dict[str, NDArray[np.int64]] = {}
         for name, given in (boundaries or {}).items():
-            several = given if isinstance(given, (list, tuple)) and any(np.ndim(g) == 2 for g in given) else [given]
+            several: list[Any] = [given]
+            if isinstance(given, (list, tuple)) and any(np.ndim(one) == 2 for one in given):
+                several = list(given)
             made = [_arrays.integers(f"boundaries, {name!r}", one) for one in several]
             if all(one.ndim == 2 for one in made):
                 facets[name] = made
@@ -282,7 +284,7 @@ class Mesh:
         blocks = self._native.cells()
         of, names, groups = self._native.regions()
         order = np.concatenate([numbers for _, numbers, _ in blocks]).astype(np.int64)
-        state = (
+        state: tuple[Any, ...] = (
             self.points,
             [(kind, nodes.astype(np.int64)) for kind, _, nodes in blocks],
             of.astype(np.int64)[order],
@@ -316,15 +318,16 @@ def _regions(
         inside[numbers, column] = True
     kinds, of = np.unique(inside, axis=0, return_inverse=True)
     called = list(given)
-    names, groups = [], {name: [] for name in called}  # type: dict[str, list[int]]
+    groups: dict[str, list[int]] = {name: [] for name in called}
+    joined: list[str] = []
     for number, row in enumerate(kinds):
         of_row = [called[column] for column in np.flatnonzero(row)]
-        names.append(" & ".join(of_row) or "unnamed")
+        joined.append(" & ".join(of_row) or "unnamed")
         for name in of_row:
             groups[name].append(number)
-    for number, name in enumerate(names):
+    for number, name in enumerate(joined):
         groups.setdefault(name, [number])
-    return of.reshape(-1).astype(np.int64), names, groups
+    return of.reshape(-1).astype(np.int64), joined, groups
 
 
 def rectangle(

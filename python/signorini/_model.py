@@ -21,7 +21,7 @@ Names: TypeAlias = str | Sequence[str]
 class Model:
     """Elastic bodies in contact: a mesh, and what is said of it.
 
-    Keyword arguments are the keys of case files (docs/case-file.md says what each means), and each method returns the model,
+    Keyword arguments are the keys of case files (docs/case-file.md says what each means; ``name`` is one of most), and each method returns the model,
     so that calls may be chained. What is wrong with an argument by itself is told at once, what depends on the mesh when the
     model is built.
 
@@ -96,6 +96,7 @@ class Model:
         self,
         boundary: Names | None = None,
         *,
+        nodes: Names | None = None,
         point: Sequence[float] | None = None,
         x: Quantity | None = None,
         y: Quantity | None = None,
@@ -108,11 +109,11 @@ class Model:
         factors: Sequence[float] | None = None,
         **more: Any,
     ) -> Model:
-        """Prescribe displacements in m on boundaries, or at the node nearest to a `point`; what is left out is free."""
+        """Prescribe displacements in m on boundaries, on sets of `nodes`, or at the node nearest to a `point`; what is left out
+        is free."""
         along = {"x": x, "y": y, "z": z, "radial": radial, "hoop": hoop, "axial": axial, "axis": axis}
-        return self.add(
-            "support", boundary=boundary, point=point, **along, symmetry=symmetry, factors=factors, **more
-        )
+        where = {"boundary": boundary, "nodes": nodes, "point": point}
+        return self.add("support", **where, **along, symmetry=symmetry, factors=factors, **more)
 
     def traction(
         self,
@@ -136,6 +137,22 @@ class Model:
         whole = {"pressure": pressure, "force": force, "torque": torque, "factors": factors}
         return self.add("traction", boundary=boundary, **along, **whole, **more)
 
+    def force(
+        self,
+        boundary: Names | None = None,
+        *,
+        nodes: Names | None = None,
+        point: Sequence[float] | None = None,
+        x: Quantity | None = None,
+        y: Quantity | None = None,
+        z: Quantity | None = None,
+        factors: Sequence[float] | None = None,
+        **more: Any,
+    ) -> Model:
+        """Add forces in N on each node of boundaries or of sets of `nodes`, or on the node nearest to a `point`."""
+        where = {"boundary": boundary, "nodes": nodes, "point": point}
+        return self.add("force", **where, x=x, y=y, z=z, factors=factors, **more)
+
     def body_force(
         self,
         region: str | None = None,
@@ -158,6 +175,8 @@ class Model:
         friction: Mapping[str, Quantity] | str | None = None,
         gap: Quantity | None = None,
         interference: Quantity | None = None,
+        overlap: str | None = None,
+        stiffness: Mapping[str, Quantity] | None = None,
         adjust: float | None = None,
         edge_angle: float | None = None,
         search_distance: float | None = None,
@@ -174,11 +193,28 @@ class Model:
             ``{"coulomb": 0.3}``, or ``{"tresca": 2e6}`` in Pa; a quantity each.
         gap, interference : quantity; optional
             In m, in place of the distance of the meshes.
+        overlap : {"interference"}; optional
+            That an overlap of the meshes is meant.
+        stiffness : dict; optional
+            ``{"normal": 1e12, "tangential": 1e11}`` in Pa/m, if the contact itself gives way; a quantity each.
         adjust, edge_angle, search_distance : float; optional
         """
-        law = {"obstacle": obstacle, "friction": friction, "gap": gap, "interference": interference}
+        law: dict[str, Any] = {"obstacle": obstacle, "friction": friction, "gap": gap, "interference": interference}
+        law |= {"overlap": overlap, "stiffness": stiffness}
         numbers = {"adjust": adjust, "edge_angle": edge_angle, "search_distance": search_distance}
         return self.add("contact", boundary=boundary, against=against, **law, **numbers, **more)
+
+    def tie(
+        self,
+        boundary: Names,
+        against: Names,
+        *,
+        adjust: float | None = None,
+        edge_angle: float | None = None,
+        **more: Any,
+    ) -> Model:
+        """Hold boundaries of two bodies together in every direction; their meshes need not match."""
+        return self.add("tie", boundary=boundary, against=against, adjust=adjust, edge_angle=edge_angle, **more)
 
     def steps(self, factors: Sequence[float]) -> Model:
         """Make load steps: what loads and prescribed displacements are multiplied by in each, one after another."""

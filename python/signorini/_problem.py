@@ -52,6 +52,10 @@ class Problem:
         What slip is counted from.
     areas : array_like, (m,); optional
         What turns forces into pressures, which are what the tolerance is about.
+    compliance : array_like, (m + rows of T,); optional
+        The diagonal of C in m/N, in the order of λν, then λτ: the contact itself gives way by C λ.
+    tied : array_like of bool, (m,); optional
+        Which contact nodes hold together in every direction.
     dependent_rows : bool
         Whether rows of N and T may depend on each other, as those of bodies do where several parts of one lie under one
         facet of another.
@@ -77,6 +81,8 @@ class Problem:
         interference: bool = False,
         slip_origin: ArrayLike | None = None,
         areas: ArrayLike | None = None,
+        compliance: ArrayLike | None = None,
+        tied: ArrayLike | None = None,
         dependent_rows: bool = False,
     ) -> None:
         if dim not in (None, 2, 3):
@@ -108,6 +114,8 @@ class Problem:
             dependent_rows=bool(dependent_rows),
             slip_origin=None if slip_origin is None else _arrays.vector("slip_origin", slip_origin, T[0]),
             areas=None if areas is None else _arrays.vector("areas", areas, m),
+            compliance=None if compliance is None else _arrays.vector("compliance", compliance, m + T[0]),
+            tied=None if tied is None else _arrays.flags("tied", tied, m),
         )
 
     @classmethod
@@ -317,6 +325,8 @@ def solve(
     interference: bool = False,
     slip_origin: ArrayLike | None = None,
     areas: ArrayLike | None = None,
+    compliance: ArrayLike | None = None,
+    tied: ArrayLike | None = None,
     dependent_rows: bool = False,
     tolerance: float = 1e-6,
     stiffness: str = "auto",
@@ -355,6 +365,8 @@ def solve(
         interference=interference,
         slip_origin=slip_origin,
         areas=areas,
+        compliance=compliance,
+        tied=tied,
         dependent_rows=dependent_rows,
     )
     return problem.solve(

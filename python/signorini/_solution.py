@@ -44,12 +44,12 @@ def _nan(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-def contact_names(pairs: Sequence[tuple[str, str]]) -> list[str]:
-    """What contacts are called: by their boundary, and by both where one stands in several."""
-    boundaries = [boundary for boundary, _ in pairs]
+def contact_names(pairs: Sequence[tuple[str | None, str, str]]) -> list[str]:
+    """What contacts are called: by their names or else by their boundary, and by both where one stands in several."""
+    boundaries = [boundary for _, boundary, _ in pairs]
     names: list[str] = []
-    for boundary, against in pairs:
-        name = boundary if boundaries.count(boundary) == 1 else f"{boundary} / {against}"
+    for own, boundary, against in pairs:
+        name = own or (boundary if boundaries.count(boundary) == 1 else f"{boundary} / {against}")
         while name in names:
             name += "'"
         names.append(name)
@@ -98,7 +98,7 @@ class Contact:
     slip : ndarray, (k, d − 1)
         Displacement against the other side, in m.
     state : ndarray of str, (k,)
-        "separated", "stick", "slip", or "contact" without a law of friction.
+        "separated", "stick", "slip", "contact" without a law of friction, or "tied".
     force, moment, centre : ndarray
         Resultant on the body of `boundary` in N, its moment in N m about `centre`.
     normal_force, tangential_force : float
@@ -181,47 +181,47 @@ class LoadStep:
     @property
     def u(self) -> Floats:
         """Displacements: of a model (nodes, d); of matrices (n,)."""
-        return self._data("u")
+        return self._array("u")
 
     @property
     def lambda_normal(self) -> Floats:
         """λν, the normal contact forces, (m,)."""
-        return self._data("lambda_normal")
+        return self._array("lambda_normal")
 
     @property
     def lambda_tangential(self) -> Floats:
         """λτ, the friction forces, (m, d − 1)."""
-        return self._data("lambda_tangential")
+        return self._array("lambda_tangential")
 
     @property
     def slip(self) -> Floats:
         """Slip in this load step, (m, d − 1)."""
-        return self._data("slip")
+        return self._array("slip")
 
     @property
     def slip_bound(self) -> Floats:
         """The slip bounds that λτ obeys, (m,)."""
-        return self._data("slip_bound")
+        return self._array("slip_bound")
 
     @property
     def state(self) -> NDArray[np.str_]:
-        """What each contact place does, (m,): "separated", "stick", "slip", or "contact" without friction."""
+        """What each contact place does, (m,): "separated", "stick", "slip", "contact" without friction, or "tied"."""
         state: NDArray[np.str_] = self._data("state")
         return state
 
     @property
     def stress(self) -> Floats:
         """Stresses at the nodes in Pa, (nodes, 6): xx, yy, zz, xy, yz, zx. Of models."""
-        return self._data("stress")
+        return self._array("stress")
 
     @property
     def stress_in_elements(self) -> Floats:
         """The same in the middle of the elements, (elements, 6)."""
-        return self._data("stress_in_elements")
+        return self._array("stress_in_elements")
 
     @property
     def contacts(self) -> dict[str, Contact]:
-        """The contacts of a model by the names of their boundaries; empty of matrices."""
+        """The contacts and ties of a model by their names, or those of their boundaries; empty of matrices."""
         contacts: dict[str, Contact] = self._data("contacts")
         return contacts
 
@@ -253,6 +253,10 @@ class LoadStep:
 
     def _data(self, name: str) -> Any:
         return self._of._data(self.number - 1, name)
+
+    def _array(self, name: str) -> Floats:
+        array: Floats = self._data(name)
+        return array
 
 
 class Solution:
@@ -324,7 +328,7 @@ class Solution:
 
     @property
     def state(self) -> NDArray[np.str_]:
-        """What each contact place does, (m,): "separated", "stick", "slip", or "contact" without friction."""
+        """What each contact place does, (m,): "separated", "stick", "slip", "contact" without friction, or "tied"."""
         return self.last.state
 
     @property
@@ -339,7 +343,7 @@ class Solution:
 
     @property
     def contacts(self) -> dict[str, Contact]:
-        """The contacts of a model by the names of their boundaries; empty of matrices."""
+        """The contacts and ties of a model by their names, or those of their boundaries; empty of matrices."""
         return self.last.contacts
 
     @property
@@ -517,21 +521,15 @@ class Solution:
         for name, shape in {"traction": (places, d - 1), "slip": (places, d - 1), "tangents": (places, d - 1, d)}.items():
             fields[name] = fields[name].reshape(shape)
         reports = self.report["steps"][step]["contacts"]
-        names = contact_names([(one["boundary"], one["against"]) for one in reports])
+        names = contact_names([(one["name"], one["boundary"], one["against"]) for one in reports])
         contacts = {}
         for number, (name, one) in enumerate(zip(names, reports)):
             of = pair_of == number
-            whole = {key: np.array(one[key]) for key in ("force", "moment", "centre")}
-            numbers = {key: _nan(one[key]) for key in ("normal_force", "tangential_force", "slipping_work", "area")}
-            contacts[name] = Contact(
-                name=name,
-                boundary=one["boundary"],
-                against=one["against"],
-                friction=one["friction"],
-                **{key: value[of] for key, value in fields.items()},
-                **whole,
-                **numbers,
-            )
+            known: dict[str, Any] = {key: value[of] for key, value in fields.items()}
+            known |= {key: one[key] for key in ("boundary", "against", "friction")}
+            known |= {key: np.array(one[key]) for key in ("force", "moment", "centre")}
+            known |= {key: _nan(one[key]) for key in ("normal_force", "tangential_force", "slipping_work", "area")}
+            contacts[name] = Contact(name=name, **known)
         return contacts
 
 

@@ -54,6 +54,19 @@ struct Changes {
     friction: Option<Vec<f64>>,
 }
 
+/// What a problem from matrices may have beside them.
+#[derive(Default)]
+struct Beside {
+    interference: bool,
+    dependent_rows: bool,
+    slip_bound: Vec<f64>,
+    friction: Vec<f64>,
+    compliance: Vec<f64>,
+    tied: Vec<bool>,
+    areas: Option<Vec<f64>>,
+    slip_origin: Option<Vec<f64>>,
+}
+
 impl Changes {
     fn is_empty(&self) -> bool {
         let all = [
@@ -84,7 +97,9 @@ impl Changes {
             problem = problem.with_gap(gap.clone())?;
         }
         if let Some(bound) = &self.slip_bound {
-            problem = problem.with_slip_bound(bound.clone())?;
+            // A tie is a bound that nothing reaches: it stays.
+            let tied: Vec<bool> = (0..problem.m()).map(|i| problem.is_tied(i)).collect();
+            problem = problem.with_slip_bound(bound.clone())?.with_ties(&tied)?;
         }
         if let Some(origin) = &self.slip_origin {
             problem = problem.with_slip_origin(origin.clone())?;
@@ -101,41 +116,41 @@ fn wrong(error: ProblemError) -> PyErr {
 }
 
 /// A problem of D dimensions from matrices.
-#[expect(clippy::too_many_arguments, reason = "one for each matrix and vector")]
 fn of_matrices<const D: usize>(
-    stiffness: SparseRef,
+    [stiffness, normal, tangential]: [SparseRef; 3],
     load: &[f64],
-    normal: SparseRef,
-    tangential: SparseRef,
     gap: &[f64],
-    slip_bound: &[f64],
-    friction: &[f64],
     coordinates: Option<&[[f64; D]]>,
-    [interference, dependent_rows]: [bool; 2],
-    extra: &Changes,
-    areas: Option<Vec<f64>>,
+    beside: Beside,
 ) -> Result<ContactProblem<D>, String>
 where
     ElementKind: Topology<D>,
 {
-    let said = |error: ProblemError| error.to_string();
-    let mut problem = ContactProblem::from_matrices(Matrices {
+    let made = ContactProblem::from_matrices(Matrices {
         stiffness,
         load,
         normal,
         tangential,
         gap,
-        interference,
-        dependent_rows,
-        slip_bound,
-        friction_coefficient: friction,
+        interference: beside.interference,
+        dependent_rows: beside.dependent_rows,
+        slip_bound: &beside.slip_bound,
+        friction_coefficient: &beside.friction,
+        compliance: &beside.compliance,
         coordinates,
-    })
-    .map_err(said)?;
-    if let Some(areas) = areas {
-        problem = problem.with_areas(areas).map_err(said)?;
-    }
-    let problem = extra.made(&problem).map_err(said)?;
+    });
+    let made = made.and_then(|problem| {
+        let problem = match beside.areas {
+            Some(areas) => problem.with_areas(areas)?,
+            None => problem,
+        };
+        let problem = problem.with_ties(&beside.tied)?;
+        match beside.slip_origin {
+            Some(origin) => problem.with_slip_origin(origin),
+            None => Ok(problem),
+        }
+    });
+    let problem = made.map_err(|error| error.to_string())?;
     match Analysis::from(&problem).loose_body() {
         Some(text) => Err(format!("the stiffness matrix K is singular: {text}")),
         None => Ok(problem),
@@ -159,7 +174,7 @@ impl Problem {
     /// From matrices in compressed rows or columns and vectors, all of which Python has brought into shape.
     #[staticmethod]
     #[pyo3(signature = (stiffness, load, normal, tangential, gap, slip_bound, friction, coordinates, dim, *, interference,
-                        dependent_rows, slip_origin=None, areas=None))]
+                        dependent_rows, slip_origin=None, areas=None, compliance=None, tied=None))]
     #[expect(clippy::too_many_arguments, reason = "one for each matrix and vector")]
     fn matrices(
         py: Python<'_>,
@@ -176,6 +191,8 @@ impl Problem {
         dependent_rows: bool,
         slip_origin: Option<PyReadonlyArray1<f64>>,
         areas: Option<PyReadonlyArray1<f64>>,
+        compliance: Option<PyReadonlyArray1<f64>>,
+        tied: Option<Vec<bool>>,
     ) -> PyResult<Self> {
         use numpy::PyUntypedArrayMethods as _;
         let columns = coordinates.as_ref().map(|all| all.shape()[1]);
@@ -193,64 +210,37 @@ impl Problem {
                 .map(|v| entries(name, v).map(<[f64]>::to_vec));
             made.transpose()
         };
-        let extra = Changes {
+        let beside = Beside {
+            interference,
+            dependent_rows,
+            slip_bound: some("slip_bound", &slip_bound)?.unwrap_or_default(),
+            friction: some("friction", &friction)?.unwrap_or_default(),
+            compliance: some("compliance", &compliance)?.unwrap_or_default(),
+            tied: tied.unwrap_or_default(),
+            areas: some("areas", &areas)?,
             slip_origin: some("slip_origin", &slip_origin)?,
-            ..Changes::default()
         };
-        let areas = some("areas", &areas)?;
-        let slip_bound = some("slip_bound", &slip_bound)?.unwrap_or_default();
-        let friction = some("friction", &friction)?.unwrap_or_default();
         let load = entries("f", &load)?;
         let gap = entries("gap", &gap)?;
-        let matrices = (
+        let matrices = [
             stiffness.matrix("K")?,
             normal.matrix("normal")?,
             tangential.matrix("tangential")?,
-        );
-        let (k, n, t) = matrices;
-        let flags = [interference, dependent_rows];
+        ];
         let problem = match dim {
             2 => {
-                let points = coordinates
-                    .map(|x| rows::<f64, 2>("coordinates", &x))
-                    .transpose()?;
+                let points = coordinates.map(|x| rows::<f64, 2>("coordinates", &x));
+                let points = points.transpose()?;
                 guarded(py, || {
-                    let points = points.as_deref();
-                    let made = of_matrices::<2>(
-                        k,
-                        load,
-                        n,
-                        t,
-                        gap,
-                        &slip_bound,
-                        &friction,
-                        points,
-                        flags,
-                        &extra,
-                        areas,
-                    );
+                    let made = of_matrices::<2>(matrices, load, gap, points.as_deref(), beside);
                     made.map(AnyProblem::Plane)
                 })?
             }
             3 => {
-                let points = coordinates
-                    .map(|x| rows::<f64, 3>("coordinates", &x))
-                    .transpose()?;
+                let points = coordinates.map(|x| rows::<f64, 3>("coordinates", &x));
+                let points = points.transpose()?;
                 guarded(py, || {
-                    let points = points.as_deref();
-                    let made = of_matrices::<3>(
-                        k,
-                        load,
-                        n,
-                        t,
-                        gap,
-                        &slip_bound,
-                        &friction,
-                        points,
-                        flags,
-                        &extra,
-                        areas,
-                    );
+                    let made = of_matrices::<3>(matrices, load, gap, points.as_deref(), beside);
                     made.map(AnyProblem::Space)
                 })?
             }
@@ -314,15 +304,19 @@ impl Problem {
         }
     }
 
-    /// The boundary of each contact and what it meets.
-    fn contacts(&self) -> Vec<(String, String)> {
-        fn of<const D: usize>(analysis: Analysis<D>) -> Vec<(String, String)>
+    /// The name of each contact, if it has one of its own, its boundary, and what that meets.
+    fn contacts(&self) -> Vec<(Option<String>, String, String)> {
+        fn of<const D: usize>(analysis: Analysis<D>) -> Vec<(Option<String>, String, String)>
         where
             ElementKind: Topology<D>,
         {
             let pairs = analysis.elastic.map_or(&[][..], |elastic| &elastic.pairs);
             let name = |pair: &signorini::model::PairData<D>| {
-                (pair.boundary.clone(), pair.against.clone())
+                (
+                    pair.name.clone(),
+                    pair.boundary.clone(),
+                    pair.against.clone(),
+                )
             };
             pairs.iter().map(name).collect()
         }

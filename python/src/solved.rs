@@ -98,7 +98,9 @@ impl Solved {
             all.set_item("slip", flat(py, solution.slip.clone()))?;
             let state = |i| {
                 let problem = analysis.problem;
-                if solution.sets.is_separated(i) {
+                if problem.is_tied(i) {
+                    "tied"
+                } else if solution.sets.is_separated(i) {
                     "separated"
                 } else if !problem.has_friction(i) {
                     "contact"

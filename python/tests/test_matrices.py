@@ -65,6 +65,19 @@ def test_coulomb() -> None:
     np.testing.assert_allclose(solve(problem, friction=0.5).u, solve(points_in_space()).u, atol=1e-6)
 
 
+def test_compliance_and_ties(springs: dict[str, Any]) -> None:
+    """A wall that gives way by c λν; and a point that is held at the wall and may not slide."""
+    # 2 u₁ = u₂ − 0.1, u₂ = 1 + c λ, u₂ − u₁ + λ = 1.
+    c = 0.5
+    found = solve(springs, compliance=[c, 0.0])
+    force = 0.45 / (1 + c / 2)
+    np.testing.assert_allclose(found.lambda_normal, force, atol=1e-6)
+    np.testing.assert_allclose(found.u[1], 1 + c * force, atol=1e-6)
+    held = solve(springs, tied=[True], gap=0.0)
+    np.testing.assert_allclose(held.u, [0.0, 0.0], atol=1e-6)
+    assert list(held.state) == ["tied"]
+
+
 def _unsorted(matrix: Any) -> Any:
     """The entries of each row the other way round, the first of each in two halves."""
     csr = scipy.sparse.csr_array(matrix)
@@ -191,6 +204,10 @@ WRONG = [
     ("areas", [0.0], "area"),
     ("areas", [1.0, 1.0], "areas: expected 1 entries"),
     ("slip_origin", [NAN], "slip"),
+    ("compliance", [-1.0, 0.0], "compliance"),
+    ("compliance", [1.0], "compliance: expected 2 entries"),
+    ("tied", [1], "tied: expected 1 of True or False"),
+    ("tied", [True, False], "tied: expected 1 of True or False"),
     ("tolerance", 2.0, "tolerance must lie between 0 and 1"),
     ("tolerance", "small", "tolerance: expected a number"),
     ("stiffness", "lu", 'stiffness: it is one of "auto", "cholesky", "pcg"'),

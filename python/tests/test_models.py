@@ -114,6 +114,26 @@ def test_values_of_bodies_that_touch_are_their_own() -> None:
     assert "values at the nodes" in mixed.contacts["high-bottom"].friction
 
 
+def test_names_ties_and_forces() -> None:
+    """A block of two tied halves is the block; what has a name is called by it."""
+    halves = {"low": signorini.rectangle([2, 0.5], [8, 2]), "high": signorini.rectangle([2, 0.5], [8, 2])}
+    mesh = signorini.Mesh.join(halves, shift={"high": [0, 0.5]})
+    found = []
+    for parts in (mesh, signorini.rectangle([2, 1], [8, 4])):
+        tied = parts is mesh
+        model = signorini.Model(parts).material(young=1e9, poisson=0.3)
+        model.support("low-left" if tied else "left", x=0, name="wall")
+        if tied:
+            model.support("high-left", x=0).tie("high-bottom", "low-top")
+        model.force(point=[2, 1], x=1e4, y=-1e4).traction("high-top" if tied else "top", pressure=1e5)
+        model.contact("low-bottom" if tied else "bottom", obstacle=FLOOR, friction={"coulomb": 0.3}, name="floor")
+        found.append(model.solve(tolerance=1e-9))
+    assert set(found[1].contacts) == {"floor"} and "floor" in found[0].contacts
+    one, other = (solution.contacts["floor"].force for solution in found)
+    np.testing.assert_allclose(one, other, rtol=1e-6)
+    assert np.unique(found[0].contacts["high-bottom"].state).tolist() == ["tied"]
+
+
 def test_load_steps() -> None:
     model = block(friction={"coulomb": 0.3}).traction("top", pressure=2e7).support("right", x=1e-4, factors=[0, 1, -1])
     solution = model.steps([1, 1, 1]).solve()
