@@ -20,8 +20,8 @@ pub use quantity::NumberOrExpression;
 pub use solver::SolverTable;
 pub use tables::{
     AlgebraicTable, AnalysisTable, AxisTable, BodyForceTable, BoxTable, ContactTable, ForceTable,
-    FrictionTable, MaterialTable, MeshTable, ObstacleTable, PartTable, RectangleTable, StepsTable,
-    SupportTable, Tables, TractionTable,
+    FrictionTable, MaterialTable, MeshTable, ObstacleTable, PartTable, RectangleTable, RotateTable,
+    RotationTable, StepsTable, SupportTable, Tables, TemperatureTable, TractionTable,
 };
 
 use crate::input;
@@ -298,6 +298,7 @@ impl Case {
             );
         }
         let units = self.tables.units.as_ref();
+            ("temperature", first(&t.temperature)),
         match units.and_then(|units| Some((units.span(), units.get_ref().fault()?))) {
             Some((span, fault)) => self.invalid(span, fault),
             None => Ok(()),

@@ -16,7 +16,7 @@ mod vertices;
 #[cfg(feature = "mpi")]
 pub(crate) use assembly::assemble_rows;
 pub use assembly::{assemble, internal_forces, load_vector};
-pub use stress::{Stress, stresses};
+pub use stress::{Stress, stresses, stresses_at};
 pub use unknowns::Unknowns;
 pub use vertices::vertices;
 
@@ -29,8 +29,10 @@ pub struct Material {
     pub young: f64,
     /// Poisson's ratio ν, in (−1, 0.5).
     pub poisson: f64,
-    /// Density in kg/m³, for gravity.
+    /// Density in kg/m³, for gravity and rotation.
     pub density: f64,
+    /// Coefficient of thermal expansion α in 1/K.
+    pub expansion: f64,
     /// Whether elements of it are those for nearly incompressible bodies.
     pub incompressible: Incompressible,
 }
@@ -63,12 +65,13 @@ pub enum Plane {
 }
 
 impl Material {
-    /// A material without weight; E in Pa.
+    /// A material without weight that does not expand; E in Pa.
     pub const fn new(young: f64, poisson: f64) -> Self {
         Self {
             young,
             poisson,
             density: 0.0,
+            expansion: 0.0,
             incompressible: Incompressible::Auto,
         }
     }
@@ -84,6 +87,17 @@ impl Material {
         (lambda, mu)
     }
 
+    /// The pressure in Pa that holds it in place where it is one degree warmer, in the directions of the plane: (3λ + 2μ) α, or
+    /// (2λ + 2μ) α in plane stress, with the λ of that.
+    pub(crate) fn thermal_pressure(&self, plane: Plane) -> f64 {
+        let (lambda, mu) = self.lame(plane);
+        let directions = match plane {
+            Plane::PlaneStrain => 3.0,
+            Plane::PlaneStress => 2.0,
+        };
+        (directions * lambda + 2.0 * mu) * self.expansion
+    }
+
     /// Whether elements of it have their dilatation projected, if they can.
     pub fn is_projected(&self, plane: Plane) -> bool {
         plane == Plane::PlaneStrain
@@ -94,6 +108,9 @@ impl Material {
             }
     }
 }
+
+/// How much warmer bodies are than when they were free of stress, in K, as a function of the region and the place.
+pub type Temperature<'a, const D: usize = 2> = &'a (dyn Fn(u32, [f64; D]) -> f64 + Sync);
 
 /// A scalar as a function of the place, e.g. one component of a traction.
 pub type Field<'a, const D: usize = 2> = &'a (dyn Fn([f64; D]) -> f64 + Sync);

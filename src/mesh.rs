@@ -400,9 +400,14 @@ where
 
     /// Moves the mesh as a whole.
     pub fn shift(&mut self, by: [f64; D]) {
+        self.place_nodes(|x| std::array::from_fn(|c| x[c] + by[c]));
+    }
+
+    /// Moves all nodes by a rigid motion.
+    pub(crate) fn place_nodes(&mut self, place: impl Fn([f64; D]) -> [f64; D]) {
         let ends = self.faults.values_mut().flat_map(|fault| &mut fault.ends);
         for x in self.nodes.iter_mut().chain(ends) {
-            *x = std::array::from_fn(|c| x[c] + by[c]);
+            *x = place(*x);
         }
     }
 

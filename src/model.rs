@@ -57,9 +57,9 @@ pub use build::Draft;
 pub use build::{AnyBuilt, Built};
 pub use contacts::PairData;
 pub use elastic::Elastic;
-pub use entities::{BodyForce, Force, Names, Pair, Support, Traction};
+pub use entities::{BodyForce, Force, Names, Pair, Support, Temperature, Traction};
 pub use error::{Entity, EntityKind, Fault, ModelError};
-pub use loads::StepData;
+pub use loads::{StepData, TemperatureField};
 pub use quantity::Quantity;
 pub use units::Units;
 
@@ -94,6 +94,9 @@ pub(crate) struct Definition<const D: usize = 2> {
     pub(crate) tractions: Vec<Traction<D>>,
     pub(crate) body_forces: Vec<BodyForce<D>>,
     pub(crate) forces: Vec<Force<D>>,
+    pub(crate) temperatures: Vec<Temperature<D>>,
+    /// The axis and the angular velocity.
+    pub(crate) rotation: Option<(Axis<D>, f64)>,
     pub(crate) pairs: Vec<Pair<D>>,
     pub(crate) ties: Vec<Pair<D>>,
     /// The factors of the load steps; None: one step with the factor 1.
@@ -113,6 +116,8 @@ impl<const D: usize> Default for Definition<D> {
             tractions: Vec::new(),
             body_forces: Vec::new(),
             forces: Vec::new(),
+            temperatures: Vec::new(),
+            rotation: None,
             pairs: Vec::new(),
             ties: Vec::new(),
             steps: None,
@@ -191,6 +196,19 @@ where
         self
     }
 
+    /// Makes bodies warmer.
+    pub fn temperature(mut self, temperature: Temperature<D>) -> Self {
+        self.definition.temperatures.push(temperature);
+        self
+    }
+
+    /// A steady rotation about an axis, in rad/s, as its centrifugal force, which acts where a material has a density; the
+    /// bodies are seen from a frame that turns with them. Load factors multiply the force, not the speed.
+    pub fn rotation(mut self, axis: Axis<D>, speed: f64) -> Self {
+        self.definition.rotation = Some((axis, speed));
+        self
+    }
+
     /// Adds a contact.
     pub fn contact(mut self, pair: Pair<D>) -> Self {
         self.definition.pairs.push(pair);
@@ -250,6 +268,12 @@ impl<const D: usize> Definition<D> {
             let text = format!("thickness is {:e}: {SIZES}", self.thickness);
             return Err(Entity::all(EntityKind::Thickness).error(text));
         }
+        if let Some((axis, speed)) = &self.rotation {
+            let finite = "the speed of the rotation must be finite";
+            if let Some(fault) = axis.fault().or((!speed.is_finite()).then_some(finite)) {
+                return Err(Entity::all(EntityKind::Rotation).error(fault));
+            }
+        }
         self.check_entities()?;
         self.check_steps()
     }
@@ -273,6 +297,8 @@ impl<const D: usize> Definition<D> {
                     "poisson is {}: it must lie between −1 and 0.5, both excluded",
                     m.poisson
                 )
+            } else if !m.expansion.is_finite() {
+                format!("expansion is {}: it must be finite", m.expansion)
             } else if !(m.density >= 0.0 && m.density.is_finite()) {
                 format!("density is {}: it must not be negative", m.density)
             } else {
@@ -329,8 +355,12 @@ impl<const D: usize> Definition<D> {
         let tractions = (self.tractions.iter().enumerate()).map(|(i, t)| (t.entity(i), &t.factors));
         let volume = (self.body_forces.iter().enumerate()).map(|(i, b)| (b.entity(i), &b.factors));
         let forces = (self.forces.iter().enumerate()).map(|(i, f)| (f.entity(i), &f.factors));
+        let warmth = (self.temperatures.iter().enumerate()).map(|(i, t)| (t.entity(i), &t.factors));
         let n_steps = self.n_steps();
-        for (entity, factors) in (supports.chain(tractions).chain(volume)).chain(forces) {
+        for (entity, factors) in (supports.chain(tractions).chain(volume))
+            .chain(forces)
+            .chain(warmth)
+        {
             let Some(factors) = factors else { continue };
             if factors.len() == n_steps && finite(factors) {
                 continue;

@@ -21,6 +21,7 @@ pub const MATERIAL: Material = Material {
     young: 21.19e10,
     poisson: 0.277,
     density: 0.0,
+    expansion: 0.0,
     incompressible: crate::elasticity::Incompressible::Auto,
 };
 

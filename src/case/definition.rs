@@ -2,14 +2,15 @@
 
 use super::tables::{
     AxisTable, BodyForceTable, ContactTable, ForceTable, FrictionTable, MaterialTable,
-    ObstacleTable, OverlapTable, SupportTable, TieTable, TractionTable,
+    ObstacleTable, OverlapTable, RotationTable, SupportTable, TemperatureTable, TieTable,
+    TractionTable,
 };
 use super::{NumberOrExpression, Tables};
 use crate::contact::Obstacle;
 use crate::elasticity::Material;
 use crate::model::{
     Axis, BodyForce, Definition, Entity, EntityKind, Force, Names, Pair, Quantity, Support,
-    Traction, Units,
+    Temperature, Traction, Units,
 };
 use serde::Deserialize;
 use std::ops::Range;
@@ -173,6 +174,39 @@ impl TractionTable {
     }
 }
 
+/// An axis, stated by a point (the origin if left out) and, in space, a direction.
+pub(super) fn stated_axis<const D: usize>(
+    point: &Option<Spanned<Vec<f64>>>,
+    direction: &Option<Spanned<Vec<f64>>>,
+    whole: Range<usize>,
+) -> Result<Axis<D>, Wrong> {
+    let point = point.as_ref().map(vector).transpose()?.unwrap_or([0.0; D]);
+    match direction {
+        None if D == 3 => Err((
+            whole,
+            "in space there has to be an axis: axis = [x, y, z], its direction".to_owned(),
+        )),
+        Some(direction) if D == 2 => Err((
+            direction.span(),
+            "in the plane an axis is a point and stands upright: leave out axis".to_owned(),
+        )),
+        None => Ok(Axis::through(point, [0.0, 0.0, 1.0])),
+        Some(direction) => Ok(Axis::through(point, vector::<3>(direction)?)),
+    }
+}
+
+impl TemperatureTable {
+    fn temperature<const D: usize>(&self) -> Result<Temperature<D>, Wrong> {
+        let value = quantity(&self.value)?;
+        let temperature = match &self.region {
+            Some(name) => Temperature::within(name, value),
+            None => Temperature::everywhere(value),
+        };
+        let temperature = with(temperature, &self.name, Temperature::named);
+        Ok(with(temperature, &self.factors, Temperature::factors))
+    }
+}
+
 impl ForceTable {
     fn force<const D: usize>(&self, span: Range<usize>) -> Result<Force<D>, Wrong> {
         let force = match (&self.boundary, &self.nodes, &self.point) {
@@ -326,12 +360,14 @@ impl Tables {
                 young,
                 poisson,
                 density,
+                expansion,
                 incompressible,
             } = table.get_ref();
             let material = Material {
                 young,
                 poisson,
                 density,
+                expansion,
                 incompressible,
             };
             (region.clone(), material)
@@ -340,6 +376,7 @@ impl Tables {
         let tractions = self.traction.iter().map(|table| table.get_ref().traction());
         let volume = (self.body_force.iter()).map(|table| table.get_ref().body_force());
         let forces = (self.force.iter()).map(|table| table.get_ref().force(table.span()));
+        let warmth = (self.temperature.iter()).map(|table| table.get_ref().temperature());
         let pairs = (self.contact.iter()).map(|table| table.get_ref().pair(table.span()));
         let analysis = &self.analysis;
         let plane = analysis.plane.as_ref().map(|p| ("plane", p.span()));
@@ -359,6 +396,8 @@ impl Tables {
             tractions: tractions.collect::<Result<_, _>>()?,
             body_forces: volume.collect::<Result<_, _>>()?,
             forces: forces.collect::<Result<_, _>>()?,
+            temperatures: warmth.collect::<Result<_, _>>()?,
+            rotation: self.rotation()?,
             pairs: pairs.collect::<Result<_, _>>()?,
             ties: (self.tie.iter())
                 .map(|table| table.get_ref().pair())
@@ -366,6 +405,15 @@ impl Tables {
             steps: self.factors().map(<[f64]>::to_vec),
             units: self.units(),
         })
+    }
+
+    /// The axis and the speed of the rotation, if there is one.
+    fn rotation<const D: usize>(&self) -> Result<Option<(Axis<D>, f64)>, Wrong> {
+        let Some(table) = &self.analysis.rotation else {
+            return Ok(None);
+        };
+        let RotationTable { point, axis, speed } = table.get_ref();
+        Ok(Some((stated_axis(point, axis, table.span())?, *speed)))
     }
 
     /// Those of the load steps.
@@ -397,6 +445,8 @@ impl Tables {
             EntityKind::Traction => of(&self.traction, number),
             EntityKind::BodyForce => of(&self.body_force, number),
             EntityKind::Force => of(&self.force, number),
+            EntityKind::Temperature => of(&self.temperature, number),
+            EntityKind::Rotation => self.analysis.rotation.as_ref().map(Spanned::span),
             EntityKind::Contact => of(&self.contact, number),
             EntityKind::Tie => of(&self.tie, number),
             EntityKind::Thickness => self.analysis.thickness.as_ref().map(Spanned::span),

@@ -1,8 +1,11 @@
 //! The mesh of a case.
 
 use super::build::BuildError;
-use super::definition::{quantity, vector};
-use super::{BoxTable, Case, CaseError, MeshTable, NumberOrExpression, PartTable, RectangleTable};
+use super::definition::{quantity, stated_axis, vector};
+use super::{
+    BoxTable, Case, CaseError, MeshTable, NumberOrExpression, PartTable, RectangleTable,
+    RotateTable,
+};
 use crate::mesh::{self, AnyMesh, ElementKind, Mesh, Topology, structured};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -247,6 +250,18 @@ impl Case {
         if let Some(shift) = &part.shift {
             let by = vector(shift).or_else(|(span, message)| self.invalid(span, message))?;
             mesh.shift(by);
+        if let Some(table) = &part.rotate {
+            let RotateTable { point, axis, angle } = table.get_ref();
+            let axis = stated_axis::<D>(point, axis, table.span());
+            let axis = axis.or_else(|(span, message)| self.invalid(span, message))?;
+            if let Some(fault) = axis.fault() {
+                return self.invalid(table.span(), fault);
+            }
+            if !angle.is_finite() {
+                return self.invalid(table.span(), "the angle has to be finite");
+            }
+            mesh.place_nodes(|x| axis.turned(x, angle.to_radians()));
+        }
         }
         let named = |name: &str| format!("{}-{name}", part.name);
         let region = |name: &str| match part.file {

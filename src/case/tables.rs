@@ -41,6 +41,9 @@ pub struct Tables {
     /// Forces on single nodes.
     #[serde(default)]
     pub force: Vec<Spanned<ForceTable>>,
+    /// How much warmer bodies are.
+    #[serde(default)]
+    pub temperature: Vec<Spanned<TemperatureTable>>,
     /// Contact pairs and their friction.
     #[serde(default)]
     pub contact: Vec<Spanned<ContactTable>>,
@@ -98,7 +101,9 @@ pub struct PartTable {
     pub block: Option<BoxTable>,
     /// As in `[mesh]`, for this part alone.
     pub order: Option<Spanned<usize>>,
-    /// Where its origin is moved to, after scaling: a number for each coordinate.
+    /// A turn about an axis, after scaling.
+    pub rotate: Option<Spanned<RotateTable>>,
+    /// Where its origin is moved to, after scaling and turning: a number for each coordinate.
     pub shift: Option<Spanned<Vec<f64>>>,
 }
 
@@ -154,6 +159,32 @@ pub struct AnalysisTable {
     pub thickness: Option<Spanned<f64>>,
     /// Acceleration in m/s², for materials with a density: a number for each coordinate.
     pub gravity: Option<Spanned<Vec<f64>>>,
+    /// A steady rotation, for materials with a density.
+    pub rotation: Option<Spanned<RotationTable>>,
+}
+
+/// `rotation = { point = […], axis = […], speed = … }`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RotationTable {
+    /// On the axis, in m; the origin if left out.
+    pub point: Option<Spanned<Vec<f64>>>,
+    /// Along it, of any length; in space only.
+    pub axis: Option<Spanned<Vec<f64>>>,
+    /// In rad/s.
+    pub speed: f64,
+}
+
+/// `rotate = { point = […], axis = […], angle = … }`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RotateTable {
+    /// On the axis, in m; the origin if left out.
+    pub point: Option<Spanned<Vec<f64>>>,
+    /// Along it, of any length; in space only.
+    pub axis: Option<Spanned<Vec<f64>>>,
+    /// About it by the right-hand rule, in degrees.
+    pub angle: f64,
 }
 
 /// `[[material]]`.
@@ -169,6 +200,9 @@ pub struct MaterialTable {
     /// In kg/m³.
     #[serde(default)]
     pub density: f64,
+    /// Of a length with the temperature, in 1/K.
+    #[serde(default)]
+    pub expansion: f64,
     /// Whether its elements are those for nearly incompressible bodies: "auto", true or false.
     #[serde(default, deserialize_with = "incompressible")]
     pub incompressible: Incompressible,
@@ -299,6 +333,20 @@ pub struct BodyForceTable {
     pub y: Option<Spanned<NumberOrExpression>>,
     /// In N/m³; in space only.
     pub z: Option<Spanned<NumberOrExpression>>,
+    /// Load factors of its own, one per step.
+    pub factors: Option<Vec<f64>>,
+}
+
+/// `[[temperature]]`: how much warmer bodies are than when they were free of stress.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TemperatureTable {
+    /// What messages call it.
+    pub name: Option<String>,
+    /// A region; all if left out.
+    pub region: Option<String>,
+    /// In K.
+    pub value: Spanned<NumberOrExpression>,
     /// Load factors of its own, one per step.
     pub factors: Option<Vec<f64>>,
 }

@@ -92,6 +92,17 @@ impl<const D: usize, const N: usize> Dilatation<D, N> {
         }
     }
 
+    /// What π div u at a place has of the motion of node a along each axis.
+    pub fn gradient(&self, place: [f64; D], a: usize) -> [f64; D] {
+        let monomials = self.monomials(place);
+        let mut sum = [0.0; D];
+        for (of, function) in self.integrals[..self.count].iter().zip(&self.functions) {
+            let value: f64 = (0..self.count).map(|l| function[l] * monomials[l]).sum();
+            (0..D).for_each(|c| sum[c] += value * of[a][c]);
+        }
+        sum
+    }
+
     /// π div u at a place, where the nodes move by u.
     pub fn at(&self, place: [f64; D], u: &[[f64; D]; N]) -> f64 {
         let monomials = self.monomials(place);

@@ -1,6 +1,7 @@
 //! Loads: nodal forces from what acts on boundaries and in bodies.
 
-use super::{Body, Field};
+use super::dilatation::Dilatation;
+use super::{Body, Field, Temperature};
 use crate::mesh::{
     self, ElementKind, Facet, FacetPoint, ShapeFunctions, Topology, Visit, facet_nodes,
 };
@@ -69,6 +70,67 @@ where
                     forces: &mut *forces,
                 };
                 element.kind().with(body_force);
+            }
+        }
+    }
+}
+
+impl<const D: usize> Body<'_, D>
+where
+    ElementKind: Topology<D>,
+{
+    /// Adds the nodal forces that expand the body as it would without being held, ∫ β θ div v with the pressure β of
+    /// [`Material::thermal_pressure`] per degree.
+    pub(crate) fn add_expansion(&self, temperature: Temperature<D>, forces: &mut [[f64; D]]) {
+        for element in &self.mesh.elements {
+            if self.materials[element.region as usize].expansion != 0.0 {
+                element.kind().with(Expansion {
+                    body: self,
+                    element,
+                    temperature,
+                    forces: &mut *forces,
+                });
+            }
+        }
+    }
+}
+
+/// Adds what expands an element.
+struct Expansion<'a, const D: usize>
+where
+    ElementKind: Topology<D>,
+{
+    body: &'a Body<'a, D>,
+    element: &'a mesh::Element<D>,
+    temperature: Temperature<'a, D>,
+    forces: &'a mut [[f64; D]],
+}
+
+impl<const D: usize> Visit<D> for Expansion<'_, D>
+where
+    ElementKind: Topology<D>,
+{
+    type Output = ();
+
+    fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) {
+        let x: [_; N] = self.body.mesh.coordinates(self.element);
+        let material = self.body.materials[self.element.region as usize];
+        // The points of the stiffness, so that uniform expansion leaves no stress.
+        let points = E::stiffness_points(&x);
+        let projected = material.is_projected(self.body.plane) && E::DILATATION_MODES > 0;
+        let dilatation = projected.then(|| Dilatation::new(E::DILATATION_MODES, &points, &x));
+        let pressure = material.thermal_pressure(self.body.plane) * self.body.thickness;
+        for point in &points {
+            let place = point.place(&x);
+            let warmth = (self.temperature)(self.element.region, place);
+            let size = pressure * warmth * point.weight;
+            for (a, &node) in self.element.nodes().iter().enumerate() {
+                let gradient = match &dilatation {
+                    Some(dilatation) => dilatation.gradient(place, a),
+                    None => point.gradient[a],
+                };
+                let force = &mut self.forces[node as usize];
+                (0..D).for_each(|c| force[c] += size * gradient[c]);
             }
         }
     }

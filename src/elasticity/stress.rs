@@ -1,7 +1,7 @@
 //! Stress recovery.
 
 use super::dilatation::Dilatation;
-use super::{Body, Material, Plane};
+use super::{Body, Material, Plane, Temperature};
 use crate::mesh::{self, ElementKind, ShapeFunctions, Topology, Visit};
 
 /// A state of stress, in Pa; in the plane σzz is perpendicular to it, and σyz and σzx are zero.
@@ -55,6 +55,15 @@ impl Stress {
         }
     }
 
+    /// Takes a pressure away that acts along all axes; in plane stress, in the plane alone.
+    fn relieve(&mut self, pressure: f64, in_plane_alone: bool) {
+        self.xx -= pressure;
+        self.yy -= pressure;
+        if !in_plane_alone {
+            self.zz -= pressure;
+        }
+    }
+
     /// The von Mises equivalent stress.
     pub fn von_mises(&self) -> f64 {
         let Self {
@@ -92,6 +101,18 @@ pub fn stresses<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
+    stresses_at(body, displacement, None)
+}
+
+/// As [`stresses`], of bodies that are warmer than when they were free of stress.
+pub fn stresses_at<const D: usize>(
+    body: &Body<D>,
+    displacement: &[[f64; D]],
+    temperature: Option<Temperature<D>>,
+) -> (Vec<Stress>, Vec<Stress>)
+where
+    ElementKind: Topology<D>,
+{
     let mut at_nodes = vec![Stress::default(); body.mesh.nodes.len()];
     let mut area = vec![0.0; body.mesh.nodes.len()];
     let mut in_elements = Vec::with_capacity(body.mesh.elements.len());
@@ -100,6 +121,7 @@ where
             body,
             element,
             displacement,
+            temperature,
             at_nodes: &mut at_nodes,
             area: &mut area,
         }));
@@ -119,6 +141,7 @@ where
     body: &'a Body<'a, D>,
     element: &'a mesh::Element<D>,
     displacement: &'a [[f64; D]],
+    temperature: Option<Temperature<'a, D>>,
     at_nodes: &'a mut [Stress],
     area: &'a mut [f64],
 }
@@ -148,7 +171,18 @@ where
                 }
             }
             let dilatation = (dilatation.as_ref()).map(|of| of.at(point.place(&x), &u));
-            Stress::of(material, self.body.plane, e, dilatation)
+            let mut stress = Stress::of(material, self.body.plane, e, dilatation);
+            if let Some(temperature) = self.temperature {
+                let plane = if D == 3 {
+                    Plane::PlaneStrain
+                } else {
+                    self.body.plane
+                };
+                let warmth = temperature(self.element.region, point.place(&x));
+                let pressure = material.thermal_pressure(plane) * warmth;
+                stress.relieve(pressure, plane == Plane::PlaneStress);
+            }
+            stress
         };
         let size: f64 = points.iter().map(|point| point.weight).sum();
         let mut of_nodes = [Stress::default(); N];

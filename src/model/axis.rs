@@ -34,7 +34,7 @@ impl<const D: usize> Axis<D> {
     }
 
     /// What cannot be meant.
-    pub(super) fn fault(&self) -> Option<&'static str> {
+    pub(crate) fn fault(&self) -> Option<&'static str> {
         let finite = |x: &[f64]| x.iter().all(|v| v.is_finite());
         let is_axis =
             finite(&self.point) && finite(&self.direction) && length(self.direction) > 0.0;
@@ -46,6 +46,18 @@ impl<const D: usize> Axis<D> {
         let (way, along) = (spatial(minus(x, self.point)), unit(self.direction));
         let part = dot(way, along);
         std::array::from_fn(|c| way[c] - part * along[c])
+    }
+
+    /// The same in D dimensions.
+    pub(super) fn across(&self, x: [f64; D]) -> [f64; D] {
+        flat(self.arm(x))
+    }
+
+    /// A point after a turn about the axis by an angle in radians, by the right-hand rule.
+    pub(crate) fn turned(&self, x: [f64; D], angle: f64) -> [f64; D] {
+        let (sin, cos) = angle.sin_cos();
+        let (arm, turn) = (flat::<D>(self.arm(x)), self.turn(x));
+        std::array::from_fn(|c| x[c] + (cos - 1.0) * arm[c] + sin * turn[c])
     }
 
     /// How a turn about the axis moves a point: across the axis and the arm, as long as the arm.

@@ -87,6 +87,7 @@ with_a_name!(Support);
 with_a_name!(Traction);
 with_a_name!(BodyForce);
 with_a_name!(Force);
+with_a_name!(Temperature);
 with_a_name!(Pair);
 
 /// What supports, tractions, forces and body forces have in common: a quantity along each axis, and load factors.
@@ -452,6 +453,47 @@ impl<const D: usize> BodyForce<D> {
             2 => "a body force needs x or y",
             _ => "a body force needs x, y or z",
         })
+    }
+}
+
+/// How much warmer bodies are than when they were free of stress; where a material has an expansion, they grow.
+#[derive(Clone, Debug)]
+pub struct Temperature<const D: usize = 2> {
+    pub(super) region: Option<String>,
+    pub(super) value: Quantity<D>,
+    pub(super) factors: Option<Vec<f64>>,
+    pub(super) name: Option<String>,
+}
+
+impl<const D: usize> Temperature<D> {
+    fn new(region: Option<String>, value: Quantity<D>) -> Self {
+        Self {
+            region,
+            value,
+            factors: None,
+            name: None,
+        }
+    }
+
+    /// In all regions, in K.
+    pub fn everywhere(value: impl Into<Quantity<D>>) -> Self {
+        Self::new(None, value.into())
+    }
+
+    /// In one region, or in a group of them, in K.
+    pub fn within(region: &str, value: impl Into<Quantity<D>>) -> Self {
+        Self::new(Some(region.to_owned()), value.into())
+    }
+
+    /// Load factors of its own, one per step.
+    pub fn factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
+        self.factors = Some(factors.into());
+        self
+    }
+
+    pub(super) fn entity(&self, number: usize) -> Entity {
+        let place = (self.region.as_ref()).map_or(String::new(), |name| format!("in \"{name}\""));
+        Entity::one(EntityKind::Temperature, number, self.place(place))
     }
 }
 

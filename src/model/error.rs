@@ -42,6 +42,10 @@ pub enum EntityKind {
     BodyForce,
     /// A force on nodes.
     Force,
+    /// A temperature.
+    Temperature,
+    /// A rotation.
+    Rotation,
     /// A contact.
     Contact,
     /// A tie.
@@ -154,6 +158,8 @@ impl fmt::Display for Entity {
             EntityKind::Traction => ("traction", "tractions"),
             EntityKind::BodyForce => ("body force", "body forces"),
             EntityKind::Force => ("force", "forces"),
+            EntityKind::Temperature => ("temperature", "temperatures"),
+            EntityKind::Rotation => ("rotation", "rotation"),
             EntityKind::Contact => ("contact", "contacts"),
             EntityKind::Tie => ("tie", "ties"),
             EntityKind::Thickness => ("thickness", "thickness"),

@@ -24,6 +24,29 @@ pub struct StepData<const D: usize = 2> {
     pub total_load: [f64; D],
     /// The same for the solver.
     pub load: Load,
+    /// How much warmer the bodies are.
+    pub temperature: TemperatureField<D>,
+}
+
+/// How much warmer bodies are than when they were free of stress, in a load step.
+#[derive(Clone, Debug, Default)]
+pub struct TemperatureField<const D: usize = 2>(Vec<Warmth<D>>);
+
+/// A part of a temperature: regions (None: all), factor and value.
+type Warmth<const D: usize> = (Option<Vec<u32>>, f64, Quantity<D>);
+
+impl<const D: usize> TemperatureField<D> {
+    /// Whether nothing is said of it.
+    pub fn is_none(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// In a region, at a place, in K.
+    pub fn at(&self, region: u32, x: [f64; D]) -> f64 {
+        let inside = |one: &&Warmth<D>| one.0.as_ref().is_none_or(|all| all.contains(&region));
+        let parts = self.0.iter().filter(inside);
+        parts.map(|(_, factor, value)| factor * value.at(x)).sum()
+    }
 }
 
 impl<const D: usize> Elastic<D>
@@ -45,6 +68,7 @@ where
         let body = self.body();
         let unknowns = definition.unknowns(&self.mesh, &self.prescriptions, step)?;
         let forces = definition.forces(&body, step)?;
+        let temperature = definition.temperature(&self.mesh, step)?;
         let mut total_load = [0.0; D];
         for force in &forces {
             for (sum, force) in total_load.iter_mut().zip(force) {
@@ -63,6 +87,7 @@ where
             },
             unknowns,
             forces,
+            temperature,
         })
     }
 }
@@ -158,6 +183,46 @@ impl<const D: usize> Definition<D>
 where
     ElementKind: Space<D>,
 {
+    /// How much warmer the bodies are in a step.
+    pub(super) fn temperature(
+        &self,
+        mesh: &Mesh<D>,
+        step: usize,
+    ) -> Result<TemperatureField<D>, ModelError> {
+        let mut parts = Vec::new();
+        for (number, t) in self.temperatures.iter().enumerate() {
+            let regions = match &t.region {
+                Some(name) => {
+                    let found = region(mesh, name);
+                    let found = found.map_err(|fault| t.entity(number).error(fault))?;
+                    Some(found.to_vec())
+                }
+                None => None,
+            };
+            parts.push((regions, self.factor(&t.factors, step), t.value.clone()));
+        }
+        Ok(TemperatureField(parts))
+    }
+
+    /// Adds the nodal forces of thermal expansion in a step.
+    fn add_expansion(
+        &self,
+        body: &Body<D>,
+        step: usize,
+        forces: &mut [[f64; D]],
+    ) -> Result<(), ModelError> {
+        let field = self.temperature(body.mesh, step)?;
+        if field.is_none() {
+            return Ok(());
+        }
+        if body.materials.iter().all(|m| m.expansion == 0.0) {
+            return Err(Entity::all(EntityKind::Temperature)
+                .error("there is a temperature, but no material has an expansion"));
+        }
+        body.add_expansion(&|region, x| field.at(region, x), forces);
+        Ok(())
+    }
+
     /// The nodal forces of a step.
     pub(super) fn forces(&self, body: &Body<D>, step: usize) -> Result<Vec<[f64; D]>, ModelError> {
         let mut forces = vec![[0.0; D]; body.mesh.nodes.len()];
@@ -221,6 +286,23 @@ where
                 finite(&[*sum], &[x], "force").map_err(at_fault)?;
                 note(&[added], f.entity(number));
             }
+        }
+        self.add_expansion(body, step, &mut forces)?;
+        if let Some(first) = self.temperatures.first() {
+            let at_fault = |fault: Fault| first.entity(0).error(fault);
+            finite(&forces, places, "thermal expansion").map_err(at_fault)?;
+            note(&forces, first.entity(0));
+        }
+        if let Some((axis, speed)) = &self.rotation {
+            let all = || Entity::all(EntityKind::Rotation);
+            if body.materials.iter().all(|m| m.density == 0.0) {
+                return Err(all().error("there is a rotation, but no material has a density"));
+            }
+            let square = self.factor(&None, step) * speed * speed;
+            let force = |x, density| axis.across(x).map(|arm| square * density * arm);
+            body.add_body_force(None, force, &mut forces);
+            finite(&forces, places, "rotation").map_err(|fault| all().error(fault))?;
+            note(&forces, all());
         }
         if let Some(g) = self.gravity {
             if body.materials.iter().all(|m| m.density == 0.0) {

@@ -300,6 +300,11 @@ where
                     .map(move |c| (node, c))
             })
             .collect();
+        if let Some(first) = definition.temperatures.first() {
+            return Err(first.entity(0).error(
+                "temperatures are not divided among several ranks: solve this case on one",
+            ));
+        }
         let (mut values, mut forces, mut steps) = (Vec::new(), Vec::new(), Vec::new());
         for step in 0..definition.n_steps() {
             let unknowns = definition.unknowns(mesh, &elastic.prescriptions, step)?;
@@ -815,6 +820,7 @@ where
             },
             unknowns,
             forces,
+            temperature: Default::default(),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::put;
 use crate::contact::{Space, pooled};
-use crate::elasticity::{Stress, stresses};
+use crate::elasticity::{Stress, Temperature, stresses_at};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::{Elastic, StepData};
 use crate::problem::ContactProblem;
@@ -27,7 +27,10 @@ where
     /// From a solution.
     pub fn new(elastic: &Elastic<D>, data: &StepData<D>, solution: &StepSolution<D>) -> Self {
         let displacement = data.unknowns.displacements(&solution.u);
-        let (at_nodes, in_elements) = stresses(&elastic.body(), &displacement);
+        let field = |region, x| data.temperature.at(region, x);
+        let temperature: Temperature<D> = &field;
+        let temperature = (!data.temperature.is_none()).then_some(temperature);
+        let (at_nodes, in_elements) = stresses_at(&elastic.body(), &displacement, temperature);
         Self {
             displacement,
             at_nodes,

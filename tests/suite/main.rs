@@ -33,5 +33,6 @@ mod solid_cases;
 mod solids;
 
 mod statics;
+mod thermal;
 mod ties;
 mod validation;
