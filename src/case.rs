@@ -24,6 +24,7 @@ pub use tables::{
     RotationTable, StepsTable, SupportTable, Tables, TemperatureTable, TractionTable,
 };
 
+use crate::deck::{self, Deck};
 use crate::input;
 use crate::mesh::AnyMesh;
 use crate::model::{Definition, Units};
@@ -93,6 +94,8 @@ pub struct Case {
     pub tables: Tables,
     time_limit: Option<Duration>,
     text: String,
+    /// The mesh, where it is at hand and no file has to be read.
+    given: Option<AnyMesh>,
     /// There is no file: errors name tables and keys in place of lines.
     stated: bool,
 }
@@ -111,8 +114,23 @@ impl Case {
         Self::parse(path, text, settings)
     }
 
+    /// The case that a deck says; settings are those of [`Case::read`], and refer to [`Deck::case`]. Errors name the lines of
+    /// the deck.
+    pub fn of_deck(deck: Deck, settings: &[String]) -> Result<Self, CaseError> {
+        Self::made(&deck.path, deck.case, settings, Some(deck.mesh))
+    }
+
     /// Like [`Case::read`], from a text that is already at hand.
-    pub fn parse(path: &Path, mut text: String, settings: &[String]) -> Result<Self, CaseError> {
+    pub fn parse(path: &Path, text: String, settings: &[String]) -> Result<Self, CaseError> {
+        Self::made(path, text, settings, None)
+    }
+
+    fn made(
+        path: &Path,
+        mut text: String,
+        settings: &[String],
+        given: Option<AnyMesh>,
+    ) -> Result<Self, CaseError> {
         let syntax = |message: String| CaseError::Syntax {
             path: path.to_owned(),
             message,
@@ -136,6 +154,7 @@ impl Case {
             tables,
             time_limit: None,
             text,
+            given,
             stated: false,
         };
         case.check_kind()?;
@@ -177,6 +196,7 @@ impl Case {
             tables,
             time_limit: None,
             text,
+            given: None,
             stated: true,
         };
         case.check_mesh()?;
@@ -203,6 +223,15 @@ impl Case {
 
     /// An error at the place of a span.
     fn at(&self, span: Range<usize>, message: impl Into<String>) -> CaseError {
+        if self.given.is_some()
+            && let Some((path, line)) = deck::origin(&self.text, span.start)
+        {
+            return CaseError::Invalid {
+                path,
+                line,
+                message: message.into(),
+            };
+        }
         if self.stated {
             return CaseError::Stated {
                 place: text::place(&self.text, span.start),
@@ -270,6 +299,7 @@ impl Case {
             ("traction", first(&t.traction)),
             ("body_force", first(&t.body_force)),
             ("force", first(&t.force)),
+            ("temperature", first(&t.temperature)),
             ("contact", first(&t.contact)),
             ("steps", t.steps.as_ref().map(Spanned::span)),
         ];
@@ -298,7 +328,6 @@ impl Case {
             );
         }
         let units = self.tables.units.as_ref();
-            ("temperature", first(&t.temperature)),
         match units.and_then(|units| Some((units.span(), units.get_ref().fault()?))) {
             Some((span, fault)) => self.invalid(span, fault),
             None => Ok(()),

@@ -16,6 +16,8 @@ mod table1;
 
 use clap::{Parser, Subcommand, ValueEnum, ValueHint};
 use signorini::backend;
+use signorini::case::Case;
+use signorini::deck;
 use signorini::engine;
 use signorini::stiffness::pcg;
 use std::ffi::OsString;
@@ -49,18 +51,23 @@ enum Command {
     Solve(SolveArguments),
     /// Read a case and its meshes, print what was understood and what memory the solve will take; solve nothing
     Check {
-        /// The case file (TOML)
+        /// The case file (TOML), a deck of Abaqus or CalculiX (.inp), or a mesh (.msh, .inp, .vtu)
         case: PathBuf,
+        #[command(flatten)]
+        deck: DeckArguments,
         /// Replace or add an entry of the case, e.g. --set solver.tolerance=1e-8; may be given several times
         #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
         settings: Vec<String>,
     },
-    /// Write a mesh of Abaqus (.inp), VTK (.vtu) or Gmsh as a file of Gmsh (MSH 2.2), and list its regions and boundaries
+    /// Write a mesh of Abaqus (.inp), VTK (.vtu) or Gmsh as a file of Gmsh (MSH 2.2), and list its regions and boundaries; or a
+    /// deck of Abaqus or CalculiX (.inp) as a case file (.toml) with its mesh beside it
     Convert {
         /// The mesh to read: .inp, .vtu or .msh
         input: PathBuf,
-        /// The file to write, .msh; one that is there already is replaced
+        /// The file to write, .msh or, of a deck, .toml; one that is there already is replaced
         output: PathBuf,
+        #[command(flatten)]
+        deck: DeckArguments,
         /// Factor for the coordinates, e.g. 1e-3 to bring a drawing in millimetres to metres
         #[arg(long, default_value_t = 1.0, value_name = "F")]
         scale: f64,
@@ -96,8 +103,10 @@ enum Command {
 
 #[derive(clap::Args)]
 struct SolveArguments {
-    /// The case file (TOML)
+    /// The case file (TOML), or a deck of Abaqus or CalculiX (.inp)
     case: PathBuf,
+    #[command(flatten)]
+    deck: DeckArguments,
     /// Where to write the results; those of a run before are removed [default: beside the case, its name + "-out"]
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     output: Option<PathBuf>,
@@ -171,6 +180,15 @@ struct BenchArguments {
     /// Write the figures to this file as well, as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+}
+
+/// How a deck is read.
+#[derive(clap::Args)]
+struct DeckArguments {
+    /// Of a deck (.inp): go on without these keywords, options or types of elements though they change the result, e.g.
+    /// --ignore NLGEOM,PLASTIC
+    #[arg(long, value_delimiter = ',', value_name = "KEYWORD,…")]
+    ignore: Vec<String>,
 }
 
 /// What does the arithmetic.
@@ -290,13 +308,18 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     hear_file_limits();
     let outcome = match Cli::parse_from(arguments).command {
         Command::Solve(arguments) => on_ranks(&arguments),
-        Command::Check { case, settings } => check_on_ranks(&case, &settings),
+        Command::Check {
+            case,
+            deck,
+            settings,
+        } => check_on_ranks(&case, &deck.ignore, &settings),
         Command::Convert {
             input,
             output,
+            deck,
             scale,
             cell_data,
-        } => convert::run(&input, &output, scale, cell_data.as_deref()),
+        } => convert::run(&input, &output, &deck.ignore, scale, cell_data.as_deref()),
         Command::Export(arguments) => export::run(&arguments),
         Command::Table1(arguments) => table1::run(&arguments),
         #[cfg(feature = "gpu")]
@@ -355,15 +378,15 @@ fn said_first(group: &signorini::mpi::Group, made: Result<u8, String>) -> u8 {
 
 /// Checks in this process; where a launcher has started several, rank 0 does, and tells how they would share the work.
 #[cfg(feature = "mpi")]
-fn check_on_ranks(case: &Path, settings: &[String]) -> Result<u8, String> {
+fn check_on_ranks(case: &Path, ignored: &[String], settings: &[String]) -> Result<u8, String> {
     if launcher::place().is_none() {
-        return check::run(case, settings);
+        return check::run(case, ignored, settings);
     }
     let world = signorini::mpi::World::start()?;
     let group = world.group();
     let made = match group.rank() {
-        0 => check::run(case, settings)
-            .and_then(|code| Ok((code, check::ranks(case, settings, group.size())?)))
+        0 => check::run(case, ignored, settings)
+            .and_then(|code| Ok((code, check::ranks(case, ignored, settings, group.size())?)))
             .map(|(code, ())| code),
         _ => Ok(0),
     };
@@ -373,8 +396,8 @@ fn check_on_ranks(case: &Path, settings: &[String]) -> Result<u8, String> {
 }
 
 #[cfg(not(feature = "mpi"))]
-fn check_on_ranks(case: &Path, settings: &[String]) -> Result<u8, String> {
-    check::run(case, settings)
+fn check_on_ranks(case: &Path, ignored: &[String], settings: &[String]) -> Result<u8, String> {
+    check::run(case, ignored, settings)
 }
 
 /// Solves in this process: it cannot do so on several ranks.
@@ -389,6 +412,26 @@ fn on_ranks(arguments: &SolveArguments) -> Result<u8, String> {
         Some(launcher::Place { size: 2.., .. }) => Ok(ERROR),
         _ => solve::run(arguments),
     }
+}
+
+/// Reads a case file, or a deck as a case: with what the deck says and has no effect.
+fn read_case(
+    path: &Path,
+    ignored: &[String],
+    settings: &[String],
+) -> Result<(Case, Vec<String>), String> {
+    if !deck::is_deck(path) {
+        if !ignored.is_empty() {
+            return Err("--ignore belongs to a deck (.inp)".to_owned());
+        }
+        let case = Case::read(path, settings).map_err(|e| advice::message_of(&e))?;
+        return Ok((case, Vec::new()));
+    }
+    let mesh = path.file_name().unwrap_or_default().to_string_lossy();
+    let deck = deck::read(path, &mesh, ignored).map_err(|e| advice::message_of(&e))?;
+    let notes = deck.notes.clone();
+    let case = Case::of_deck(deck, settings).map_err(|e| advice::message_of(&e))?;
+    Ok((case, notes))
 }
 
 /// Writes to standard output; a reader that has gone away (`| head`) is no error.

@@ -159,6 +159,8 @@ pub mod cli;
 mod constraint;
 pub mod contact;
 pub mod control;
+#[cfg(feature = "case")]
+pub mod deck;
 mod dense;
 pub mod dual;
 pub mod elasticity;

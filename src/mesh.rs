@@ -4,7 +4,7 @@
 //! hexahedra, wedges and pyramids, of first and of second order. Everything is written for both dimensions; what they differ
 //! in is in `mesh/plane.rs` and `mesh/solid.rs`, and `mesh/shape` has the shape functions of each kind.
 
-mod abaqus;
+pub(crate) mod abaqus;
 mod boundary;
 mod element;
 mod file;

@@ -210,6 +210,9 @@ impl Case {
 
     /// The mesh of an elastic case, its parts side by side.
     pub(super) fn mesh(&self) -> Result<AnyMesh, BuildError> {
+        if let Some(mesh) = &self.given {
+            return Ok(mesh.clone());
+        }
         let Some(table) = &self.tables.mesh else {
             return Ok(self.invalid(0..0, "the case has no [mesh]")?);
         };
@@ -247,9 +250,6 @@ impl Case {
     where
         ElementKind: Topology<D>,
     {
-        if let Some(shift) = &part.shift {
-            let by = vector(shift).or_else(|(span, message)| self.invalid(span, message))?;
-            mesh.shift(by);
         if let Some(table) = &part.rotate {
             let RotateTable { point, axis, angle } = table.get_ref();
             let axis = stated_axis::<D>(point, axis, table.span());
@@ -262,6 +262,9 @@ impl Case {
             }
             mesh.place_nodes(|x| axis.turned(x, angle.to_radians()));
         }
+        if let Some(shift) = &part.shift {
+            let by = vector(shift).or_else(|(span, message)| self.invalid(span, message))?;
+            mesh.shift(by);
         }
         let named = |name: &str| format!("{}-{name}", part.name);
         let region = |name: &str| match part.file {

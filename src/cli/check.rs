@@ -16,21 +16,28 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use toml::Spanned;
 
-pub fn run(path: &Path, settings: &[String]) -> Result<u8, String> {
-    let case = Case::read(path, settings).map_err(|e| message_of(&e))?;
+pub fn run(path: &Path, ignored: &[String], settings: &[String]) -> Result<u8, String> {
+    let (case, notes) = super::read_case(path, ignored, settings)?;
     let made = case.build().map_err(|e| message_of(&e))?;
     let lines = match made.analysis() {
         AnyAnalysis::Plane(analysis) => describe(&case, analysis)?,
         AnyAnalysis::Space(analysis) => describe(&case, analysis)?,
     };
+    let notes = notes.iter().map(|note| format!("deck          {note}"));
+    let lines: Vec<String> = lines.into_iter().chain(notes).collect();
     super::print(&(lines.join("\n") + "\n"))?;
     Ok(0)
 }
 
 /// How so many ranks would share an elastic case, and the memory of each.
 #[cfg(feature = "mpi")]
-pub fn ranks(path: &Path, settings: &[String], count: usize) -> Result<(), String> {
-    let case = Case::read(path, settings).map_err(|e| message_of(&e))?;
+pub fn ranks(
+    path: &Path,
+    ignored: &[String],
+    settings: &[String],
+    count: usize,
+) -> Result<(), String> {
+    let (case, _) = super::read_case(path, ignored, settings)?;
     let shares = match case.draft().map_err(|e| message_of(&e))? {
         CaseDraft::Plane(draft) => foreseen(&draft, count),
         CaseDraft::Space(draft) => foreseen(&draft, count),

@@ -1,17 +1,34 @@
 //! `signorini convert`.
 
 use super::advice::message_of;
+use signorini::case::Case;
+use signorini::deck;
 use signorini::mesh::{self, AnyMesh, ElementKind, Mesh, Topology};
 use signorini::output::write_whole;
 use std::path::Path;
 
-pub fn run(input: &Path, output: &Path, scale: f64, cell_data: Option<&str>) -> Result<u8, String> {
+pub fn run(
+    input: &Path,
+    output: &Path,
+    ignored: &[String],
+    scale: f64,
+    cell_data: Option<&str>,
+) -> Result<u8, String> {
+    let is_called = |ending: &str| {
+        (output.extension()).is_some_and(|extension| extension.eq_ignore_ascii_case(ending))
+    };
+    if is_called("toml") {
+        return whole(input, output, ignored, scale, cell_data);
+    }
+    if !ignored.is_empty() {
+        return Err("--ignore belongs to a deck that becomes a case file (.toml)".to_owned());
+    }
     if !(scale > 0.0 && scale.is_finite()) {
         return Err("--scale must be a positive number".to_owned());
     }
-    if (output.extension()).is_none_or(|extension| !extension.eq_ignore_ascii_case("msh")) {
+    if !is_called("msh") {
         return Err(format!(
-            "{}: only files of Gmsh are written: call it .msh",
+            "{}: only files of Gmsh and, of a deck, case files are written: call it .msh or .toml",
             output.display()
         ));
     }
@@ -33,6 +50,43 @@ pub fn run(input: &Path, output: &Path, scale: f64, cell_data: Option<&str>) -> 
         AnyMesh::Space(mesh) => describe(mesh),
     };
     super::print(&format!("{}\n{}\n", lines.join("\n"), output.display()))?;
+    Ok(0)
+}
+
+/// Writes a deck as a case file, with its mesh beside it.
+fn whole(
+    input: &Path,
+    output: &Path,
+    ignored: &[String],
+    scale: f64,
+    cell_data: Option<&str>,
+) -> Result<u8, String> {
+    if !deck::is_deck(input) {
+        return Err(format!(
+            "{}: only a deck of Abaqus or CalculiX (.inp) becomes a case file",
+            input.display()
+        ));
+    }
+    if scale != 1.0 || cell_data.is_some() {
+        return Err(
+            "--scale and --cell-data belong to a mesh: a deck has the units of its loads"
+                .to_owned(),
+        );
+    }
+    let mesh = output.with_extension("msh");
+    let name = mesh.file_name().unwrap_or_default().to_string_lossy();
+    let deck = deck::read(input, &name, ignored).map_err(|e| message_of(&e))?;
+    // It has to be a case that can be read before anything is written.
+    Case::of_deck(deck.clone(), &[]).map_err(|e| message_of(&e))?;
+    write_whole(&mesh, mesh::msh(&deck.mesh).as_bytes()).map_err(|e| message_of(&e))?;
+    write_whole(output, deck.case.as_bytes()).map_err(|e| message_of(&e))?;
+    let mut lines = match &deck.mesh {
+        AnyMesh::Plane(mesh) => describe(mesh),
+        AnyMesh::Space(mesh) => describe(mesh),
+    };
+    lines.extend(deck.notes);
+    lines.extend([&mesh, output].map(|path| path.display().to_string()));
+    super::print(&(lines.join("\n") + "\n"))?;
     Ok(0)
 }
 

@@ -75,16 +75,20 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         );
     }
     let output = output_directory(arguments);
-    let case = match Case::read(&arguments.case, &arguments.settings) {
-        Ok(case) => case,
-        Err(error) => {
+    let read = super::read_case(&arguments.case, &arguments.deck.ignore, &arguments.settings);
+    let (case, notes) = match read {
+        Ok(read) => read,
+        Err(message) => {
             // The case comes first in what the user has to mend.
             let _ = withdraw(&output, std::slice::from_ref(&arguments.case));
-            return Err(message_of(&error));
+            return Err(message);
         }
     };
     withdraw(&output, &case.inputs()).map_err(|e| message_of(&e))?;
     let log = Log::new(arguments);
+    for note in notes {
+        log.say(format_args!("{note}"));
+    }
 
     let made = case.build().map_err(|e| message_of(&e))?;
     READ.store(true, Ordering::Relaxed);

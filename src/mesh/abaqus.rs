@@ -5,7 +5,9 @@
 //! `*INCLUDE` and of data that are read, are looked for beside the first one. Materials, loads and steps are not read.
 
 mod flatten;
-mod keyword;
+#[cfg(feature = "case")]
+pub(crate) mod index;
+pub(crate) mod keyword;
 mod parts;
 mod text;
 mod types;
@@ -20,7 +22,7 @@ use std::path::Path;
 /// If it cannot be read, or has something that no mesh here has: with its line.
 pub(super) fn raw(path: &Path) -> std::result::Result<Raw, FileError> {
     let bytes = file::bytes(path)?;
-    let text = text::Text::new(path, &String::from_utf8_lossy(&bytes))?;
+    let text = text::Text::new(path, &String::from_utf8_lossy(&bytes), false)?;
     drop(bytes);
     parse(&text.text).map_err(|failure| text.locate(failure))
 }
@@ -31,8 +33,12 @@ fn parse(text: &str) -> Result<Raw> {
             "there is no keyword in it (*NODE, *ELEMENT): is this an Abaqus input file?".to_owned(),
         ));
     }
-    let assembly = parts::read(text)?;
-    let raw = flatten::flatten(&assembly)?;
+    let assembly = parts::read(text, false)?;
+    checked(flatten::flatten(&assembly)?)
+}
+
+/// What a file holds, if it is a mesh.
+fn checked(raw: Raw) -> Result<Raw> {
     if raw.solids.is_empty() && raw.faces.is_empty() {
         return Err(Failure::NoMesh(format!(
             "there are no elements of a body in it: write {}",

@@ -13,6 +13,7 @@ mod contact;
 mod coulomb;
 mod coulomb_space;
 mod counts;
+mod decks;
 mod elastic;
 mod export;
 mod gmsh;

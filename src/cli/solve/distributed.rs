@@ -119,12 +119,14 @@ fn refused(arguments: &SolveArguments) -> Option<String> {
 
 /// Reads the case and withdraws what tells how the run before has ended.
 fn read(arguments: &SolveArguments, output: &Path) -> Result<Case, String> {
-    let case = match Case::read(&arguments.case, &arguments.settings) {
-        Ok(case) => case,
-        Err(error) => {
+    let read =
+        super::super::read_case(&arguments.case, &arguments.deck.ignore, &arguments.settings);
+    let case = match read {
+        Ok((case, _)) => case,
+        Err(message) => {
             // The case comes first in what the user has to mend.
             let _ = withdraw(output, std::slice::from_ref(&arguments.case));
-            return Err(message_of(&error));
+            return Err(message);
         }
     };
     withdraw(output, &case.inputs()).map_err(|e| message_of(&e))?;

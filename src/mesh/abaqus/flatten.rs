@@ -11,14 +11,14 @@ use crate::mesh::{Element, ElementKind, Facet, Topology, facet_corners, facet_no
 use std::collections::{BTreeSet, HashMap};
 
 /// A part in its place; all of a flat file is one.
-struct Placed<'a> {
-    part: &'a Part,
+pub(super) struct Placed<'a> {
+    pub part: &'a Part,
     /// In capitals; empty outside of instances.
-    key: String,
+    pub key: String,
     /// What the names of its sets begin with.
-    prefix: String,
-    first_node: u32,
-    first_element: u32,
+    pub prefix: String,
+    pub first_node: u32,
+    pub first_element: u32,
 }
 
 impl Placed<'_> {
@@ -36,41 +36,49 @@ impl Placed<'_> {
 const DEEPEST: usize = 50;
 
 /// Everything in one list.
-struct Flat<'a> {
-    placed: Vec<Placed<'a>>,
-    raw: Raw,
+pub(super) struct Flat<'a> {
+    pub placed: Vec<Placed<'a>>,
+    pub raw: Raw,
     /// What the elements are, and where their nodes begin.
     cells: Vec<(Cell, usize)>,
     nodes_of_cells: Vec<u32>,
-    tags: HashMap<String, i64>,
+    pub tags: HashMap<String, i64>,
     /// Element and tag.
-    regions: Vec<(u32, i64)>,
+    pub regions: Vec<(u32, i64)>,
     /// Facets with their tags.
-    boundaries: Vec<(i64, Vec<u32>)>,
+    pub boundaries: Vec<(i64, Vec<u32>)>,
     /// Node sets that become boundaries: tag and nodes.
     node_sets: Vec<(i64, Vec<u32>)>,
 }
 
 pub(super) fn flatten(assembly: &Assembly) -> Result<Raw> {
-    let mut flat = Flat::place(assembly)?;
-    for number in 0..flat.placed.len() {
-        flat.sets(assembly, number)?;
-    }
-    flat.add_elements();
-    flat.add_boundaries();
-    let names: Vec<(String, i64)> = flat.tags.into_iter().collect();
-    for (name, tag) in names {
-        for dimension in 1..4 {
-            flat.raw
-                .names
-                .insert((dimension, tag.unsigned_abs()), name.clone());
-        }
-    }
-    flat.raw.notes = assembly.notes.iter().cloned().collect();
-    Ok(flat.raw)
+    Ok(Flat::new(assembly)?.finish(assembly))
 }
 
 impl<'a> Flat<'a> {
+    /// Everything in its place, with its sets and surfaces.
+    pub(super) fn new(assembly: &'a Assembly) -> Result<Self> {
+        let mut flat = Self::place(assembly)?;
+        for number in 0..flat.placed.len() {
+            flat.sets(assembly, number)?;
+        }
+        Ok(flat)
+    }
+
+    /// What the file adds up to.
+    pub(super) fn finish(mut self, assembly: &Assembly) -> Raw {
+        self.add_elements();
+        self.add_boundaries();
+        let names: Vec<(String, i64)> = self.tags.into_iter().collect();
+        for (name, tag) in names {
+            for dimension in 1..4 {
+                (self.raw.names).insert((dimension, tag.unsigned_abs()), name.clone());
+            }
+        }
+        self.raw.notes = assembly.notes.iter().cloned().collect();
+        self.raw
+    }
+
     /// Puts the parts where their instances say, what stands outside of them last.
     fn place(assembly: &'a Assembly) -> Result<Self> {
         let mut flat = Self {
@@ -140,13 +148,34 @@ impl<'a> Flat<'a> {
     }
 
     /// An element and its nodes.
-    fn cell(&self, number: usize) -> (Cell, &[u32]) {
+    pub(super) fn cell(&self, number: usize) -> (Cell, &[u32]) {
         let (cell, begin) = self.cells[number];
         (cell, &self.nodes_of_cells[begin..][..cell.n_nodes()])
     }
 
+    /// How many elements there are, of bodies and others.
+    #[cfg(feature = "case")]
+    pub(super) fn n_cells(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// Whether there are volume elements.
+    #[cfg(feature = "case")]
+    pub(super) fn has_solids(&self) -> bool {
+        let is_solid =
+            |&(cell, _): &(Cell, usize)| matches!(cell, Cell::Element(_)) && !cell.is_surface();
+        self.cells.iter().any(is_solid)
+    }
+
+    /// Whether an element is one of a body: in space a volume, else a surface.
+    #[cfg(feature = "case")]
+    pub(super) fn is_body(&self, number: usize, is_solid: bool) -> bool {
+        let (cell, _) = self.cells[number];
+        matches!(cell, Cell::Element(_)) && cell.is_surface() != is_solid
+    }
+
     /// The number of a name.
-    fn tag(&mut self, name: String) -> i64 {
+    pub(super) fn tag(&mut self, name: String) -> i64 {
         let next = self.tags.len() as i64 + 1;
         *self.tags.entry(name).or_insert(next)
     }
@@ -275,7 +304,13 @@ impl<'a> Flat<'a> {
     }
 
     /// A set or a number that a surface names.
-    fn named(&self, number: usize, of_nodes: bool, line: usize, what: &str) -> Result<Vec<u32>> {
+    pub(super) fn named(
+        &self,
+        number: usize,
+        of_nodes: bool,
+        line: usize,
+        what: &str,
+    ) -> Result<Vec<u32>> {
         if let Ok(label) = what.parse() {
             return Ok(vec![self.one(number, of_nodes, line, None, label)?]);
         }

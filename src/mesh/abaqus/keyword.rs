@@ -1,28 +1,29 @@
 //! Keyword lines and data lines.
 
-use super::{Failure, Result};
+use super::super::file::{Failure, Result};
 
 /// A keyword line: `*ELEMENT, TYPE=C3D8, ELSET=body`.
-pub(super) struct Keyword<'a> {
+pub(crate) struct Keyword<'a> {
     /// From 1.
     pub line: usize,
     /// Without the asterisk, in capitals, with single blanks: `END PART`.
     pub name: String,
-    options: Vec<(String, &'a str)>,
+    /// In capitals, each with its value.
+    pub options: Vec<(String, &'a str)>,
 }
 
 /// Whether a line without blanks around it begins a keyword, and is no comment.
-pub(super) fn is_keyword(line: &str) -> bool {
+pub(crate) fn is_keyword(line: &str) -> bool {
     line.starts_with('*') && !line.starts_with("**")
 }
 
 /// A name as it is compared: capitals do not matter, nor do quotation marks.
-pub(super) fn key(name: &str) -> String {
+pub(crate) fn key(name: &str) -> String {
     plain(name).to_uppercase()
 }
 
 /// A name without quotation marks.
-pub(super) fn plain(name: &str) -> &str {
+pub(crate) fn plain(name: &str) -> &str {
     name.trim().trim_matches('"').trim()
 }
 
@@ -73,7 +74,7 @@ impl<'a> Keyword<'a> {
     }
 
     /// The value of an option that has to be there.
-    pub fn needed(&self, name: &str) -> Result<&'a str> {
+    pub(in crate::mesh) fn needed(&self, name: &str) -> Result<&'a str> {
         match self.option(name) {
             Some(value) if !value.is_empty() => Ok(value),
             _ => Err(Failure::line(
@@ -85,26 +86,28 @@ impl<'a> Keyword<'a> {
 }
 
 /// The entries of a data line; a comma at its end adds none.
-pub(super) fn entries(text: &str) -> impl Iterator<Item = &str> {
+pub(crate) fn entries(text: &str) -> impl Iterator<Item = &str> {
     let text = text.trim();
     let text = text.strip_suffix(',').unwrap_or(text);
     text.split(',').map(str::trim)
 }
 
-/// An entry as a number.
-pub(super) fn number(line: usize, text: &str) -> Result<f64> {
+/// An entry as a number, if it is one.
+pub(crate) fn parsed(text: &str) -> Option<f64> {
     // Fortran writes 1.D-3.
     let value = text
         .parse()
         .or_else(|_| text.replace(['d', 'D'], "e").parse());
-    match value {
-        Ok(value) => Ok(value),
-        Err(_) => Err(Failure::line(line, format!("\"{text}\" is not a number"))),
-    }
+    value.ok()
+}
+
+/// An entry as a number.
+pub(in crate::mesh) fn number(line: usize, text: &str) -> Result<f64> {
+    parsed(text).ok_or_else(|| Failure::line(line, format!("\"{text}\" is not a number")))
 }
 
 /// An entry as the number of a node or an element.
-pub(super) fn label(line: usize, text: &str) -> Result<u64> {
+pub(in crate::mesh) fn label(line: usize, text: &str) -> Result<u64> {
     match text.parse() {
         Ok(label) if label > 0 => Ok(label),
         _ => Err(Failure::line(

@@ -81,6 +81,9 @@ pub(super) struct Assembly {
     pub sections: HashSet<String>,
     /// What elements are taken for.
     pub notes: BTreeSet<String>,
+    /// Of a whole deck: types of elements that there are none of here, each with its line, its name and why not. Their elements
+    /// stand for the sets that name them, but are none of the mesh.
+    pub unknown: Vec<(usize, String, String)>,
 }
 
 /// What the data lines belong to.
@@ -88,6 +91,8 @@ enum Block<'a> {
     Skip,
     Nodes(Option<&'a str>),
     Elements(Cell, Option<&'a str>),
+    /// Those of a type that there is none of here.
+    Unknown(Option<&'a str>),
     Set {
         of_nodes: bool,
         key: String,
@@ -107,10 +112,16 @@ struct Reader<'a> {
     in_instance: bool,
     /// An element whose nodes go on in the next line.
     begun: Vec<&'a str>,
+    /// Whether all that is not known is collected, instead of refused at once.
+    collects: bool,
 }
 
-pub(super) fn read(text: &str) -> Result<Assembly> {
-    let mut reader = Reader::default();
+/// Reads parts and assembly; of a whole deck, it `collects` the types of elements that are not known.
+pub(super) fn read(text: &str, collects: bool) -> Result<Assembly> {
+    let mut reader = Reader {
+        collects,
+        ..Reader::default()
+    };
     let mut block = Block::Skip;
     let mut lines = (1..).zip(text.trim_start_matches('\u{feff}').lines());
     while let Some((line, text)) = lines.next() {
@@ -172,9 +183,18 @@ impl<'a> Reader<'a> {
             }
             "ELEMENT" => {
                 let name = k.needed("TYPE")?;
-                let cell = cell(name).map_err(|text| Failure::line(k.line, text))?;
-                self.assembly.notes.extend(note(name));
-                Block::Elements(cell, option("ELSET"))
+                match cell(name) {
+                    Ok(cell) => {
+                        self.assembly.notes.extend(note(name));
+                        Block::Elements(cell, option("ELSET"))
+                    }
+                    Err(text) if self.collects => {
+                        let unknown = (k.line, name.to_uppercase(), text);
+                        self.assembly.unknown.push(unknown);
+                        Block::Unknown(option("ELSET"))
+                    }
+                    Err(text) => return Err(Failure::line(k.line, text)),
+                }
             }
             // Numbers of entities of Gmsh that meshio hands on as if they were of elements.
             "ELSET" if option("ELSET").is_some_and(|name| name == "gmsh:bounding_entities") => {
@@ -280,6 +300,7 @@ impl<'a> Reader<'a> {
             Block::Skip => Ok(()),
             Block::Nodes(set) => self.node(line, text, *set),
             Block::Elements(cell, set) => self.element(line, text, *cell, *set),
+            Block::Unknown(set) => self.unknown(line, text, *set),
             Block::Set {
                 of_nodes,
                 key,
@@ -302,6 +323,12 @@ impl<'a> Reader<'a> {
                 let mut entries = entries(text);
                 let what = entries.next().unwrap_or_default().to_owned();
                 let face = entries.next().unwrap_or_default().to_uppercase();
+                if entries.next().is_some() {
+                    return Err(Failure::line(
+                        line,
+                        "a surface names a set or a number and its side, one in a line",
+                    ));
+                }
                 let surface = self.current().surfaces.get_mut(key);
                 let surface = surface.expect("made by its keyword");
                 surface.faces.push((line, what, face));
@@ -315,10 +342,17 @@ impl<'a> Reader<'a> {
         let mut all = entries(text);
         let node = label(line, all.next().unwrap_or_default())?;
         let mut x = [0.0; 3];
-        for (x, entry) in x.iter_mut().zip(all) {
+        for (x, entry) in x.iter_mut().zip(&mut all) {
             if !entry.is_empty() {
                 *x = number(line, entry)?;
             }
+        }
+        // A node may have the direction of a normal behind its place, which shells use.
+        if all.count() > 3 {
+            return Err(Failure::line(
+                line,
+                format!("node {node} has more entries than its place and a direction"),
+            ));
         }
         if !x.iter().all(|v| v.is_finite()) {
             return Err(Failure::line(
@@ -387,6 +421,27 @@ impl<'a> Reader<'a> {
             Some(order) => (part.labels).extend(order.iter().map(|&place| listed[place])),
             None => part.labels.extend(listed),
         }
+        part.lines.push(line);
+        if let Some(name) = set {
+            add(&mut part.element_sets, name, line, element);
+        }
+        Ok(())
+    }
+
+    /// An element of a type that is not known: a point at its first node.
+    fn unknown(&mut self, line: usize, text: &'a str, set: Option<&str>) -> Result<()> {
+        self.begun.extend(entries(text));
+        if text.ends_with(',') {
+            return Ok(());
+        }
+        let all = std::mem::take(&mut self.begun);
+        let element = label(line, all[0])?;
+        let node = all.get(1).map_or(Ok(0), |node| label(line, node))?;
+        let part = self.current();
+        let next = part.elements.len() as u32;
+        part.element_of.insert(element, next);
+        part.elements.push((Cell::Point, part.labels.len()));
+        part.labels.push(node);
         part.lines.push(line);
         if let Some(name) = set {
             add(&mut part.element_sets, name, line, element);

@@ -3,7 +3,7 @@
 use super::keyword::Keyword;
 use crate::input;
 use crate::mesh::file::{Failure, FileError};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// All lines as of one file.
 #[derive(Default)]
@@ -13,6 +13,8 @@ pub(super) struct Text {
     lines: usize,
     /// Where they come from, in order.
     pieces: Vec<Piece>,
+    /// Whether data of all keywords are read from the files that they name.
+    whole: bool,
 }
 
 /// Lines of a file one after another.
@@ -25,28 +27,38 @@ struct Piece {
 /// Files go into files no deeper than this: Abaqus itself allows for five.
 const DEEPEST: usize = 10;
 
-/// The keywords whose data are read, so that they may stand in another file.
+/// The keywords whose data are read for a mesh, so that they may stand in another file.
 const READ: [&str; 5] = ["NODE", "ELEMENT", "NSET", "ELSET", "SURFACE"];
 
 impl Text {
-    /// The text of `path`, which has been read, with that of the files it names.
+    /// The text of `path`, which has been read, with that of the files it names: for data of a mesh or, of a `whole` deck,
+    /// of any keyword.
     ///
     /// # Errors
     /// If one of these cannot be read: with the line that names it.
-    pub fn new(path: &Path, text: &str) -> Result<Self, FileError> {
-        let mut whole = Self::default();
-        whole.add(path, text, path.parent().unwrap_or(Path::new("")), 0)?;
-        Ok(whole)
+    pub fn new(path: &Path, text: &str, whole: bool) -> Result<Self, FileError> {
+        let mut all = Self {
+            whole,
+            ..Self::default()
+        };
+        all.add(path, text, path.parent().unwrap_or(Path::new("")), 0)?;
+        Ok(all)
+    }
+
+    /// The file and the line of it that a line of the whole text comes from.
+    pub fn place(&self, number: usize) -> (&Path, usize) {
+        // Of pieces that begin at the same line all but the last are empty.
+        let after = (self.pieces).partition_point(|piece| piece.before[0] < number);
+        let Piece { path, before } = &self.pieces[after.max(1) - 1];
+        (path, number - before[0] + before[1])
     }
 
     /// What is wrong, with the file and the line of it where it is.
     pub fn locate(&self, failure: Failure) -> FileError {
         match failure {
             Failure::Line { number, message } => {
-                // Of pieces that begin at the same line all but the last are empty.
-                let after = (self.pieces).partition_point(|piece| piece.before[0] < number);
-                let Piece { path, before } = &self.pieces[after.max(1) - 1];
-                Failure::line(number - before[0] + before[1], message).of(path)
+                let (path, line) = self.place(number);
+                Failure::line(line, message).of(path)
             }
             failure => failure.of(&self.pieces[0].path),
         }
@@ -77,7 +89,8 @@ impl Text {
             });
             let is_include = keyword.name == "INCLUDE";
             let input = keyword.option("INPUT");
-            if !is_include && (input.is_none() || !READ.contains(&keyword.name.as_str())) {
+            let is_read = self.whole || READ.contains(&keyword.name.as_str());
+            if !is_include && (input.is_none() || !is_read) {
                 continue;
             }
             let failed = |message: String| {
@@ -90,6 +103,12 @@ impl Text {
                 // The text of the file stands in its place.
                 self.text.truncate(before.0);
                 self.lines = before.1;
+            }
+            let inside = |part| matches!(part, Component::Normal(_) | Component::CurDir);
+            if !Path::new(name).components().all(inside) {
+                return Err(failed(format!(
+                    "{name} has to lie in the folder of the first file, or below: name it from there"
+                )));
             }
             let file = place.join(name);
             let shown = file.display();

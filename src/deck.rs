@@ -1,0 +1,158 @@
+//! Whole decks: input files of Abaqus and CalculiX, as cases.
+//!
+//! A deck of static steps in its linear-elastic, small-strain subset becomes the text of a case file and the mesh that goes with
+//! it: [`read`]. What changes the result and cannot be said in a case is refused, all of it in one message; what does not is
+//! passed over. `docs/decks.md` says what is understood.
+
+mod cards;
+mod history;
+mod translate;
+mod write;
+
+use crate::mesh::abaqus::index;
+use crate::mesh::{AnyMesh, FileError};
+use cards::{Refusal, Said};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// A deck as a case.
+#[derive(Clone, Debug)]
+pub struct Deck {
+    /// Its file.
+    pub path: PathBuf,
+    /// The mesh, with the boundaries, sets of nodes and regions that the case names.
+    pub mesh: AnyMesh,
+    /// The case file (TOML), whose mesh file is `mesh`. Above each table a comment names the file and line of the deck that it
+    /// comes from.
+    pub case: String,
+    /// The numbers of the nodes of the mesh in the deck, in their order (of instances, each in its part). Nodes that are made
+    /// here, in the middle of faces, follow them.
+    pub node_numbers: Vec<u64>,
+    /// What the deck says and has no effect here, a line each.
+    pub notes: Vec<String>,
+}
+
+/// Why a deck is no case.
+#[derive(Debug, thiserror::Error)]
+pub enum DeckError {
+    /// A file could not be read, or a line makes no sense.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// It says what changes the result and cannot be said in a case.
+    #[error("{}", listed(path, refusals))]
+    Refused {
+        /// The deck.
+        path: PathBuf,
+        /// What: place (file and line), the keyword that `--ignore` takes, and why.
+        refusals: Vec<(String, String, String)>,
+    },
+}
+
+fn listed(path: &Path, refusals: &[(String, String, String)]) -> String {
+    let keys: BTreeSet<&str> = refusals.iter().map(|one| one.1.as_str()).collect();
+    let keys: Vec<&str> = keys.into_iter().collect();
+    // What is said of several lines stands once.
+    let mut places: Vec<(&str, Vec<&str>)> = Vec::new();
+    for (place, _, text) in refusals {
+        match places.iter_mut().find(|one| one.0 == text) {
+            Some(one) => one.1.push(place),
+            None => places.push((text, vec![place])),
+        }
+    }
+    let lines = places.into_iter().map(|(text, places)| match places.len() {
+        0..=4 => format!("\n  {}: {text}", places.join(", ")),
+        n => format!("\n  {} and {} more: {text}", places[..3].join(", "), n - 3),
+    });
+    format!(
+        "{}: this deck says what changes the result and is not understood here; to go on without it: --ignore '{}'{}",
+        path.display(),
+        keys.join(","),
+        lines.collect::<String>()
+    )
+}
+
+/// The file and line of the deck that a place in the text of its case comes from: the comment above its table says so.
+pub(crate) fn origin(case: &str, place: usize) -> Option<(PathBuf, usize)> {
+    let end = place.min(case.len());
+    // The header of the table itself may begin there.
+    let before = case.get(..end)?;
+    let mut comments = before.lines().filter_map(|line| line.strip_prefix("# "));
+    let (file, line) = comments.next_back()?.rsplit_once(", line ")?;
+    Some((PathBuf::from(file), line.parse().ok()?))
+}
+
+/// Whether a file is called like a deck (`.inp`).
+pub fn is_deck(path: &Path) -> bool {
+    (path.extension()).is_some_and(|extension| extension.eq_ignore_ascii_case("inp"))
+}
+
+/// Whether a deck has a step, and is no mere mesh.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn has_steps(path: &Path) -> Result<bool, FileError> {
+    let deck = index::Deck::read(path)?;
+    Ok(deck.cards().iter().any(|card| card.keyword.name == "STEP"))
+}
+
+/// Reads a deck as a case whose mesh is to be called `mesh`; what has a keyword that is `ignored` is passed over even if it
+/// changes the result.
+///
+/// # Errors
+/// If a file cannot be read or makes no sense, or the deck says what cannot be said in a case.
+pub fn read(path: &Path, mesh: &str, ignored: &[String]) -> Result<Deck, DeckError> {
+    let deck = index::Deck::read(path)?;
+    let cards = deck.cards();
+    let mut said = Said::read(&cards, ignored).map_err(|wrong| deck.error(wrong))?;
+    for (line, name, text) in deck.unknown_elements() {
+        said.refuse(*line, name, text);
+    }
+    translate::check(&mut said);
+    let said = said;
+    let refused = |refusals: &[Refusal]| {
+        let mut all = refusals.to_vec();
+        all.sort();
+        all.dedup();
+        let refusals = all.into_iter().map(|one| {
+            let (file, line) = deck.place(one.line.max(1));
+            let place = match file == path {
+                true => format!("line {line}"),
+                false => format!("{}, line {line}", file.display()),
+            };
+            (place, one.key, one.text)
+        });
+        DeckError::Refused {
+            path: path.to_owned(),
+            refusals: refusals.collect(),
+        }
+    };
+    // What shows with the mesh is told as well, as far as that makes sense without what is refused already.
+    let mut index = match deck.index() {
+        Err(_) if !said.refusals.is_empty() => return Err(refused(&said.refusals)),
+        index => index?,
+    };
+    let place = |line: usize| {
+        let (file, line) = deck.place(line);
+        format!("{}, line {line}", file.display())
+    };
+    let made = translate::case(&said, &mut index, mesh, &place);
+    let (mut translated, refusals) = match made {
+        Err(_) if !said.refusals.is_empty() => return Err(refused(&said.refusals)),
+        made => made.map_err(|wrong| deck.error(wrong))?,
+    };
+    let refusals = [said.refusals.clone(), refusals].concat();
+    if !refusals.is_empty() {
+        return Err(refused(&refusals));
+    }
+    for (keyword, line) in &said.passed {
+        let note = format!("{}: *{keyword} is passed over", place(*line));
+        translated.notes.push(note);
+    }
+    Ok(Deck {
+        path: path.to_owned(),
+        node_numbers: index.node_numbers(),
+        mesh: index.finish()?,
+        case: translated.text,
+        notes: translated.notes,
+    })
+}

@@ -1,0 +1,1037 @@
+//! What the keywords of a deck say, and which of them nothing here can say.
+
+use crate::mesh::abaqus::index::{Card, Wrong};
+use crate::mesh::abaqus::keyword::{Keyword, entries, key, parsed, plain};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+
+/// Keywords that say what is written, how it is solved, or what has no effect on the displacements of a static analysis.
+const PASSED_OVER: [&str; 42] = [
+    "ASSEMBLY",
+    "CONDUCTIVITY",
+    "CONTACT CONTROLS",
+    "CONTACT DAMPING",
+    "CONTACT FILE",
+    "CONTACT OUTPUT",
+    "CONTACT PRINT",
+    "CONTROLS",
+    "DAMPING",
+    "EL FILE",
+    "EL PRINT",
+    "ELEMENT OUTPUT",
+    "END ASSEMBLY",
+    "END INSTANCE",
+    "END PART",
+    "END STEP",
+    "ENDSTEP",
+    "ENERGY OUTPUT",
+    "ENERGY PRINT",
+    "FACE PRINT",
+    "FILE FORMAT",
+    "FILTER",
+    "GAP CONDUCTANCE",
+    "GAP HEAT GENERATION",
+    "INCLUDE",
+    "INSTANCE",
+    "MONITOR",
+    "NODE FILE",
+    "NODE OUTPUT",
+    "NODE PRINT",
+    "NSET",
+    "ORIENTATION",
+    "OUTPUT",
+    "PART",
+    "PHYSICAL CONSTANTS",
+    "PREPRINT",
+    "PRINT",
+    "RESTART",
+    "SECTION PRINT",
+    "SPECIFIC HEAT",
+    "TIME POINTS",
+    "USER OUTPUT VARIABLES",
+];
+
+/// Why keywords are refused that decks often have.
+const REASONS: [(&str, &str); 40] = [
+    ("BEAM SECTION", "there are no beams"),
+    ("BUCKLE", "there is no buckling analysis"),
+    (
+        "CHANGE FRICTION",
+        "friction cannot change from step to step",
+    ),
+    (
+        "CHANGE SURFACE BEHAVIOR",
+        "contact cannot change from step to step",
+    ),
+    ("COUPLED TEMPERATURE-DISPLACEMENT", "no heat is conducted"),
+    ("COUPLING", "nodes cannot be coupled to a reference node"),
+    ("CREEP", "materials are linear-elastic"),
+    ("CYCLIC HARDENING", "materials are linear-elastic"),
+    ("CYCLIC SYMMETRY MODEL", "there is no cyclic symmetry"),
+    ("DASHPOT", "there are no dampers"),
+    ("DEFORMATION PLASTICITY", "materials are linear-elastic"),
+    (
+        "DISTRIBUTING COUPLING",
+        "nodes cannot be coupled to a reference node",
+    ),
+    ("DYNAMIC", "inertia is not taken into account"),
+    (
+        "EQUATION",
+        "displacements of nodes cannot be made to depend on each other",
+    ),
+    ("FLUID SECTION", "there are no fluids"),
+    ("FREQUENCY", "there is no modal analysis"),
+    ("GAP", "there are no gap elements: use a contact pair"),
+    ("HEAT TRANSFER", "no heat is conducted"),
+    ("HYPERELASTIC", "materials are linear-elastic"),
+    ("HYPERFOAM", "materials are linear-elastic"),
+    (
+        "KINEMATIC COUPLING",
+        "nodes cannot be coupled to a reference node",
+    ),
+    ("MEMBRANE SECTION", "there are no membranes"),
+    ("MODAL DYNAMIC", "inertia is not taken into account"),
+    ("MODEL CHANGE", "contacts and elements cannot come and go"),
+    (
+        "MPC",
+        "displacements of nodes cannot be made to depend on each other",
+    ),
+    ("NO TENSION", "materials are linear-elastic"),
+    ("PLASTIC", "materials are linear-elastic"),
+    (
+        "PRE-TENSION SECTION",
+        "there is no pre-tension of bolts: state a temperature or an interference",
+    ),
+    (
+        "RIGID BODY",
+        "there are no rigid bodies of nodes: use a stiff material or a rigid obstacle",
+    ),
+    (
+        "SELECT CYCLIC SYMMETRY MODES",
+        "there is no cyclic symmetry",
+    ),
+    ("SHELL SECTION", "there are no shells"),
+    ("SPRING", "there are no springs"),
+    ("TIE", "bodies cannot be tied"),
+    ("STEADY STATE DYNAMICS", "inertia is not taken into account"),
+    ("SUBMODEL", "there are no submodels"),
+    ("SUBSTRUCTURE GENERATE", "there are no substructures"),
+    ("UNCOUPLED TEMPERATURE-DISPLACEMENT", "no heat is conducted"),
+    ("USER MATERIAL", "materials are linear-elastic"),
+    ("VISCO", "materials are linear-elastic"),
+    (
+        "CHANGE SOLID SECTION",
+        "materials cannot change from step to step",
+    ),
+];
+
+/// Something that changes the result and cannot be said here.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Refusal {
+    pub line: usize,
+    /// What `--ignore` calls it.
+    pub key: String,
+    pub text: String,
+}
+
+/// `*MATERIAL` with what follows it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct MaterialCard {
+    pub line: usize,
+    /// In capitals.
+    pub name: String,
+    pub elastic: Option<[f64; 2]>,
+    pub density: f64,
+    pub expansion: f64,
+    /// Whether its law has been refused.
+    pub is_refused: bool,
+}
+
+/// `*SOLID SECTION`.
+pub(super) struct Section<'a> {
+    pub line: usize,
+    pub set: &'a str,
+    pub part: Option<String>,
+    /// In capitals.
+    pub material: String,
+    pub thickness: Option<f64>,
+}
+
+/// `*AMPLITUDE`: times and factors.
+pub(super) struct Amplitude {
+    /// In capitals.
+    pub name: String,
+    /// Whether times count from the beginning of the first step.
+    pub total: bool,
+    pub points: Vec<[f64; 2]>,
+}
+
+impl Amplitude {
+    /// Between the points linear, constant before and behind them.
+    pub fn at(&self, time: f64) -> f64 {
+        let after = self.points.partition_point(|point| point[0] < time);
+        let Some(&[t, a]) = self.points.get(after) else {
+            return self.points.last().map_or(1.0, |point| point[1]);
+        };
+        match after.checked_sub(1) {
+            None => a,
+            Some(before) => {
+                let [s, b] = self.points[before];
+                b + (a - b) * (time - s) / (t - s)
+            }
+        }
+    }
+}
+
+/// `*STEP` with `*STATIC`.
+pub(super) struct StepCard {
+    pub line: usize,
+    pub period: f64,
+    /// Loads without an amplitude act at once, instead of growing over the step.
+    pub at_once: bool,
+    pub is_static: bool,
+}
+
+/// What OP=NEW begins afresh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) enum Kind {
+    Boundary,
+    Force,
+    Distributed,
+    Surface,
+    Temperature,
+}
+
+/// What a data line of a load says.
+#[derive(Clone, Debug)]
+pub(super) enum What<'a> {
+    /// All of the kind from before are gone.
+    Clear(Kind),
+    /// Components from 0.
+    Boundary {
+        target: &'a str,
+        components: Vec<usize>,
+        value: f64,
+    },
+    Force {
+        target: &'a str,
+        component: usize,
+        value: f64,
+    },
+    /// On a face of elements.
+    Face {
+        target: &'a str,
+        face: usize,
+        value: f64,
+    },
+    Pressure {
+        surface: &'a str,
+        value: f64,
+    },
+    Gravity {
+        target: &'a str,
+        size: f64,
+        direction: [f64; 3],
+    },
+    /// The square of an angular velocity, a point of the axis and its direction.
+    Centrifugal {
+        target: &'a str,
+        square: f64,
+        point: [f64; 3],
+        direction: [f64; 3],
+    },
+    /// Along an axis from 0.
+    Volume {
+        target: &'a str,
+        axis: usize,
+        value: f64,
+    },
+    Temperature {
+        target: &'a str,
+        value: f64,
+    },
+}
+
+/// A load or a support.
+pub(super) struct Load<'a> {
+    pub line: usize,
+    /// None: before the first one.
+    pub step: Option<usize>,
+    pub what: What<'a>,
+    /// The number of its amplitude.
+    pub amplitude: Option<usize>,
+}
+
+/// `*SURFACE INTERACTION` with what follows it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Interaction {
+    /// In capitals.
+    pub name: String,
+    /// Pressure per overlap; None: hard.
+    pub stiffness: Option<f64>,
+    pub friction: Option<f64>,
+    pub stick_slope: Option<f64>,
+}
+
+/// What `ADJUST=` says.
+#[derive(Clone, Copy)]
+pub(super) enum Adjust<'a> {
+    Distance(f64),
+    Set(&'a str),
+}
+
+/// `*CONTACT PAIR`, a line of it.
+pub(super) struct PairCard<'a> {
+    pub line: usize,
+    pub slave: &'a str,
+    pub master: &'a str,
+    /// In capitals.
+    pub interaction: String,
+    pub adjust: Option<Adjust<'a>>,
+}
+
+/// `*CLEARANCE`.
+pub(super) struct Clearance {
+    pub line: usize,
+    /// Slave and master, in capitals.
+    pub surfaces: [String; 2],
+    pub value: f64,
+}
+
+/// `*TRANSFORM`.
+pub(super) struct Transform<'a> {
+    pub set: &'a str,
+    pub line: usize,
+    pub cylindrical: bool,
+    pub points: [f64; 6],
+}
+
+/// All that a deck says.
+#[derive(Default)]
+pub(super) struct Said<'a> {
+    pub title: String,
+    pub materials: Vec<MaterialCard>,
+    pub sections: Vec<Section<'a>>,
+    pub amplitudes: Vec<Amplitude>,
+    pub steps: Vec<StepCard>,
+    pub loads: Vec<Load<'a>>,
+    /// Node or set and value, with the line.
+    pub initial_temperatures: Vec<(usize, &'a str, f64)>,
+    pub interactions: Vec<Interaction>,
+    pub pairs: Vec<PairCard<'a>>,
+    pub clearances: Vec<Clearance>,
+    pub transforms: Vec<Transform<'a>>,
+    /// The types of the elements of bodies, in capitals.
+    pub types: BTreeSet<String>,
+    pub refusals: Vec<Refusal>,
+    /// What was passed over, with the first line of each.
+    pub passed: BTreeMap<String, usize>,
+    /// What the user wants to go on without, in capitals.
+    ignored: HashSet<String>,
+    material: Option<usize>,
+    interaction: Option<usize>,
+}
+
+type Result<T> = std::result::Result<T, Wrong>;
+
+/// The entries of a data line as numbers, 0 where one is empty.
+fn numbers(line: usize, text: &str) -> Result<Vec<f64>> {
+    let value = |text: &str| match text {
+        "" => Ok(0.0),
+        text => value(line, text),
+    };
+    entries(text).map(value).collect()
+}
+
+fn value(line: usize, text: &str) -> Result<f64> {
+    let value = parsed(text).filter(|value| value.is_finite());
+    value.ok_or_else(|| (line, format!("\"{text}\" is not a number")))
+}
+
+/// A direction or an axis component "1" to "3" as a number from 0.
+fn component(line: usize, text: &str) -> Result<u64> {
+    let number = text.parse().ok().filter(|&number: &u64| number > 0);
+    number.ok_or_else(|| (line, format!("\"{text}\" is not the number of a direction")))
+}
+
+impl<'a> Said<'a> {
+    /// Reads all keywords; the user goes on without those that are `ignored`.
+    pub fn read(cards: &[Card<'a>], ignored: &[String]) -> Result<Self> {
+        let mut said = Self {
+            ignored: ignored
+                .iter()
+                .map(|name| key(name.trim_start_matches('*')))
+                .collect(),
+            ..Self::default()
+        };
+        for card in cards.iter().filter(|card| card.keyword.name == "AMPLITUDE") {
+            said.amplitude(card)?;
+        }
+        for card in cards {
+            said.card(card)?;
+        }
+        Ok(said)
+    }
+
+    /// Refuses something, unless the user goes on without it.
+    pub fn refuse(&mut self, line: usize, key: &str, text: impl Into<String>) {
+        let key = key.to_uppercase();
+        if self.ignores(&key) {
+            self.passed
+                .entry(format!("{key} (ignored)"))
+                .or_insert(line);
+            return;
+        }
+        self.refusals.push(Refusal {
+            line,
+            key,
+            text: text.into(),
+        });
+    }
+
+    /// Whether the user goes on without it.
+    pub fn ignores(&self, key: &str) -> bool {
+        self.ignored.contains(key)
+    }
+
+    /// Refuses the options of a keyword that are none of these, by their names and those with a value as `NAME=VALUE`.
+    fn only(&mut self, k: &Keyword<'a>, known: &[&str]) {
+        for (name, value) in &k.options {
+            let whole = format!("{name}={}", value.to_uppercase());
+            if name == "INPUT" || known.contains(&name.as_str()) || known.contains(&whole.as_str())
+            {
+                continue;
+            }
+            let shown = if value.is_empty() { name } else { &whole };
+            let text = format!("*{}, {shown}: this option is not understood", k.name);
+            self.refuse(k.line, name, text);
+        }
+    }
+
+    fn card(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        let first = card.data.first().copied();
+        let needed = || first.ok_or_else(|| (k.line, format!("*{} needs a data line", k.name)));
+        match k.name.as_str() {
+            "HEADING" => {
+                if let (true, Some((_, text))) = (self.title.is_empty(), first) {
+                    self.title = text.to_owned();
+                }
+            }
+            "NODE" | "ELSET" | "SURFACE" | "AMPLITUDE" => {}
+            "ELEMENT" => {
+                self.types.extend(k.option("TYPE").map(str::to_uppercase));
+            }
+            "SOLID SECTION" => self.section(card)?,
+            "MATERIAL" => {
+                self.material = Some(self.materials.len());
+                let name = k.option("NAME").map(key).unwrap_or_default();
+                self.materials.push(MaterialCard {
+                    line: k.line,
+                    name,
+                    ..Default::default()
+                });
+            }
+            "ELASTIC" => {
+                let Some(material) = self.current_material(k)? else {
+                    return Ok(());
+                };
+                let kind = k.option("TYPE").map(key).unwrap_or_default();
+                if !["", "ISO", "ISOTROPIC"].contains(&kind.as_str()) {
+                    let text = format!("*ELASTIC, TYPE={kind}: materials are isotropic");
+                    self.refuse(k.line, "ELASTIC", text);
+                    self.materials[material].is_refused = true;
+                    return Ok(());
+                }
+                if card.data.len() > 1 {
+                    self.refuse(
+                        k.line,
+                        "ELASTIC",
+                        "*ELASTIC: moduli cannot depend on the temperature",
+                    );
+                }
+                let (line, text) = needed()?;
+                match numbers(line, text)?[..] {
+                    [young, poisson] | [young, poisson, _] => {
+                        self.materials[material].elastic = Some([young, poisson]);
+                    }
+                    _ => return Err((line, "*ELASTIC has E and ν in its line".to_owned())),
+                }
+            }
+            "DENSITY" => {
+                let Some(material) = self.current_material(k)? else {
+                    return Ok(());
+                };
+                let (line, text) = needed()?;
+                let all = numbers(line, text)?;
+                if card.data.len() > 1 {
+                    self.refuse(
+                        k.line,
+                        "DENSITY",
+                        "*DENSITY: it cannot depend on the temperature",
+                    );
+                }
+                self.materials[material].density = all[0];
+            }
+            "EXPANSION" => {
+                let Some(material) = self.current_material(k)? else {
+                    return Ok(());
+                };
+                self.only(k, &["TYPE=ISO", "TYPE=ISOTROPIC", "ZERO"]);
+                if card.data.len() > 1 {
+                    self.refuse(
+                        k.line,
+                        "EXPANSION",
+                        "*EXPANSION: it cannot depend on the temperature",
+                    );
+                }
+                let (line, text) = needed()?;
+                self.materials[material].expansion = numbers(line, text)?[0];
+            }
+            "TRANSFORM" => self.transform(card)?,
+            "STEP" => self.step(card),
+            "STATIC" => {
+                let period = match first {
+                    Some((line, text)) => numbers(line, text)?.get(1).copied(),
+                    None => None,
+                };
+                if let Some(step) = self.steps.last_mut() {
+                    step.is_static = true;
+                    step.period = period.filter(|&period| period > 0.0).unwrap_or(1.0);
+                }
+            }
+            "BOUNDARY" | "CLOAD" | "DLOAD" | "DSLOAD" | "TEMPERATURE" => self.loads(card)?,
+            "INITIAL CONDITIONS" => self.initial(card)?,
+            "SURFACE INTERACTION" => {
+                self.interaction = Some(self.interactions.len());
+                let name = k.option("NAME").map(key).unwrap_or_default();
+                self.interactions.push(Interaction {
+                    name,
+                    ..Default::default()
+                });
+            }
+            "SURFACE BEHAVIOR" => self.behavior(card)?,
+            "FRICTION" => self.friction(card)?,
+            "CONTACT PAIR" => self.pairs(card)?,
+            "CLEARANCE" => {
+                let option = |name| {
+                    k.option(name)
+                        .ok_or_else(|| (k.line, format!("*CLEARANCE needs {name}=")))
+                };
+                self.only(k, &["MASTER", "SLAVE", "VALUE"]);
+                let surfaces = [key(option("SLAVE")?), key(option("MASTER")?)];
+                let value = value(k.line, option("VALUE")?)?;
+                self.clearances.push(Clearance {
+                    line: k.line,
+                    surfaces,
+                    value,
+                });
+            }
+            name if PASSED_OVER.contains(&name) => {
+                // What stands for the mesh is nothing to tell.
+                let of_mesh = ["NSET", "INCLUDE", "ASSEMBLY", "INSTANCE", "PART"];
+                if !of_mesh.contains(&name) && !name.starts_with("END") {
+                    self.passed.entry(name.to_owned()).or_insert(k.line);
+                }
+            }
+            name => {
+                let reason = REASONS.iter().find(|known| known.0 == name);
+                let reason = reason.map_or("this keyword is not understood", |known| known.1);
+                self.refuse(k.line, name, format!("*{name}: {reason}"));
+            }
+        }
+        Ok(())
+    }
+
+    /// The material that a keyword is about; None where that is refused.
+    fn current_material(&mut self, k: &Keyword) -> Result<Option<usize>> {
+        match self.material {
+            Some(material) => Ok(Some(material)),
+            None => Err((k.line, format!("*{} stands before any *MATERIAL", k.name))),
+        }
+    }
+
+    fn section(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        self.only(
+            k,
+            &["ELSET", "MATERIAL", "ORIENTATION", "OFFSET", "CONTROLS"],
+        );
+        let option = |name| {
+            k.option(name)
+                .ok_or_else(|| (k.line, format!("*SOLID SECTION needs {name}=")))
+        };
+        let thickness = match card.data.first() {
+            Some(&(line, text)) => numbers(line, text)?.first().copied(),
+            None => None,
+        };
+        self.sections.push(Section {
+            line: k.line,
+            set: option("ELSET")?,
+            part: card.part.clone(),
+            material: key(option("MATERIAL")?),
+            thickness: thickness.filter(|&thickness| thickness > 0.0),
+        });
+        Ok(())
+    }
+
+    fn amplitude(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        self.only(
+            k,
+            &[
+                "NAME",
+                "TIME=TOTAL TIME",
+                "TIME=TOTALTIME",
+                "TIME=STEP TIME",
+                "DEFINITION=TABULAR",
+                "VALUE=RELATIVE",
+            ],
+        );
+        let mut all = Vec::new();
+        for &(line, text) in &card.data {
+            all.extend(numbers(line, text)?);
+        }
+        let points: Vec<[f64; 2]> = all.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();
+        let grows = points.windows(2).all(|pair| pair[0][0] < pair[1][0]);
+        if points.is_empty() || all.len() % 2 == 1 || !grows {
+            return Err((
+                k.line,
+                "*AMPLITUDE has pairs of growing times and factors".to_owned(),
+            ));
+        }
+        self.amplitudes.push(Amplitude {
+            name: k.option("NAME").map(key).unwrap_or_default(),
+            total: k
+                .option("TIME")
+                .is_some_and(|time| key(time).starts_with("TOTAL")),
+            points,
+        });
+        Ok(())
+    }
+
+    fn transform(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        let set = k
+            .option("NSET")
+            .ok_or_else(|| (k.line, "*TRANSFORM needs NSET=".to_owned()))?;
+        let cylindrical = match k.option("TYPE").map(key).as_deref() {
+            None | Some("R") => false,
+            Some("C") => true,
+            Some(other) => {
+                let text = format!(
+                    "*TRANSFORM, TYPE={other}: only rectangular and cylindrical ones are understood"
+                );
+                self.refuse(k.line, "TRANSFORM", text);
+                return Ok(());
+            }
+        };
+        let Some(&(line, text)) = card.data.first() else {
+            return Err((k.line, "*TRANSFORM needs a data line".to_owned()));
+        };
+        let all = numbers(line, text)?;
+        let Ok(points) = <[f64; 6]>::try_from(all) else {
+            return Err((
+                line,
+                "*TRANSFORM has the coordinates of two points".to_owned(),
+            ));
+        };
+        self.transforms.push(Transform {
+            set,
+            line: k.line,
+            cylindrical,
+            points,
+        });
+        Ok(())
+    }
+
+    fn step(&mut self, card: &Card<'a>) {
+        let k = &card.keyword;
+        for (name, value) in &k.options {
+            let no = value.eq_ignore_ascii_case("no");
+            match name.as_str() {
+                "NLGEOM" if !no => self.refuse(
+                    k.line,
+                    "NLGEOM",
+                    "*STEP, NLGEOM: displacements and rotations are taken to be small",
+                ),
+                "PERTURBATION" => self.refuse(
+                    k.line,
+                    "PERTURBATION",
+                    "*STEP, PERTURBATION: every step begins where the one before has ended",
+                ),
+                _ => {}
+            }
+        }
+        self.steps.push(StepCard {
+            line: k.line,
+            period: 1.0,
+            at_once: k
+                .option("AMPLITUDE")
+                .is_some_and(|kind| key(kind) == "STEP"),
+            is_static: false,
+        });
+    }
+
+    fn behavior(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        let Some(interaction) = self.interaction else {
+            return Err((
+                k.line,
+                "*SURFACE BEHAVIOR stands before any *SURFACE INTERACTION".to_owned(),
+            ));
+        };
+        let kind = k
+            .option("PRESSURE-OVERCLOSURE")
+            .map(key)
+            .unwrap_or_else(|| "HARD".to_owned());
+        let first = match card.data.first() {
+            Some(&(line, text)) => numbers(line, text)?.first().copied(),
+            None => None,
+        };
+        let here = &mut self.interactions[interaction];
+        match (kind.as_str(), first) {
+            ("HARD", _) => {}
+            ("LINEAR", Some(stiffness)) if stiffness > 0.0 => here.stiffness = Some(stiffness),
+            ("LINEAR", _) => {
+                return Err((
+                    k.line,
+                    "*SURFACE BEHAVIOR needs a stiffness above 0".to_owned(),
+                ));
+            }
+            _ => {
+                let text =
+                    format!("*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE={kind}: contact is hard");
+                self.refuse(k.line, "SURFACE BEHAVIOR", text);
+            }
+        }
+        Ok(())
+    }
+
+    fn friction(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        let Some(interaction) = self.interaction else {
+            return Err((
+                k.line,
+                "*FRICTION stands before any *SURFACE INTERACTION".to_owned(),
+            ));
+        };
+        self.only(k, &["ELASTIC SLIP", "SLIP TOLERANCE"]);
+        if let Some(&(line, text)) = card.data.first() {
+            let all = numbers(line, text)?;
+            let here = &mut self.interactions[interaction];
+            here.friction = all.first().copied();
+            here.stick_slope = all.get(1).copied().filter(|&slope| slope > 0.0);
+        }
+        Ok(())
+    }
+
+    fn pairs(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        self.only(
+            k,
+            &[
+                "INTERACTION",
+                "TYPE=NODE TO SURFACE",
+                "TYPE=SURFACE TO SURFACE",
+                "TYPE=MORTAR",
+                "TYPE=LINMORTAR",
+                "TYPE=PGLINMORTAR",
+                "SMALL SLIDING",
+                "ADJUST",
+                "EXTENSION ZONE",
+                "SMOOTH",
+                "HCRIT",
+            ],
+        );
+        let adjust = k.option("ADJUST").map(|text| match parsed(text) {
+            Some(distance) => Adjust::Distance(distance),
+            None => Adjust::Set(text),
+        });
+        for &(line, text) in &card.data {
+            let all: Vec<&str> = entries(text).map(plain).collect();
+            let [slave, master, ..] = all[..] else {
+                return Err((
+                    line,
+                    "*CONTACT PAIR has the slave and the master surface in a line".to_owned(),
+                ));
+            };
+            self.pairs.push(PairCard {
+                line,
+                slave,
+                master,
+                interaction: k.option("INTERACTION").map(key).unwrap_or_default(),
+                adjust,
+            });
+        }
+        Ok(())
+    }
+
+    fn initial(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        match k.option("TYPE").map(key).as_deref() {
+            Some("TEMPERATURE") => {
+                for &(line, text) in &card.data {
+                    let all: Vec<&str> = entries(text).map(plain).collect();
+                    let [target, of_target, ..] = all[..] else {
+                        return Err((
+                            line,
+                            "a temperature has its node or set and a value".to_owned(),
+                        ));
+                    };
+                    self.initial_temperatures
+                        .push((line, target, value(line, of_target)?));
+                }
+            }
+            kind => {
+                let kind = kind.unwrap_or("none");
+                let text = format!(
+                    "*INITIAL CONDITIONS, TYPE={kind}: bodies are at rest and free of stress at the beginning"
+                );
+                self.refuse(k.line, "INITIAL CONDITIONS", text);
+            }
+        }
+        Ok(())
+    }
+
+    /// Supports and loads, line by line.
+    fn loads(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        let kind = match k.name.as_str() {
+            "BOUNDARY" => Kind::Boundary,
+            "CLOAD" => Kind::Force,
+            "DLOAD" => Kind::Distributed,
+            "DSLOAD" => Kind::Surface,
+            _ => Kind::Temperature,
+        };
+        self.only(
+            k,
+            &[
+                "OP=NEW",
+                "OP=MOD",
+                "AMPLITUDE",
+                "LOAD CASE=1",
+                "TYPE=DISPLACEMENT",
+            ],
+        );
+        let step = self.steps.len().checked_sub(1);
+        let amplitude = match k.option("AMPLITUDE").map(key) {
+            None => None,
+            Some(name) => match self.amplitudes.iter().position(|one| one.name == name) {
+                Some(number) => Some(number),
+                None => return Err((k.line, format!("there is no *AMPLITUDE \"{name}\""))),
+            },
+        };
+        if k.option("OP").is_some_and(|op| key(op) == "NEW") {
+            let what = What::Clear(kind);
+            self.loads.push(Load {
+                line: k.line,
+                step,
+                what,
+                amplitude: None,
+            });
+        }
+        for &(line, text) in &card.data {
+            let all: Vec<&str> = entries(text).map(plain).collect();
+            let made = match kind {
+                Kind::Boundary => self.boundary(line, &all)?,
+                Kind::Force => self.force(line, &all)?,
+                Kind::Distributed => self.distributed(line, &all)?,
+                Kind::Surface => self.pressure(line, &all)?,
+                Kind::Temperature => match all[..] {
+                    [target, of_target, ..] => {
+                        let value = value(line, of_target)?;
+                        Some(What::Temperature { target, value })
+                    }
+                    _ => {
+                        return Err((
+                            line,
+                            "a temperature has its node or set and a value".to_owned(),
+                        ));
+                    }
+                },
+            };
+            let load = made.map(|what| Load {
+                line,
+                step,
+                what,
+                amplitude,
+            });
+            self.loads.extend(load);
+        }
+        Ok(())
+    }
+
+    fn boundary(&mut self, line: usize, all: &[&'a str]) -> Result<Option<What<'a>>> {
+        let [target, first, ..] = *all else {
+            return Err((
+                line,
+                "*BOUNDARY has a node or set and directions in a line".to_owned(),
+            ));
+        };
+        let held = |components: &[usize]| {
+            Ok(Some(What::Boundary {
+                target,
+                components: components.to_vec(),
+                value: 0.0,
+            }))
+        };
+        match first.to_uppercase().as_str() {
+            "ENCASTRE" | "PINNED" => return held(&[0, 1, 2]),
+            "XSYMM" => return held(&[0]),
+            "YSYMM" => return held(&[1]),
+            "ZSYMM" => return held(&[2]),
+            _ => {}
+        }
+        let first = component(line, first)?;
+        let last = match all.get(2) {
+            None | Some(&"") => first,
+            Some(text) => component(line, text)?,
+        };
+        let value = match all.get(3) {
+            None | Some(&"") => 0.0,
+            Some(text) => value(line, text)?,
+        };
+        if last < first || last > 11 {
+            return Err((line, format!("directions {first} to {last} make no sense")));
+        }
+        if first == 11 || last == 11 {
+            self.refuse(
+                line,
+                "BOUNDARY",
+                "*BOUNDARY, direction 11: no heat is conducted",
+            );
+            return Ok(None);
+        }
+        if first > 6 {
+            self.refuse(
+                line,
+                "BOUNDARY",
+                format!("*BOUNDARY, direction {first}: nodes have no such direction"),
+            );
+            return Ok(None);
+        }
+        // Nodes of bodies have no rotations to hold.
+        let components: Vec<usize> = (first..=last.min(3)).map(|c| c as usize - 1).collect();
+        Ok((!components.is_empty()).then_some(What::Boundary {
+            target,
+            components,
+            value,
+        }))
+    }
+
+    fn force(&mut self, line: usize, all: &[&'a str]) -> Result<Option<What<'a>>> {
+        let [target, direction, of_target, ..] = *all else {
+            return Err((
+                line,
+                "*CLOAD has a node or set, a direction and a force in a line".to_owned(),
+            ));
+        };
+        let (direction, value) = (component(line, direction)?, value(line, of_target)?);
+        if !(1..=3).contains(&direction) {
+            self.refuse(
+                line,
+                "CLOAD",
+                format!("*CLOAD, direction {direction}: nodes have forces along x, y and z only"),
+            );
+            return Ok(None);
+        }
+        Ok(Some(What::Force {
+            target,
+            component: direction as usize - 1,
+            value,
+        }))
+    }
+
+    fn distributed(&mut self, line: usize, all: &[&'a str]) -> Result<Option<What<'a>>> {
+        let [target, kind, ref rest @ ..] = *all else {
+            return Err((
+                line,
+                "*DLOAD has an element or set, a kind of load and its size in a line".to_owned(),
+            ));
+        };
+        let rest = rest.iter().map(|text| {
+            if text.is_empty() {
+                Ok(0.0)
+            } else {
+                value(line, text)
+            }
+        });
+        let rest: Vec<f64> = rest.collect::<Result<_>>()?;
+        let kind = kind.to_uppercase();
+        let few = || (line, format!("*DLOAD, {kind} has too few numbers"));
+        let size = *rest.first().ok_or_else(few)?;
+        let three = |from: usize| -> Result<[f64; 3]> {
+            let all = rest.get(from..from + 3).ok_or_else(few)?;
+            Ok([all[0], all[1], all[2]])
+        };
+        Ok(Some(match kind.as_str() {
+            "GRAV" => What::Gravity {
+                target,
+                size,
+                direction: three(1)?,
+            },
+            "CENTRIF" => What::Centrifugal {
+                target,
+                square: size,
+                point: three(1)?,
+                direction: three(4)?,
+            },
+            "BX" => What::Volume {
+                target,
+                axis: 0,
+                value: size,
+            },
+            "BY" => What::Volume {
+                target,
+                axis: 1,
+                value: size,
+            },
+            "BZ" => What::Volume {
+                target,
+                axis: 2,
+                value: size,
+            },
+            other => match other
+                .strip_prefix('P')
+                .and_then(|number| number.parse().ok())
+            {
+                Some(face) => What::Face {
+                    target,
+                    face,
+                    value: size,
+                },
+                None => {
+                    self.refuse(
+                        line,
+                        "DLOAD",
+                        format!("*DLOAD, {other}: this kind of load is not understood"),
+                    );
+                    return Ok(None);
+                }
+            },
+        }))
+    }
+
+    fn pressure(&mut self, line: usize, all: &[&'a str]) -> Result<Option<What<'a>>> {
+        match *all {
+            [surface, kind, size, ..] if kind.eq_ignore_ascii_case("P") => {
+                Ok(Some(What::Pressure {
+                    surface,
+                    value: value(line, size)?,
+                }))
+            }
+            [_, kind, ..] => {
+                self.refuse(
+                    line,
+                    "DSLOAD",
+                    format!("*DSLOAD, {kind}: only pressures (P) are understood"),
+                );
+                Ok(None)
+            }
+            _ => Err((
+                line,
+                "*DSLOAD has a surface, P and a pressure in a line".to_owned(),
+            )),
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! What loads and supports are at the end of each load step.
+
+use super::cards::{Amplitude, Said};
+use std::collections::HashMap;
+use std::hash::Hash;
+
+/// Ends of load steps: the step of the deck, from 0, and the time since its beginning.
+pub(super) struct Times<'a> {
+    said: &'a Said<'a>,
+    pub ends: Vec<(usize, f64)>,
+}
+
+impl<'a> Times<'a> {
+    /// The ends of the steps, and the corners of the amplitudes that are used in them.
+    pub fn new(said: &'a Said<'a>) -> Self {
+        let mut ends = Vec::new();
+        let mut before = 0.0;
+        for (number, step) in said.steps.iter().enumerate() {
+            let used = (said.loads.iter())
+                .filter(|load| load.step.unwrap_or(0) == number)
+                .filter_map(|load| load.amplitude);
+            let mut times = vec![step.period];
+            for amplitude in used.map(|number| &said.amplitudes[number]) {
+                let shift = if amplitude.total { before } else { 0.0 };
+                let corners = amplitude.points.iter().map(|point| point[0] - shift);
+                times.extend(corners.filter(|&t| t > 1e-9 * step.period && t < step.period));
+            }
+            times.sort_by(f64::total_cmp);
+            times.dedup_by(|a, b| *a - *b <= 1e-9 * step.period);
+            ends.extend(times.into_iter().map(|time| (number, time)));
+            before += step.period;
+        }
+        Self { said, ends }
+    }
+
+    /// The time of the beginning of a step.
+    fn begin(&self, step: usize) -> f64 {
+        self.said.steps[..step].iter().map(|step| step.period).sum()
+    }
+}
+
+/// What a deck says of something in one of its steps.
+#[derive(Clone, Copy)]
+struct Setting {
+    step: usize,
+    /// None: it is gone.
+    value: Option<f64>,
+    amplitude: Option<usize>,
+}
+
+/// Something that has a value, with the line that speaks of it first.
+pub(super) struct Track {
+    pub line: usize,
+    /// The set that it was named by; empty of a number.
+    pub origin: String,
+    settings: Vec<Setting>,
+}
+
+impl Track {
+    /// Its first step.
+    pub fn begins(&self) -> usize {
+        self.settings[0].step
+    }
+
+    /// Whether it is taken away.
+    pub fn ends(&self) -> bool {
+        self.settings.iter().any(|setting| setting.value.is_none())
+    }
+
+    /// Its value at the end of each load step, if it has been `start` before the first.
+    pub fn values(&self, times: &Times, start: f64) -> Vec<f64> {
+        // At the end of the step before.
+        let mut before = start;
+        let mut values = Vec::with_capacity(times.ends.len());
+        for (i, &(step, time)) in times.ends.iter().enumerate() {
+            let about = &times.said.steps[step];
+            let here = self.settings.iter().rfind(|setting| setting.step == step);
+            let value = match here {
+                None => before,
+                Some(Setting {
+                    value, amplitude, ..
+                }) => {
+                    let target = value.unwrap_or(start);
+                    match amplitude.map(|number| &times.said.amplitudes[number]) {
+                        Some(amplitude) => {
+                            let Amplitude { total, .. } = amplitude;
+                            let shift = if *total { times.begin(step) } else { 0.0 };
+                            target * amplitude.at(time + shift)
+                        }
+                        None if about.at_once => target,
+                        None => before + (target - before) * (time / about.period).min(1.0),
+                    }
+                }
+            };
+            values.push(value);
+            if times.ends.get(i + 1).is_none_or(|next| next.0 != step) {
+                before = value;
+            }
+        }
+        values
+    }
+}
+
+/// Tracks in the order in which they begin.
+pub(super) struct Tracks<K> {
+    pub all: Vec<(K, Track)>,
+    number: HashMap<K, usize>,
+}
+
+impl<K> Default for Tracks<K> {
+    fn default() -> Self {
+        Self {
+            all: Vec::new(),
+            number: HashMap::new(),
+        }
+    }
+}
+
+impl<K: Clone + Eq + Hash> Tracks<K> {
+    /// Sets a value from a step on.
+    pub fn set(
+        &mut self,
+        key: K,
+        line: usize,
+        origin: &str,
+        step: usize,
+        value: f64,
+        amplitude: Option<usize>,
+    ) {
+        let setting = Setting {
+            step,
+            value: Some(value),
+            amplitude,
+        };
+        match self.number.get(&key) {
+            Some(&number) => {
+                let track = &mut self.all[number].1;
+                track.origin = origin.to_owned();
+                track.settings.push(setting);
+            }
+            None => {
+                self.number.insert(key.clone(), self.all.len());
+                let track = Track {
+                    line,
+                    origin: origin.to_owned(),
+                    settings: vec![setting],
+                };
+                self.all.push((key, track));
+            }
+        }
+    }
+
+    /// Takes all away from a step on.
+    pub fn clear(&mut self, step: usize) {
+        for (_, track) in &mut self.all {
+            if track
+                .settings
+                .last()
+                .is_some_and(|last| last.value.is_some())
+            {
+                track.settings.push(Setting {
+                    step,
+                    value: None,
+                    amplitude: None,
+                });
+            }
+        }
+    }
+}

@@ -1,0 +1,858 @@
+//! From what a deck says to the tables of a case.
+
+use super::cards::{Adjust, Kind, MaterialCard, Refusal, Said, What};
+use super::history::{Times, Tracks};
+use super::write::{Number, factors, list, quoted};
+use crate::mesh::abaqus::index::{Index, Wrong};
+use crate::mesh::abaqus::keyword::key;
+use crate::mesh::vector::{minus, unit};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::{Display, Write as _};
+
+type Result<T> = std::result::Result<T, Wrong>;
+
+/// The case, and what has no effect in it.
+pub(super) struct Translated {
+    pub text: String,
+    pub notes: Vec<String>,
+}
+
+/// Refuses what shows without the mesh.
+pub(super) fn check(said: &mut Said) {
+    if said.steps.is_empty() {
+        said.refuse(
+            1,
+            "STEP",
+            "there is no *STEP: this is a mesh; name it in a case file",
+        );
+    }
+    let ignored = said.passed.keys().any(|key| key.ends_with("(ignored)"));
+    let procedure = said.refusals.is_empty() && !ignored;
+    let none: Vec<usize> = (said.steps.iter())
+        .filter(|step| procedure && !step.is_static)
+        .map(|step| step.line)
+        .collect();
+    for line in none {
+        said.refuse(line, "STEP", "*STEP: it has no *STATIC");
+    }
+    let stress = said.types.iter().any(|name| name.starts_with("CPS"));
+    let strain = said.types.iter().any(|name| name.starts_with("CPE"));
+    if stress && strain {
+        said.refuse(
+            1,
+            "CPS",
+            "elements of plane stress and of plane strain in one deck",
+        );
+    }
+    let mut thicknesses: Vec<(usize, f64)> = (said.sections.iter())
+        .filter_map(|section| Some((section.line, section.thickness?)))
+        .collect();
+    thicknesses.dedup_by_key(|one| one.1);
+    if let ([_, (line, _), ..], true) = (&thicknesses[..], stress || strain) {
+        let line = *line;
+        said.refuse(
+            line,
+            "SOLID SECTION",
+            "*SOLID SECTION: all bodies have one thickness",
+        );
+    }
+}
+
+/// What is known while a deck becomes a case.
+struct Translation<'a, 'i> {
+    said: &'a Said<'a>,
+    index: &'a mut Index<'i>,
+    times: Times<'a>,
+    place: &'a dyn Fn(usize) -> String,
+    text: String,
+    notes: Vec<String>,
+    refusals: Vec<Refusal>,
+    /// 2 or 3.
+    dimension: usize,
+    /// Nodes that elements of bodies have.
+    used: Vec<bool>,
+    /// The section of each element.
+    section: Vec<Option<usize>>,
+    /// The regions of the sections: section, name, elements.
+    regions: Vec<(usize, String, Vec<u32>)>,
+    /// Numbers of the sets that are made here, by what they are called.
+    made: BTreeMap<&'static str, usize>,
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+const AROUND: [&str; 3] = ["radial", "hoop", "axial"];
+
+/// The text of the case on a mesh file, and all that cannot be said in it; `place` names a line of the deck.
+pub(super) fn case(
+    said: &Said,
+    index: &mut Index,
+    mesh: &str,
+    place: &dyn Fn(usize) -> String,
+) -> Result<(Translated, Vec<Refusal>)> {
+    let dimension = if index.is_solid() { 3 } else { 2 };
+    let mut translation = Translation {
+        said,
+        times: Times::new(said),
+        place,
+        text: String::new(),
+        notes: Vec::new(),
+        refusals: Vec::new(),
+        dimension,
+        used: index.used_nodes(),
+        section: vec![None; index.n_elements()],
+        regions: Vec::new(),
+        made: BTreeMap::new(),
+        index,
+    };
+    translation.head(mesh);
+    translation.materials()?;
+    translation.nodes(Kind::Boundary)?;
+    translation.distributed()?;
+    translation.nodes(Kind::Force)?;
+    translation.temperatures()?;
+    translation.contacts()?;
+    translation.steps();
+    let made = Translated {
+        text: translation.text,
+        notes: translation.notes,
+    };
+    Ok((made, translation.refusals))
+}
+
+/// Nodes with the same values of one component.
+struct Alike {
+    line: usize,
+    component: usize,
+    values: Vec<f64>,
+    nodes: Vec<u32>,
+    transform: Option<usize>,
+    origin: String,
+}
+
+/// Faces with the same pressure: the line, the pressure at the end of each load step, elements and their faces.
+type Pressed = (usize, Vec<f64>, Vec<(u32, usize)>);
+
+/// What nodes have in one table.
+struct Table {
+    line: usize,
+    nodes: Vec<u32>,
+    transform: Option<usize>,
+    origin: String,
+    components: Vec<(usize, f64)>,
+    factors: Option<Vec<f64>>,
+}
+
+impl Translation<'_, '_> {
+    /// Refuses something, unless the user goes on without it.
+    fn refuse(&mut self, line: usize, key: &str, text: impl Into<String>) {
+        if self.said.ignores(key) {
+            let place = (self.place)(line);
+            self.notes.push(format!("{place}: {key} is ignored"));
+            return;
+        }
+        self.refusals.push(Refusal {
+            line,
+            key: key.to_owned(),
+            text: text.into(),
+        });
+    }
+
+    /// Adds a line.
+    fn put(&mut self, line: impl Display) {
+        // Nothing is in the way of writing into a text.
+        let _ = writeln!(self.text, "{line}");
+    }
+
+    /// Begins a table with the place that it comes from.
+    fn table(&mut self, line: usize, name: &str) {
+        let place = (self.place)(line);
+        self.put(format_args!("\n# {place}\n{name}"));
+    }
+
+    fn put_factors(&mut self, factors: &Option<Vec<f64>>) {
+        if let Some(factors) = factors {
+            self.put(format_args!("factors = {}", list(factors)));
+        }
+    }
+
+    /// A name that nothing has.
+    fn name(&mut self, what: &'static str) -> String {
+        loop {
+            let number = self.made.entry(what).or_default();
+            *number += 1;
+            let name = format!("{what}-{number}");
+            if !self.index.is_taken(&name) {
+                return name;
+            }
+        }
+    }
+
+    fn head(&mut self, mesh: &str) {
+        if !self.said.title.is_empty() {
+            self.put(format_args!("title = {}\n", quoted(&self.said.title)));
+        }
+        self.text.push_str(&format!(
+            "# {}\n[mesh]\nfile = {}\n",
+            (self.place)(1),
+            quoted(mesh)
+        ));
+        if self.dimension == 2 {
+            let stress = self.said.types.iter().any(|name| name.starts_with("CPS"));
+            let plane = if stress {
+                "plane_stress"
+            } else {
+                "plane_strain"
+            };
+            self.put(format_args!("\n[analysis]\nplane = \"{plane}\""));
+            let thickness = self
+                .said
+                .sections
+                .iter()
+                .find_map(|section| section.thickness);
+            if let Some(thickness) = thickness {
+                self.put(format_args!("thickness = {}", Number(thickness)));
+            }
+        }
+    }
+
+    /// The load steps, if there are several.
+    fn steps(&mut self) {
+        if self.times.ends.len() > 1 {
+            let factors = list(&vec![1.0; self.times.ends.len()]);
+            self.table(self.said.steps[0].line, "[steps]");
+            self.put(format_args!("factors = {factors}"));
+        }
+    }
+
+    fn materials(&mut self) -> Result<()> {
+        for (number, section) in self.said.sections.iter().enumerate() {
+            let found = (self.said.materials.iter()).find(|one| one.name == section.material);
+            let Some(material) = found else {
+                let text = format!("there is no *MATERIAL \"{}\"", section.material);
+                return Err((section.line, text));
+            };
+            let part = section.part.as_deref();
+            for (name, elements) in self
+                .index
+                .elements_of_part(section.line, part, section.set)?
+            {
+                let of_bodies = elements.into_iter().filter(|&e| self.index.is_of_body(e));
+                let elements: Vec<u32> = of_bodies.collect();
+                if elements.is_empty() {
+                    continue;
+                }
+                for &element in &elements {
+                    self.section[element as usize] = Some(number);
+                }
+                self.index.add_region(&name, &elements);
+                self.regions.push((number, name.clone(), elements));
+                let Some([young, poisson]) = material.elastic else {
+                    if !material.is_refused {
+                        let text = format!("*MATERIAL \"{}\" has no *ELASTIC", material.name);
+                        self.refuse(material.line, "MATERIAL", text);
+                    }
+                    continue;
+                };
+                self.table(material.line, "[[material]]");
+                self.put(format_args!("region = {}", quoted(&name)));
+                self.put(format_args!("young = {}", Number(young)));
+                self.put(format_args!("poisson = {}", Number(poisson)));
+                if material.density != 0.0 {
+                    self.put(format_args!("density = {}", Number(material.density)));
+                }
+                if material.expansion != 0.0 {
+                    self.put(format_args!("expansion = {}", Number(material.expansion)));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The material of a section; one without anything where there is none.
+    fn material(&self, section: usize) -> MaterialCard {
+        let name = &self.said.sections[section].material;
+        let material = self.said.materials.iter().find(|one| one.name == *name);
+        material.cloned().unwrap_or_default()
+    }
+
+    /// The number of the transform that turns the directions of a node; the last that names it.
+    fn transforms(&mut self) -> Result<BTreeMap<u32, usize>> {
+        let mut of_node = BTreeMap::new();
+        for (number, transform) in self.said.transforms.iter().enumerate() {
+            if !transform.cylindrical {
+                let [a, b] = [[0, 1, 2], [3, 4, 5]].map(|of| of.map(|at| transform.points[at]));
+                let as_they_are = a[0] > 0.0 && b[1] > 0.0 && [a[1], a[2], b[2]] == [0.0; 3];
+                if !as_they_are {
+                    self.refuse(
+                        transform.line,
+                        "TRANSFORM",
+                        "*TRANSFORM: directions are those of the axes, or cylindrical (TYPE=C)",
+                    );
+                }
+                continue;
+            }
+            for node in self.index.nodes(transform.line, transform.set)? {
+                of_node.insert(node, number);
+            }
+        }
+        Ok(of_node)
+    }
+
+    /// Supports or forces of nodes, a table for each set of nodes that have the same.
+    fn nodes(&mut self, kind: Kind) -> Result<()> {
+        let transforms = self.transforms()?;
+        let mut tracks = Tracks::default();
+        let mut reported = BTreeSet::new();
+        for load in &self.said.loads {
+            let step = load.step.unwrap_or(0);
+            let (target, components, value): (&str, &[usize], f64) = match &load.what {
+                What::Clear(of) if *of == kind => {
+                    tracks.clear(step);
+                    continue;
+                }
+                What::Boundary {
+                    target,
+                    components,
+                    value,
+                } if kind == Kind::Boundary => (target, components, *value),
+                What::Force {
+                    target,
+                    component,
+                    value,
+                } if kind == Kind::Force => (target, std::slice::from_ref(component), *value),
+                _ => continue,
+            };
+            let origin = self.index.set_name(true, target).map_or("", |_| target);
+            for node in self.index.nodes(load.line, target)? {
+                let transform = transforms.get(&node).copied();
+                if !self.used[node as usize] {
+                    self.unused(kind, load.line, &mut reported);
+                    continue;
+                }
+                if kind == Kind::Force && transform.is_some() && value != 0.0 {
+                    let text =
+                        "*CLOAD: a force has the directions of the axes, and none of a *TRANSFORM";
+                    if reported.insert(load.line) {
+                        self.refuse(load.line, "CLOAD", text);
+                    }
+                    continue;
+                }
+                for &component in components {
+                    if component >= self.dimension {
+                        if value != 0.0 && reported.insert(load.line) {
+                            let text = "in the plane there is no direction 3";
+                            self.refuse(load.line, "BOUNDARY", text);
+                        }
+                        continue;
+                    }
+                    let key = (node, component);
+                    tracks.set(key, load.line, origin, step, value, load.amplitude);
+                }
+            }
+        }
+        let mut alike: BTreeMap<(String, usize, Option<usize>, Vec<u64>), Alike> = BTreeMap::new();
+        for ((node, component), track) in &tracks.all {
+            if kind == Kind::Boundary && (track.begins() > 0 || track.ends()) {
+                if reported.insert(track.line) {
+                    let text = "*BOUNDARY: a support cannot come or go between steps";
+                    self.refuse(track.line, "BOUNDARY", text);
+                }
+                continue;
+            }
+            let values = track.values(&self.times, 0.0);
+            if kind == Kind::Force && values.iter().all(|&v| v == 0.0) {
+                continue;
+            }
+            let transform = transforms.get(node).copied();
+            let transform = transform.filter(|_| kind == Kind::Boundary);
+            let bits = values.iter().map(|v| v.to_bits()).collect();
+            let key = (track.origin.clone(), *component, transform, bits);
+            let here = alike.entry(key).or_insert_with(|| Alike {
+                line: track.line,
+                component: *component,
+                values,
+                nodes: Vec::new(),
+                transform,
+                origin: track.origin.clone(),
+            });
+            here.line = here.line.min(track.line);
+            here.nodes.push(*node);
+        }
+        let mut alike: Vec<Alike> = alike.into_values().collect();
+        alike.sort_by_key(|one| (one.line, one.component));
+        for table in merged(alike) {
+            self.put_nodes(kind, table)?;
+        }
+        Ok(())
+    }
+
+    /// About a node that is none of a body.
+    fn unused(&mut self, kind: Kind, line: usize, reported: &mut BTreeSet<usize>) {
+        if !reported.insert(line) {
+            return;
+        }
+        match kind {
+            Kind::Force => {
+                self.refuse(
+                    line,
+                    "CLOAD",
+                    "*CLOAD: a node that no element of a body has",
+                );
+            }
+            _ => {
+                let place = (self.place)(line);
+                self.notes.push(format!(
+                    "{place}: nodes that no element of a body has are left out"
+                ));
+            }
+        }
+    }
+
+    /// The name of a set with these nodes: of the deck, if the one that named them has no others.
+    fn set_of(
+        &mut self,
+        line: usize,
+        origin: &str,
+        nodes: &[u32],
+        what: &'static str,
+    ) -> Result<String> {
+        let mut name = None;
+        if !origin.is_empty() {
+            let all = self.index.nodes(line, origin)?;
+            let of_bodies: Vec<u32> = (all.into_iter())
+                .filter(|&node| self.used[node as usize])
+                .collect();
+            if of_bodies == nodes {
+                name = self.index.set_name(true, origin);
+            }
+        }
+        let name = match name {
+            Some(name) => name,
+            None => self.name(what),
+        };
+        self.index.add_nodes(&name, nodes);
+        Ok(name)
+    }
+
+    fn put_nodes(&mut self, kind: Kind, mut table: Table) -> Result<()> {
+        table.nodes.sort_unstable();
+        let (what, name) = match kind {
+            Kind::Boundary => ("support", "[[support]]"),
+            _ => ("force", "[[force]]"),
+        };
+        let set = self.set_of(table.line, &table.origin, &table.nodes, what)?;
+        self.table(table.line, name);
+        self.put(format_args!("nodes = {}", quoted(&set)));
+        let words = match table.transform {
+            None => AXES,
+            Some(_) => AROUND,
+        };
+        table.components.sort_by_key(|component| component.0);
+        for (component, value) in table.components {
+            self.put(format_args!("{} = {}", words[component], Number(value)));
+        }
+        if let Some(number) = table.transform {
+            let p = &self.said.transforms[number].points;
+            let a = [p[0], p[1], p[2]];
+            let along = minus([p[3], p[4], p[5]], a);
+            self.put(match self.dimension {
+                2 => format!("axis = {{ point = {} }}", list(&a[..2])),
+                _ => format!(
+                    "axis = {{ point = {}, direction = {} }}",
+                    list(&a),
+                    list(&along)
+                ),
+            });
+        }
+        self.put_factors(&table.factors);
+        Ok(())
+    }
+
+    /// Loads on faces, surfaces and volumes.
+    fn distributed(&mut self) -> Result<()> {
+        // Faces by their elements and numbers; surfaces by names; volumes by sets, and where the load points.
+        let mut faces = Tracks::default();
+        let mut surfaces = Tracks::default();
+        let mut volumes: Tracks<(String, [u64; 7])> = Tracks::default();
+        for load in &self.said.loads {
+            let (line, step, amplitude) = (load.line, load.step.unwrap_or(0), load.amplitude);
+            let bits = |kind: u64, a: [f64; 3], b: [f64; 3]| {
+                let [a, b] = [a, b].map(|v| v.map(f64::to_bits));
+                [kind, a[0], a[1], a[2], b[0], b[1], b[2]]
+            };
+            match &load.what {
+                What::Clear(Kind::Distributed) => {
+                    faces.clear(step);
+                    volumes.clear(step);
+                }
+                What::Clear(Kind::Surface) => surfaces.clear(step),
+                What::Face {
+                    target,
+                    face,
+                    value,
+                } => {
+                    let origin = match self.index.set_name(false, target) {
+                        Some(name) => format!("{name}-P{face}"),
+                        None => String::new(),
+                    };
+                    let elements = self.index.elements(line, target)?;
+                    for element in elements {
+                        if !self.index.is_of_body(element) || !self.index.has_face(element, *face) {
+                            return Err((line, format!("P{face} is no face of such an element")));
+                        }
+                        faces.set((element, *face), line, &origin, step, *value, amplitude);
+                    }
+                }
+                What::Pressure { surface, value } => {
+                    let name = self.index.surface(line, surface)?.name;
+                    surfaces.set(name, line, "", step, *value, amplitude);
+                }
+                What::Gravity {
+                    target,
+                    size,
+                    direction,
+                } => {
+                    let key = ((*target).to_owned(), bits(0, unit(*direction), [0.0; 3]));
+                    volumes.set(key, line, target, step, *size, amplitude);
+                }
+                What::Centrifugal {
+                    target,
+                    square,
+                    point,
+                    direction,
+                } => {
+                    let key = ((*target).to_owned(), bits(1, *point, unit(*direction)));
+                    volumes.set(key, line, target, step, *square, amplitude);
+                }
+                What::Volume {
+                    target,
+                    axis,
+                    value,
+                } => {
+                    let mut along = [0.0; 3];
+                    along[*axis] = 1.0;
+                    let key = ((*target).to_owned(), bits(2, along, [0.0; 3]));
+                    volumes.set(key, line, target, step, *value, amplitude);
+                }
+                _ => {}
+            }
+        }
+        let mut alike: BTreeMap<(String, Vec<u64>), Pressed> = BTreeMap::new();
+        for (face, track) in &faces.all {
+            let values = track.values(&self.times, 0.0);
+            let bits = values.iter().map(|v| v.to_bits()).collect();
+            let here = alike.entry((track.origin.clone(), bits));
+            let here = here.or_insert_with(|| (track.line, values, Vec::new()));
+            here.0 = here.0.min(track.line);
+            here.2.push(*face);
+        }
+        let mut alike: Vec<_> = alike.into_iter().collect();
+        alike.sort_by_key(|(_, (line, ..))| *line);
+        for ((origin, _), (line, values, faces)) in alike {
+            let name = match origin.is_empty() || self.index.is_taken(&origin) {
+                true => self.name("pressure"),
+                false => origin,
+            };
+            self.index.add_boundary(&name, &faces);
+            self.pressure(line, &name, &values);
+        }
+        for (name, track) in &surfaces.all {
+            let values = track.values(&self.times, 0.0);
+            self.pressure(track.line, name, &values);
+        }
+        for ((target, bits), track) in &volumes.all {
+            self.volume(target, bits, track.line, &track.values(&self.times, 0.0))?;
+        }
+        Ok(())
+    }
+
+    fn pressure(&mut self, line: usize, boundary: &str, values: &[f64]) {
+        let (size, factors) = factors(values);
+        if size == 0.0 {
+            return;
+        }
+        self.table(line, "[[traction]]");
+        self.put(format_args!("boundary = {}", quoted(boundary)));
+        self.put(format_args!("pressure = {}", Number(size)));
+        self.put_factors(&factors);
+    }
+
+    /// A load in the volume of a set, region by region, as densities differ.
+    fn volume(&mut self, target: &str, bits: &[u64; 7], line: usize, values: &[f64]) -> Result<()> {
+        let [a, b] = [[1, 2, 3], [4, 5, 6]].map(|at| at.map(|at| f64::from_bits(bits[at])));
+        let (size, factors) = factors(values);
+        let elements = self.index.elements(line, target)?;
+        let set_name = self.index.set_name(false, target);
+        let mut parts: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
+        for element in elements.iter().copied() {
+            if let Some(section) = self.section[element as usize] {
+                parts.entry(section).or_default().push(element);
+            }
+        }
+        for (section, elements) in parts {
+            let density = if bits[0] == 2 {
+                1.0
+            } else {
+                self.material(section).density
+            };
+            if size * density == 0.0 {
+                continue;
+            }
+            // The region of the section, the set that is named, or one of its own.
+            let of_section = self.regions.iter().find(|(_, _, all)| *all == elements);
+            let region = match (of_section, &set_name) {
+                (Some((_, name, _)), _) => name.clone(),
+                (None, Some(name)) if self.index.elements(line, target)? == elements => {
+                    name.clone()
+                }
+                _ => self.name("load"),
+            };
+            self.index.add_region(&region, &elements);
+            let components: Vec<String> = match bits[0] {
+                1 => centrifugal(size * density, a, b)[..self.dimension].to_vec(),
+                _ => (a.iter().take(self.dimension))
+                    .map(|&along| match along * size * density {
+                        0.0 => String::new(),
+                        value => Number(value).to_string(),
+                    })
+                    .collect(),
+            };
+            if self.dimension == 2 && bits[0] != 1 && a[2] * size != 0.0 {
+                self.refuse(line, "DLOAD", "*DLOAD: in the plane no load acts along z");
+            }
+            if components.iter().all(String::is_empty) {
+                continue;
+            }
+            self.table(line, "[[body_force]]");
+            self.put(format_args!("region = {}", quoted(&region)));
+            for (axis, component) in AXES.iter().zip(components) {
+                if !component.is_empty() {
+                    self.put(format_args!("{axis} = {component}"));
+                }
+            }
+            self.put_factors(&factors);
+        }
+        Ok(())
+    }
+
+    /// How much warmer the regions become that expand.
+    fn temperatures(&mut self) -> Result<()> {
+        let mut tracks = Tracks::default();
+        for load in &self.said.loads {
+            let step = load.step.unwrap_or(0);
+            match load.what {
+                What::Clear(Kind::Temperature) => tracks.clear(step),
+                What::Temperature { target, value } => {
+                    for node in self.index.nodes(load.line, target)? {
+                        tracks.set(node, load.line, target, step, value, load.amplitude);
+                    }
+                }
+                _ => {}
+            }
+        }
+        if tracks.all.is_empty() {
+            return Ok(());
+        }
+        let mut start = vec![0.0; self.used.len()];
+        for (line, target, value) in &self.said.initial_temperatures {
+            for node in self.index.nodes(*line, target)? {
+                start[node as usize] = *value;
+            }
+        }
+        let mut warmer = vec![None; self.used.len()];
+        for (node, track) in &tracks.all {
+            let start = start[*node as usize];
+            let values = track.values(&self.times, start);
+            let values: Vec<f64> = values.into_iter().map(|value| value - start).collect();
+            warmer[*node as usize] = Some((track.line, values));
+        }
+        for (section, name, elements) in self.regions.clone() {
+            if self.material(section).expansion == 0.0 {
+                continue;
+            }
+            let nodes = self.index.nodes_of(&elements);
+            let first = nodes
+                .first()
+                .and_then(|&node| warmer[node as usize].as_ref());
+            let values = first.map(|first| &first.1);
+            let differs =
+                |&&node: &&u32| warmer[node as usize].as_ref().map(|one| &one.1) != values;
+            if let Some(&node) = nodes.iter().find(differs) {
+                let known = warmer[node as usize].as_ref().or(first);
+                let line = known.map_or(1, |one| one.0);
+                let text = format!(
+                    "*TEMPERATURE: all nodes of elements \"{name}\" have to become warmer by the same"
+                );
+                self.refuse(line, "TEMPERATURE", text);
+                continue;
+            }
+            let Some((line, values)) = first.cloned() else {
+                continue;
+            };
+            let (value, factors) = factors(&values);
+            if value != 0.0 {
+                self.table(line, "[[temperature]]");
+                self.put(format_args!("region = {}", quoted(&name)));
+                self.put(format_args!("value = {}", Number(value)));
+                self.put_factors(&factors);
+            }
+        }
+        Ok(())
+    }
+
+    fn contacts(&mut self) -> Result<()> {
+        for pair in &self.said.pairs {
+            let found = (self.said.interactions.iter()).find(|one| one.name == pair.interaction);
+            let Some(interaction) = found else {
+                let text = format!("there is no *SURFACE INTERACTION \"{}\"", pair.interaction);
+                return Err((pair.line, text));
+            };
+            let slave = self.index.surface(pair.line, pair.slave)?;
+            let master = self.index.surface(pair.line, pair.master)?;
+            if master.nodes.is_some() {
+                let text = "*CONTACT PAIR: the master surface is one of element faces";
+                self.refuse(pair.line, "CONTACT PAIR", text);
+            }
+            if slave
+                .nodes
+                .as_ref()
+                .is_some_and(|nodes| !self.index.covers(nodes))
+            {
+                let text = format!(
+                    "*CONTACT PAIR: surface \"{}\" has nodes that whole faces of the outside do not have",
+                    slave.name
+                );
+                self.refuse(pair.line, "CONTACT PAIR", text);
+                continue;
+            }
+            self.table(pair.line, "[[contact]]");
+            self.put(format_args!("boundary = {}", quoted(&slave.name)));
+            self.put(format_args!("against = {}", quoted(&master.name)));
+            if let Some(coefficient) = interaction.friction.filter(|&mu| mu > 0.0) {
+                self.put(format_args!(
+                    "friction = {{ coulomb = {} }}",
+                    Number(coefficient)
+                ));
+            }
+            let slope = interaction
+                .stick_slope
+                .filter(|_| interaction.friction.is_some());
+            if interaction.stiffness.or(slope).is_some() {
+                let text = "*SURFACE BEHAVIOR, *FRICTION: contact is hard, and sticks without slip";
+                self.refuse(pair.line, "SURFACE BEHAVIOR", text);
+            }
+            let wanted = [&slave.name, &master.name].map(|name| key(name));
+            let clearance = self
+                .said
+                .clearances
+                .iter()
+                .find(|one| one.surfaces == wanted);
+            match (clearance, pair.adjust) {
+                (Some(clearance), _) if clearance.value >= 0.0 => {
+                    self.put(format_args!("gap = {}", Number(clearance.value)));
+                }
+                (Some(clearance), _) => {
+                    self.put(format_args!("interference = {}", Number(-clearance.value)));
+                }
+                (None, None) => {}
+                (None, Some(Adjust::Distance(distance))) => {
+                    self.put(format_args!("adjust = {}", Number(distance)));
+                }
+                (None, Some(Adjust::Set(set))) => {
+                    let nodes = self.index.nodes(pair.line, set)?;
+                    let corners = match slave.nodes {
+                        Some(nodes) => nodes,
+                        None => self.index.corners_of(&slave.name),
+                    };
+                    if !corners.iter().all(|node| nodes.binary_search(node).is_ok()) {
+                        let text = "*CONTACT PAIR, ADJUST=: it has to name all nodes of the slave surface, or a distance";
+                        self.refuse(pair.line, "ADJUST", text);
+                    }
+                    self.put("gap = 0.0");
+                }
+            }
+        }
+        for clearance in &self.said.clearances {
+            let is_pair = |pair: &super::cards::PairCard| {
+                [pair.slave, pair.master].map(key) == clearance.surfaces
+            };
+            if !self.said.pairs.iter().any(is_pair) {
+                return Err((
+                    clearance.line,
+                    "*CLEARANCE: there is no such *CONTACT PAIR".to_owned(),
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Tables of the nodes that have the same components with the same factors.
+fn merged(alike: Vec<Alike>) -> Vec<Table> {
+    let mut tables: Vec<Table> = Vec::new();
+    // By the nodes and their directions.
+    let mut of_nodes: BTreeMap<(Vec<u32>, Option<usize>), Vec<usize>> = BTreeMap::new();
+    for one in alike {
+        let mut nodes = one.nodes;
+        nodes.sort_unstable();
+        let (value, factors) = factors(&one.values);
+        let key = (nodes, one.transform);
+        let here = of_nodes.entry(key.clone()).or_default();
+        let fits = |&&number: &&usize| {
+            let table: &Table = &tables[number];
+            let zero = table.components.iter().all(|component| component.1 == 0.0);
+            table.factors == factors || value == 0.0 || zero
+        };
+        let component = (one.component, value);
+        match here.iter().find(fits) {
+            Some(&number) => {
+                let table = &mut tables[number];
+                table.components.push(component);
+                if value != 0.0 {
+                    table.factors = factors;
+                }
+            }
+            None => {
+                here.push(tables.len());
+                tables.push(Table {
+                    line: one.line,
+                    nodes: key.0,
+                    transform: one.transform,
+                    origin: one.origin,
+                    components: vec![component],
+                    factors,
+                });
+            }
+        }
+    }
+    tables
+}
+
+/// ρ ω² times the way from the axis, as quantities of x, y and z.
+fn centrifugal(size: f64, point: [f64; 3], direction: [f64; 3]) -> [String; 3] {
+    // The part across a unit vector a of what is rotated is (1 − a aᵀ) (x − p).
+    let square = |c: usize, d: usize| f64::from(u8::from(c == d)) - direction[c] * direction[d];
+    std::array::from_fn(|c| {
+        let terms: Vec<String> = (0..3)
+            .filter(|&d| square(c, d).abs() > 1e-15)
+            .map(|d| {
+                let factor = Number(size * square(c, d));
+                match point[d] {
+                    0.0 => format!("{factor} * {}", AXES[d]),
+                    p => format!("{factor} * ({} - {})", AXES[d], bracketed(p)),
+                }
+            })
+            .collect();
+        match terms.is_empty() {
+            true => String::new(),
+            false => format!("\"{}\"", terms.join(" + ")),
+        }
+    })
+}
+
+fn bracketed(value: f64) -> String {
+    match value < 0.0 {
+        true => format!("({})", Number(value)),
+        false => Number(value).to_string(),
+    }
+}

@@ -1,0 +1,358 @@
+//! A whole deck: its text, and the nodes, elements and surfaces that its keywords name.
+
+use super::checked;
+use super::flatten::Flat;
+use super::keyword::{Keyword, is_keyword, key};
+use super::parts::{self, Assembly};
+use super::text::Text;
+use super::types::face;
+use crate::mesh::AnyMesh;
+use crate::mesh::file::build::build;
+use crate::mesh::file::{self, Failure, FileError};
+use std::collections::{BTreeSet, HashMap};
+use std::path::Path;
+
+/// A line of the text, from 1, and what is wrong there.
+pub(crate) type Wrong = (usize, String);
+
+/// A keyword with its data lines.
+pub(crate) struct Card<'a> {
+    pub keyword: Keyword<'a>,
+    /// Each with its number.
+    pub data: Vec<(usize, &'a str)>,
+    /// The name of the part that it stands in, in capitals.
+    pub part: Option<String>,
+}
+
+/// A deck that has been read.
+pub(crate) struct Deck {
+    text: Text,
+    assembly: Assembly,
+}
+
+impl Deck {
+    /// Reads a deck with all files that it names.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or something about nodes, elements or sets makes no sense.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let bytes = file::bytes(path)?;
+        let text = Text::new(path, &String::from_utf8_lossy(&bytes), true)?;
+        if !text.text.lines().any(|line| is_keyword(line.trim())) {
+            let none = "there is no keyword in it: is this an Abaqus input file?".to_owned();
+            return Err(Failure::NoMesh(none).of(path));
+        }
+        match parts::read(&text.text, true) {
+            Ok(assembly) => Ok(Self { text, assembly }),
+            Err(failure) => Err(text.locate(failure)),
+        }
+    }
+
+    /// Types of elements that there are none of here: line, name, why not.
+    pub fn unknown_elements(&self) -> &[(usize, String, String)] {
+        &self.assembly.unknown
+    }
+
+    /// The file and the line of it that a line of the whole text comes from.
+    pub fn place(&self, line: usize) -> (&Path, usize) {
+        self.text.place(line)
+    }
+
+    /// That a line is not what it should be.
+    pub fn error(&self, (line, message): Wrong) -> FileError {
+        self.text.locate(Failure::line(line, message))
+    }
+
+    /// All keywords in order.
+    pub fn cards(&self) -> Vec<Card<'_>> {
+        let mut cards: Vec<Card> = Vec::new();
+        let mut part = None;
+        let mut lines = (1..).zip(self.text.text.lines());
+        while let Some((line, text)) = lines.next() {
+            let text = text.trim();
+            if text.is_empty() || text.starts_with("**") {
+                continue;
+            }
+            let Some(mut keyword) = Keyword::parse(line, text) else {
+                if let Some(card) = cards.last_mut() {
+                    card.data.push((line, text));
+                }
+                continue;
+            };
+            keyword.complete(text, || lines.next().map(|(_, more)| more));
+            match keyword.name.as_str() {
+                "PART" => part = keyword.option("NAME").map(key),
+                "END PART" => part = None,
+                _ => {}
+            }
+            cards.push(Card {
+                keyword,
+                data: Vec::new(),
+                part: part.clone(),
+            });
+        }
+        cards
+    }
+
+    /// What its names stand for.
+    ///
+    /// # Errors
+    /// If its sets or surfaces name what does not exist.
+    pub fn index(&self) -> Result<Index<'_>, FileError> {
+        match Flat::new(&self.assembly) {
+            Ok(flat) => Ok(Index {
+                deck: self,
+                is_solid: flat.has_solids(),
+                flat,
+            }),
+            Err(failure) => Err(self.text.locate(failure)),
+        }
+    }
+}
+
+/// What the names of a deck stand for. Nodes and elements are counted from 0.
+pub(crate) struct Index<'a> {
+    deck: &'a Deck,
+    flat: Flat<'a>,
+    /// Whether there are volume elements.
+    is_solid: bool,
+}
+
+/// A surface that a deck names.
+pub(crate) struct Surface {
+    /// As it is called in the mesh.
+    pub name: String,
+    /// Its nodes, where it is one of nodes.
+    pub nodes: Option<Vec<u32>>,
+}
+
+fn wrong(failure: Failure) -> Wrong {
+    match failure {
+        Failure::Line { number, message } => (number, message),
+        Failure::Format { message, .. } | Failure::NoMesh(message) => (0, message),
+        Failure::Mesh(error) => (0, error.to_string()),
+    }
+}
+
+impl Index<'_> {
+    /// What stands outside of parts.
+    fn root(&self) -> usize {
+        self.flat.placed.len() - 1
+    }
+
+    /// The nodes of a set, or the one of this number; sorted.
+    pub fn nodes(&self, line: usize, what: &str) -> Result<Vec<u32>, Wrong> {
+        (self.flat.named(self.root(), true, line, what)).map_err(wrong)
+    }
+
+    /// The elements of a set, or the one of this number; sorted.
+    pub fn elements(&self, line: usize, what: &str) -> Result<Vec<u32>, Wrong> {
+        (self.flat.named(self.root(), false, line, what)).map_err(wrong)
+    }
+
+    /// The elements of a set of a part, wherever that is placed, each with the name of the set there.
+    pub fn elements_of_part(
+        &self,
+        line: usize,
+        part: Option<&str>,
+        set: &str,
+    ) -> Result<Vec<(String, Vec<u32>)>, Wrong> {
+        let Some(part) = part else {
+            let name = self.set_name(false, set).unwrap_or_else(|| set.to_owned());
+            return Ok(vec![(name, self.elements(line, set)?)]);
+        };
+        let parts = &self.deck.assembly.parts;
+        let number = parts.iter().position(|(name, _)| key(name) == part);
+        let part = number.map(|number| &parts[number].1);
+        let mut all = Vec::new();
+        for (number, placed) in self.flat.placed.iter().enumerate() {
+            if part.is_some_and(|part| std::ptr::eq(part, placed.part)) {
+                let members = self.flat.named(number, false, line, set);
+                let own = placed.part.element_sets.get(&key(set));
+                let name = own.map_or(set, |set| set.name.as_str());
+                all.push((format!("{}{name}", placed.prefix), members.map_err(wrong)?));
+            }
+        }
+        Ok(all)
+    }
+
+    /// What a set is called in the mesh; None of a number.
+    pub fn set_name(&self, of_nodes: bool, what: &str) -> Option<String> {
+        let what = key(what);
+        self.flat.placed.iter().rev().find_map(|placed| {
+            let sets = match of_nodes {
+                true => &placed.part.node_sets,
+                false => &placed.part.element_sets,
+            };
+            let own = match placed.key.as_str() {
+                "" => Some(what.as_str()),
+                name => what.strip_prefix(name)?.strip_prefix('.'),
+            };
+            let set = sets.get(own?)?;
+            Some(format!("{}{}", placed.prefix, set.name))
+        })
+    }
+
+    /// A surface, of the assembly or as `INSTANCE.SURFACE`.
+    pub fn surface(&self, line: usize, what: &str) -> Result<Surface, Wrong> {
+        let wanted = key(what);
+        let found = (self.flat.placed.iter().enumerate().rev()).find_map(|(number, placed)| {
+            let own = match placed.key.as_str() {
+                "" => Some(wanted.as_str()),
+                name => wanted.strip_prefix(name)?.strip_prefix('.'),
+            };
+            Some((number, placed.part.surfaces.get(own?)?))
+        });
+        let Some((number, surface)) = found else {
+            return Err((line, format!("there is no surface \"{what}\"")));
+        };
+        let name = format!("{}{}", self.flat.placed[number].prefix, surface.name);
+        let mut nodes = None;
+        if surface.of_nodes {
+            let mut all = Vec::new();
+            for (line, what, _) in &surface.faces {
+                let more = self.flat.named(number, true, *line, what);
+                all.extend(more.map_err(wrong)?);
+            }
+            all.sort_unstable();
+            all.dedup();
+            nodes = Some(all);
+        }
+        Ok(Surface { name, nodes })
+    }
+
+    /// The corners of a face of an element, numbered as in the deck; None if it has no such face or is none of a body.
+    fn face(&self, element: u32, number: usize) -> Option<Vec<u32>> {
+        let (cell, nodes) = self.flat.cell(element as usize);
+        let corners = face(cell, number)?;
+        Some(corners.iter().map(|&corner| nodes[corner]).collect())
+    }
+
+    pub fn has_face(&self, element: u32, number: usize) -> bool {
+        self.face(element, number).is_some()
+    }
+
+    /// The numbers in the deck of the nodes that elements of bodies have, in the order of the mesh.
+    pub fn node_numbers(&self) -> Vec<u64> {
+        let mut numbers = vec![0; self.flat.raw.nodes.len()];
+        for placed in &self.flat.placed {
+            for (&label, &node) in &placed.part.node_of {
+                numbers[(placed.first_node + node) as usize] = label;
+            }
+        }
+        let all = numbers.into_iter().zip(self.used_nodes());
+        all.filter(|one| one.1).map(|one| one.0).collect()
+    }
+
+    /// Whether elements of bodies have each node.
+    pub fn used_nodes(&self) -> Vec<bool> {
+        let mut used = vec![false; self.flat.raw.nodes.len()];
+        for number in 0..self.n_elements() {
+            if self.is_of_body(number as u32) {
+                let nodes = self.flat.cell(number).1;
+                nodes.iter().for_each(|&node| used[node as usize] = true);
+            }
+        }
+        used
+    }
+
+    pub fn n_elements(&self) -> usize {
+        self.flat.n_cells()
+    }
+
+    /// Whether an element is one of a body, and no point, line or facet.
+    pub fn is_of_body(&self, element: u32) -> bool {
+        self.flat.is_body(element as usize, self.is_solid)
+    }
+
+    /// Whether the mesh is one of space.
+    pub fn is_solid(&self) -> bool {
+        self.is_solid
+    }
+
+    /// Whether the faces of the outside with all corners in a set have all of its nodes.
+    pub fn covers(&self, nodes: &[u32]) -> bool {
+        let all: BTreeSet<u32> = nodes.iter().copied().collect();
+        let mut times: HashMap<Vec<u32>, u32> = HashMap::new();
+        for element in (0..self.n_elements() as u32).filter(|&e| self.is_of_body(e)) {
+            for mut corners in (1..).map_while(|number| self.face(element, number)) {
+                if corners.iter().all(|corner| all.contains(corner)) {
+                    corners.sort_unstable();
+                    *times.entry(corners).or_default() += 1;
+                }
+            }
+        }
+        let outside = times.into_iter().filter(|(_, times)| *times == 1);
+        let found: BTreeSet<u32> = outside.flat_map(|(corners, _)| corners).collect();
+        let corners = self.corners();
+        (all.iter()).all(|node| found.contains(node) || !corners[*node as usize])
+    }
+
+    /// Whether nodes are corners of elements.
+    fn corners(&self) -> Vec<bool> {
+        let mut corners = vec![false; self.flat.raw.nodes.len()];
+        for number in 0..self.n_elements() {
+            let (cell, nodes) = self.flat.cell(number);
+            for &node in &nodes[..cell.n_corners()] {
+                corners[node as usize] = true;
+            }
+        }
+        corners
+    }
+
+    /// The corners of the faces of a surface, by its name in the mesh; sorted.
+    pub fn corners_of(&self, surface: &str) -> Vec<u32> {
+        let tag = self.flat.tags.get(surface);
+        let all = self.flat.boundaries.iter();
+        let of_surface = all.filter(|one| Some(&one.0) == tag);
+        let mut nodes: Vec<u32> = of_surface.flat_map(|one| &one.1).copied().collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    }
+
+    /// Adds a set of nodes to the mesh, unless it has one of this name with these already.
+    pub fn add_nodes(&mut self, name: &str, nodes: &[u32]) {
+        let set = (name.to_owned(), nodes.to_vec());
+        self.flat.raw.node_sets.push(set);
+    }
+
+    /// Makes elements a region, or part of it.
+    pub fn add_region(&mut self, name: &str, elements: &[u32]) {
+        let tag = self.flat.tag(name.to_owned());
+        let elements = elements.iter().map(|&element| (element, tag));
+        self.flat.regions.extend(elements);
+    }
+
+    /// Makes faces a boundary; each has to be one.
+    pub fn add_boundary(&mut self, name: &str, faces: &[(u32, usize)]) {
+        let tag = self.flat.tag(name.to_owned());
+        for &(element, number) in faces {
+            let corners = self.face(element, number).expect("it has been asked for");
+            self.flat.boundaries.push((tag, corners));
+        }
+    }
+
+    /// The nodes of elements; sorted.
+    pub fn nodes_of(&self, elements: &[u32]) -> Vec<u32> {
+        let all = elements
+            .iter()
+            .map(|&element| self.flat.cell(element as usize).1);
+        let mut nodes: Vec<u32> = all.flatten().copied().collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    }
+
+    /// Whether a name is that of a set or a surface.
+    pub fn is_taken(&self, name: &str) -> bool {
+        self.flat.tags.contains_key(name)
+    }
+
+    /// The mesh.
+    pub fn finish(self) -> Result<AnyMesh, FileError> {
+        let raw = checked(self.flat.finish(&self.deck.assembly));
+        let mesh = raw.and_then(|raw| build(raw, 1.0));
+        mesh.map_err(|failure| self.deck.text.locate(failure))
+    }
+}

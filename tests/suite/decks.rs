@@ -1,0 +1,491 @@
+//! Whole decks: against closed forms, against the case files that they become, and what is refused. An ignored test compares
+//! with CalculiX itself.
+
+use crate::common::or_panic::OrPanic as _;
+use signorini::case::{Case, CaseProblem};
+use signorini::deck::{self, Deck, DeckError};
+use signorini::mesh::{ElementKind, Topology, msh};
+use signorini::model::{AnyBuilt, Built};
+use std::collections::HashMap;
+use std::path::Path;
+use std::process::Command;
+
+/// What comes of a text; other files may lie beside it.
+fn read(text: &str, beside: &[(&str, &str)], ignored: &[&str]) -> Result<Deck, String> {
+    let place = tempfile::tempdir().or_panic();
+    for (name, text) in beside.iter().chain(&[("deck.inp", text)]) {
+        let path = place.path().join(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).or_panic();
+        std::fs::write(path, text).or_panic();
+    }
+    let ignored: Vec<String> = ignored.iter().map(|&name| name.to_owned()).collect();
+    let read = deck::read(&place.path().join("deck.inp"), "deck.msh", &ignored);
+    let shown = |error: DeckError| {
+        let folder = format!("{}/", place.path().display());
+        error.to_string().replace(&folder, "")
+    };
+    read.map_err(shown)
+}
+
+fn built(deck: &Deck) -> CaseProblem {
+    let case = Case::of_deck(deck.clone(), &[]).or_panic();
+    case.build().or_panic()
+}
+
+/// The displacements of the nodes at the end of each load step, three of each.
+fn displacements(problem: &CaseProblem) -> Vec<Vec<[f64; 3]>> {
+    fn of<const D: usize>(built: &Built<D>) -> Vec<Vec<[f64; 3]>>
+    where
+        ElementKind: Topology<D> + signorini::contact::Space<D>,
+    {
+        let solutions = built.solve(&Default::default()).or_panic();
+        let of_step = |(step, solution): (usize, &signorini::quasistatic::StepSolution<D>)| {
+            let data = built.step(step).or_panic();
+            let all = data.unknowns.displacements(&solution.u);
+            let three = |u: [f64; D]| std::array::from_fn(|c| u.get(c).copied().unwrap_or(0.0));
+            all.into_iter().map(three).collect()
+        };
+        solutions.iter().enumerate().map(of_step).collect()
+    }
+    let CaseProblem::Elastic(built) = problem else {
+        panic!("no bodies");
+    };
+    match &**built {
+        AnyBuilt::Plane(built) => of(built),
+        AnyBuilt::Space(built) => of(built),
+    }
+}
+
+/// A strip 4 by 1 of four squares; nodes 1 to 5 below, 11 to 15 above, node 99 of none.
+const STRIP: &str = "*HEADING\nA strip\n*NODE, NSET=Nall\n1,0,0\n2,1,0\n3,2,0\n4,3,0\n5,4,0\n\
+    11,0,1\n12,1,1\n13,2,1\n14,3,1\n15,4,1\n99,7,7\n\
+    *ELEMENT, TYPE=CPS4, ELSET=Eall\n1,1,2,12,11\n2,2,3,13,12\n3,3,4,14,13\n4,4,5,15,14\n\
+    *NSET, NSET=Nleft\n1,11\n*NSET, NSET=Nright\n5,15\n\
+    *SURFACE, NAME=Send\n4,S2\n*SURFACE, NAME=Sbelow\nEall,S1\n";
+
+fn material(nu: f64) -> String {
+    format!(
+        "*MATERIAL, NAME=soft\n*ELASTIC\n200., {nu}\n*DENSITY\n3.\n*SOLID SECTION, ELSET=Eall, MATERIAL=soft\n0.5\n"
+    )
+}
+
+fn strip(rest: &str) -> String {
+    let held = "*BOUNDARY\nNleft,1\n1,2\n";
+    format!("{STRIP}{}{held}{rest}", material(0.0))
+}
+
+const STATIC: &str = "*STEP\n*STATIC\n1.,1.\n";
+
+/// Every kind of load against u = ∫ N / (E A) of a bar with A = 0.5.
+#[test]
+fn loads_pull_a_bar_as_they_should() {
+    let area_young = 0.5 * 200.0;
+    type Expected = fn(f64) -> f64;
+    let loads: [(&str, Expected); 6] = [
+        // 2 × 5 N at the end, by a set and by numbers.
+        ("*CLOAD\nNright,1,5.\n", |x| 10.0 * x),
+        ("*CLOAD\n5,1,5.\n15,1,5.\n", |x| 10.0 * x),
+        // −(−20) Pa on 1 × 0.5.
+        ("*DLOAD\n4,P2,-20.\n", |x| 10.0 * x),
+        ("*DSLOAD\nSend,P,-20.\n", |x| 10.0 * x),
+        // ρ g A = 3 · 2 · 0.5 along x.
+        ("*DLOAD\nEall,GRAV,2.,1.,0.,0.\n", |x| {
+            3.0 * (4.0 * x - x * x / 2.0)
+        }),
+        // ρ ω² A x about the left end: linear elements are exact at nodes.
+        ("*DLOAD\nEall,CENTRIF,2.,0.,0.,0.,0.,0.,1.\n", |x| {
+            3.0 * (8.0 * x - x.powi(3) / 6.0)
+        }),
+    ];
+    for (load, expected) in loads {
+        let deck = read(&strip(&format!("{STATIC}{load}*END STEP\n")), &[], &[]).or_panic();
+        assert_eq!(
+            deck.node_numbers,
+            [1, 2, 3, 4, 5, 11, 12, 13, 14, 15],
+            "in the order of the file"
+        );
+        let u = displacements(&built(&deck)).remove(0);
+        for (&number, u) in deck.node_numbers.iter().zip(u) {
+            let x = ((number - 1) % 10) as f64;
+            let expected = expected(x) / area_young;
+            assert!(
+                (u[0] - expected).abs() < 1e-12,
+                "{load}: {} at {x}, not {expected}",
+                u[0]
+            );
+        }
+    }
+}
+
+/// Steps, amplitudes and OP=NEW: loads grow linearly over a step, those with an amplitude follow it.
+#[test]
+fn steps_and_amplitudes_are_load_steps() {
+    let text = strip(
+        "*AMPLITUDE, NAME=saw\n0.,0.,0.5,1.,1.,0.5\n\
+         *STEP\n*STATIC\n0.1,1.\n*CLOAD\nNright,1,5.\n*CLOAD, AMPLITUDE=saw\nNright,2,2.\n*END STEP\n\
+         *STEP\n*STATIC\n0.1,2.\n*CLOAD, OP=NEW\n5,1,4.\n15,1,4.\n*END STEP\n",
+    );
+    let deck = read(&text, &[], &[]).or_panic();
+    let CaseProblem::Elastic(made) = built(&deck) else {
+        panic!("no bodies");
+    };
+    let AnyBuilt::Plane(made) = *made else {
+        panic!("none of the plane");
+    };
+    let loads: Vec<[f64; 2]> = (0..made.n_steps())
+        .map(|step| made.step(step).or_panic().total_load)
+        .collect();
+    // The ends of the steps, and the corner of the amplitude.
+    assert_eq!(loads, [[5.0, 4.0], [10.0, 2.0], [8.0, 0.0]]);
+}
+
+/// A prescribed motion with an amplitude, and one that is kept over a second step.
+#[test]
+fn prescribed_displacements_follow_the_steps() {
+    let text = strip(
+        "*STEP\n*STATIC\n*BOUNDARY\nNright,1,1,0.04\n*END STEP\n*STEP\n*STATIC\n*BOUNDARY\nNright,1,1,0.08\n*END STEP\n\
+         *STEP\n*STATIC\n*END STEP\n",
+    );
+    // It is held from the first step on: there is nothing that comes or goes.
+    let deck = read(&text, &[], &[]).or_panic();
+    let ends: Vec<f64> = displacements(&built(&deck))
+        .iter()
+        .map(|u| u[2][0])
+        .collect();
+    for (u, expected) in ends.iter().zip([0.02, 0.04, 0.04]) {
+        assert!((u - expected).abs() < 1e-12, "{ends:?}");
+    }
+    let later = "*STEP\n*STATIC\n*END STEP\n*STEP\n*STATIC\n*BOUNDARY\nNright,1\n*END STEP\n";
+    let error = read(&strip(later), &[], &[]).expect_err("a support that comes");
+    assert!(
+        error.contains("a support cannot come or go between steps"),
+        "{error}"
+    );
+}
+
+/// A ring of plane stress under outer pressure, held across the symmetry planes in cylindrical directions:
+/// Lamé's solution with quadratic elements.
+#[test]
+fn transforms_turn_supports() {
+    let (inner, outer, n) = (1.0, 2.0, 8);
+    let mut nodes = String::new();
+    let mut elements = String::new();
+    let mut held = String::new();
+    for j in 0..=2 * n {
+        let angle = std::f64::consts::FRAC_PI_2 * j as f64 / (2 * n) as f64;
+        for i in 0..=2 * n {
+            let r = inner + (outer - inner) * i as f64 / (2 * n) as f64;
+            let number = 1 + i + 100 * j;
+            nodes += &format!("{number},{:?},{:?}\n", r * angle.cos(), r * angle.sin());
+            if j == 0 || j == 2 * n {
+                held += &format!("{number},2\n");
+            }
+        }
+    }
+    for j in 0..n {
+        for i in 0..n {
+            let at = |i: usize, j: usize| 1 + i + 100 * j;
+            let (i, j) = (2 * i, 2 * j);
+            let corners = [at(i, j), at(i + 2, j), at(i + 2, j + 2), at(i, j + 2)];
+            let middles = [
+                at(i + 1, j),
+                at(i + 2, j + 1),
+                at(i + 1, j + 2),
+                at(i, j + 1),
+            ];
+            let all: Vec<String> = corners
+                .iter()
+                .chain(&middles)
+                .map(usize::to_string)
+                .collect();
+            elements += &format!("{},{}\n", 1 + i + 100 * j, all.join(","));
+        }
+    }
+    let pressed: String = (0..n)
+        .map(|j| format!("{},P2,3.\n", 1 + 2 * (n - 1) + 200 * j))
+        .collect();
+    let text = format!(
+        "*NODE,NSET=Nall\n{nodes}*ELEMENT,TYPE=CPS8,ELSET=Eall\n{elements}*TRANSFORM,NSET=Nall,TYPE=C\n0,0,0,0,0,1\n\
+         *BOUNDARY\n{held}*MATERIAL,NAME=el\n*ELASTIC\n1000.,0.3\n*SOLID SECTION,ELSET=Eall,MATERIAL=el\n\
+         {STATIC}*DLOAD\n{pressed}*END STEP\n"
+    );
+    // Only nodes with elements stay: those in the middle of none go.
+    let deck = read(&text, &[], &[]).or_panic();
+    let u = displacements(&built(&deck)).remove(0);
+    let at = |number: u64| {
+        let place = deck.node_numbers.iter().position(|&one| one == number);
+        u[place.expect("one of the mesh")]
+    };
+    // u(r) for p outside: −p b² ((1 − ν) r + (1 + ν) a² / r) / (E (b² − a²)).
+    let exact = |r: f64| -3.0 * 4.0 * (0.7 * r + 1.3 / r) / (1000.0 * 3.0);
+    for (number, r) in [(1, 1.0), (1 + 2 * n as u64, 2.0)] {
+        let found = at(number)[0];
+        assert!(
+            (found - exact(r)).abs() < 2e-6 * exact(r).abs(),
+            "{found} and {}",
+            exact(r)
+        );
+        assert!(at(number)[1].abs() < 1e-15);
+    }
+}
+
+/// Data in other files, of nodes and of loads; none from outside of the folder, none in circles.
+#[test]
+fn files_that_a_deck_names_are_read() {
+    let [mesh, rest] = [STRIP, "*BOUNDARY\nNleft,1\n1,2\n"];
+    let text = format!(
+        "*INCLUDE, INPUT=parts/mesh.inp\n{}{rest}{STATIC}*CLOAD, INPUT=loads.txt\n*END STEP\n",
+        material(0.0)
+    );
+    let beside = [("parts/mesh.inp", mesh), ("loads.txt", "5,1,5.\n15,1,5.\n")];
+    let deck = read(&text, &beside, &[]).or_panic();
+    let u = displacements(&built(&deck)).remove(0);
+    assert!((u[4][0] - 0.4).abs() < 1e-12);
+    let outside = text.replace("loads.txt", "../loads.txt");
+    let error = read(&outside, &beside, &[]).expect_err("a file from outside");
+    assert!(
+        error.contains("deck.inp, line 14: *CLOAD: ../loads.txt has to lie in the folder"),
+        "{error}"
+    );
+    let circle = text.replace("loads.txt", "deck.inp");
+    let error = read(&circle, &beside, &[]).expect_err("a file that names itself");
+    assert!(error.contains("does one name itself?"), "{error}");
+}
+
+/// All that changes the result is refused in one message, by line and by what `--ignore` takes; the rest is passed over.
+#[test]
+fn what_is_not_understood_is_told_at_once() {
+    let text = strip(
+        "*MATERIAL, NAME=other\n*PLASTIC\n1.,0.\n*ELEMENT,TYPE=SPRINGA,ELSET=Espring\n20,1,2\n*SPRING,ELSET=Espring\n\n3.\n\
+         *STEP, NLGEOM\n*STATIC\n*NODE PRINT,NSET=Nall\nU\n*CLOAD\n99,1,5.\n*END STEP\n*STEP, NLGEOM\n*STATIC\n*END STEP\n",
+    );
+    let error = read(&text, &[], &[]).expect_err("refusals");
+    let keys = "--ignore 'CLOAD,NLGEOM,PLASTIC,SPRING,SPRINGA'";
+    assert!(error.contains(keys), "{error}");
+    for line in [
+        "\n  line 40: *PLASTIC: materials are linear-elastic",
+        "\n  line 42: elements of type SPRINGA are not supported",
+        "\n  line 44: *SPRING: there are no springs",
+        "\n  line 47, line 54: *STEP, NLGEOM: displacements and rotations are taken to be small",
+        "\n  line 52: *CLOAD: a node that no element of a body has",
+    ] {
+        assert!(error.contains(line), "{line} is not in {error}");
+    }
+    let ignored = ["nlgeom", "*Plastic", "SPRING", "SPRINGA", "CLOAD"];
+    let deck = read(&text, &[], &ignored).or_panic();
+    let notes = deck.notes.join("\n");
+    assert!(
+        notes.contains("line 49: *NODE PRINT is passed over"),
+        "{notes}"
+    );
+    assert!(
+        notes.contains("line 47: *NLGEOM (ignored) is passed over"),
+        "{notes}"
+    );
+    // What makes no sense is no matter of understanding.
+    for (rest, expected) in [
+        (
+            "*STEP\n*STATIC\n*CLOAD\nNowhere,1,5.\n*END STEP\n",
+            "line 41: there is no node set \"NOWHERE\"",
+        ),
+        (
+            "*STEP\n*STATIC\n*CLOAD\nNright,1,five\n*END STEP\n",
+            "line 41: \"five\" is not a number",
+        ),
+        (
+            "*STEP\n*STATIC\n*CLOAD\nNright,1\n*END STEP\n",
+            "line 41: *CLOAD has a node or set",
+        ),
+        (
+            "*STEP\n*STATIC\n*DLOAD\nEall,P7,1.\n*END STEP\n",
+            "line 41: P7 is no face of such an element",
+        ),
+        ("", "there is no *STEP: this is a mesh"),
+    ] {
+        let error = read(&strip(rest), &[], &[]).expect_err(rest);
+        assert!(error.contains(expected), "{rest}: {error}");
+    }
+}
+
+/// An error about what a deck says names its line, as if the case had been written by hand.
+#[test]
+fn errors_of_the_case_name_lines_of_the_deck() {
+    let text = strip("*STEP\n*STATIC\n*CLOAD\nNright,1,1e80\n*END STEP\n");
+    let case = Case::of_deck(read(&text, &[], &[]).or_panic(), &[]).or_panic();
+    let error = case.build().expect_err("too large").to_string();
+    assert!(error.contains("deck.inp, line 41: "), "{error}");
+}
+
+/// The case file that a deck becomes, with its mesh beside it, is the same problem.
+#[test]
+fn a_converted_deck_is_the_same_problem() {
+    let text = strip(&format!(
+        "{STATIC}*CLOAD\nNright,2,1.\n*DLOAD\n2,P3,7.\n*END STEP\n"
+    ));
+    let deck = read(&text, &[], &[]).or_panic();
+    let expected = displacements(&built(&deck));
+    let place = tempfile::tempdir().or_panic();
+    std::fs::write(place.path().join("deck.msh"), msh(&deck.mesh)).or_panic();
+    let path = place.path().join("case.toml");
+    std::fs::write(&path, &deck.case).or_panic();
+    let case = Case::read(&path, &[]).or_panic();
+    assert_eq!(case.tables.title, "A strip");
+    assert_eq!(displacements(&case.build().or_panic()), expected);
+    for table in [
+        "# deck.inp, line 37\n[[support]]\nnodes = \"Nleft\"\nx = 0.0\n",
+        "[[support]]\nnodes = \"support-1\"\ny = 0.0\n",
+        "[[force]]\nnodes = \"Nright\"\ny = 1.0\n",
+        "[[traction]]\nboundary = \"pressure-1\"\npressure = 7.0\n",
+    ] {
+        let case = deck.case.lines().map(|line| match line.strip_prefix("# ") {
+            Some(place) => format!("# {}\n", place.rsplit('/').next().unwrap_or_default()),
+            None => format!("{line}\n"),
+        });
+        let case: String = case.collect();
+        assert!(case.contains(table), "{table} is not in {case}");
+    }
+}
+
+/// The linear static decks of CalculiX's own tests that run here, and those with contact.
+const DECKS: &[&str] = &[
+    "achtelc",
+    "achteld",
+    "achtelg",
+    "achtelp",
+    "beam10p",
+    "beam20p",
+    "beam8p",
+    "beamd",
+    "beamidset",
+    "beamp",
+    "beamp2stage",
+    "beampic",
+    "beampis",
+    "beampset",
+    "c3d15",
+    "planestrain",
+    "planestrain2",
+    "planestress",
+    "segment1",
+    "segment2",
+];
+
+/// The displacements of the last step in an .frd file, by the numbers of nodes.
+fn last_displacements(frd: &str) -> HashMap<u64, [f64; 3]> {
+    let mut all = HashMap::new();
+    let mut inside = false;
+    for line in frd.lines() {
+        match line.get(..3) {
+            Some(" -4") => {
+                inside = line.get(5..9) == Some("DISP");
+                if inside {
+                    all.clear();
+                }
+            }
+            Some(" -3") => inside = false,
+            Some(" -1") if inside => {
+                let number = line[3..13].trim().parse().or_panic();
+                let value = |c: usize| line[13 + 12 * c..25 + 12 * c].trim().parse().or_panic();
+                all.insert(number, std::array::from_fn(value));
+            }
+            _ => {}
+        }
+    }
+    all
+}
+
+/// A deck that writes displacements alone, with elements of second order that are fully integrated, as those here are.
+fn for_ccx(text: &str) -> String {
+    let mut kept = String::new();
+    let mut skips = false;
+    for line in text.lines() {
+        let upper = line.to_uppercase();
+        if upper.starts_with('*') && !upper.starts_with("**") {
+            let output = [
+                "*NODE FILE",
+                "*NODE PRINT",
+                "*EL FILE",
+                "*EL PRINT",
+                "*CONTACT FILE",
+                "*CONTACT PRINT",
+            ];
+            skips = output.iter().any(|keyword| upper.starts_with(keyword));
+            if upper.starts_with("*END STEP") {
+                kept += "*NODE FILE\nU\n";
+            }
+        }
+        if skips {
+            continue;
+        }
+        let mut line = line.to_owned();
+        if upper.starts_with("*ELEMENT") {
+            line = upper.replace("C3D20R", "C3D20").replace("CPS8R", "CPS8");
+        }
+        kept += &(line + "\n");
+    }
+    kept
+}
+
+/// Displacements of CalculiX (packages calculix-ccx and calculix-ccx-test of Debian) beside ours, on its own decks.
+#[test]
+#[ignore = "needs ccx and its test decks (Debian: calculix-ccx, calculix-ccx-test)"]
+fn decks_of_calculix_are_solved_as_it_solves_them() {
+    let folder = Path::new("/usr/share/doc/calculix-ccx-test/examples/test");
+    let mut worse_than_a_thousandth = Vec::new();
+    for &name in DECKS {
+        let text = [format!("{name}.inp"), format!("{name}.inp.gz")]
+            .iter()
+            .find_map(|file| {
+                let path = folder.join(file);
+                let read = match file.ends_with("gz") {
+                    true => {
+                        Command::new("gzip")
+                            .arg("-dc")
+                            .arg(&path)
+                            .output()
+                            .ok()?
+                            .stdout
+                    }
+                    false => std::fs::read(&path).ok()?,
+                };
+                (!read.is_empty()).then(|| String::from_utf8_lossy(&read).into_owned())
+            });
+        let text =
+            text.unwrap_or_else(|| panic!("{name}: there is no such deck in {}", folder.display()));
+        let place = tempfile::tempdir().or_panic();
+        let path = place.path().join(format!("{name}.inp"));
+        std::fs::write(&path, for_ccx(&text)).or_panic();
+        let run = Command::new("ccx")
+            .arg(name)
+            .current_dir(place.path())
+            .output();
+        let run = run.expect("ccx runs");
+        let frd = std::fs::read_to_string(path.with_extension("frd")).or_panic();
+        let theirs = last_displacements(&frd);
+        assert!(
+            !theirs.is_empty(),
+            "{name}: {}",
+            String::from_utf8_lossy(&run.stdout)
+        );
+        let deck = deck::read(&path, "deck.msh", &[]).or_panic();
+        let ours = displacements(&built(&deck)).pop().expect("a step");
+        let size = |u: [f64; 3]| u.iter().fold(0.0_f64, |size, v| size.hypot(*v));
+        let largest = theirs.values().map(|&u| size(u)).fold(0.0, f64::max);
+        let mut worst = 0.0_f64;
+        for (number, u) in deck.node_numbers.iter().zip(ours) {
+            let Some(v) = theirs.get(number) else {
+                continue;
+            };
+            worst = worst.max(size(std::array::from_fn(|c| u[c] - v[c])) / largest);
+        }
+        println!("{name:<14} largest displacement {largest:.4e}, differs by {worst:.1e} of it");
+        assert!(worst < 0.01, "{name}: {worst:e}");
+        if worst > 1e-3 {
+            worse_than_a_thousandth.push(name);
+        }
+    }
+    assert!(
+        2 * worse_than_a_thousandth.len() < DECKS.len(),
+        "{worse_than_a_thousandth:?}"
+    );
+}
