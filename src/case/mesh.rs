@@ -209,7 +209,10 @@ impl Case {
     }
 
     /// The mesh of an elastic case, its parts side by side.
-    pub(super) fn mesh(&self) -> Result<AnyMesh, BuildError> {
+    ///
+    /// # Errors
+    /// If there is none, or a file cannot be read.
+    pub fn mesh(&self) -> Result<AnyMesh, BuildError> {
         if let Some(mesh) = &self.given {
             return Ok(mesh.clone());
         }

@@ -5,9 +5,10 @@ use super::advice::message_of;
 use signorini::case::CaseDraft;
 use signorini::case::{Case, ForceTable};
 use signorini::contact::Space;
+use signorini::deck;
 use signorini::elasticity::Plane;
 use signorini::engine::factor_bytes;
-use signorini::mesh::{ElementKind, FaultKind, Mesh, Topology};
+use signorini::mesh::{self, ElementKind, FaultKind, Mesh, Topology};
 use signorini::model::{Analysis, AnyAnalysis, Elastic, PairData};
 #[cfg(feature = "mpi")]
 use signorini::mpi::foreseen;
@@ -17,8 +18,24 @@ use std::path::Path;
 use toml::Spanned;
 
 pub fn run(path: &Path, ignored: &[String], settings: &[String]) -> Result<u8, String> {
+    if is_mesh(path)? {
+        let mesh = mesh::read(path, 1.0, None).map_err(|e| message_of(&e))?;
+        super::print(&(super::convert::describe(&mesh).join("\n") + "\n"))?;
+        return Ok(0);
+    }
     let (case, notes) = super::read_case(path, ignored, settings)?;
-    let made = case.build().map_err(|e| message_of(&e))?;
+    let made = match case.build() {
+        Ok(made) => made,
+        Err(error) => {
+            // What its mesh has shows what may have been meant.
+            if case.tables.mesh.is_some()
+                && let Ok(mesh) = case.mesh()
+            {
+                super::print(&(super::convert::describe(&mesh).join("\n") + "\n"))?;
+            }
+            return Err(message_of(&error));
+        }
+    };
     let lines = match made.analysis() {
         AnyAnalysis::Plane(analysis) => describe(&case, analysis)?,
         AnyAnalysis::Space(analysis) => describe(&case, analysis)?,
@@ -27,6 +44,19 @@ pub fn run(path: &Path, ignored: &[String], settings: &[String]) -> Result<u8, S
     let lines: Vec<String> = lines.into_iter().chain(notes).collect();
     super::print(&(lines.join("\n") + "\n"))?;
     Ok(0)
+}
+
+/// Whether a file is a mesh rather than a case: by its name and, of an input file of Abaqus, as it has no steps.
+fn is_mesh(path: &Path) -> Result<bool, String> {
+    if deck::is_deck(path) {
+        return deck::has_steps(path)
+            .map(|has| !has)
+            .map_err(|e| message_of(&e));
+    }
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    Ok(["msh", "vtu"]
+        .iter()
+        .any(|known| extension.eq_ignore_ascii_case(known)))
 }
 
 /// How so many ranks would share an elastic case, and the memory of each.

@@ -45,10 +45,7 @@ pub fn run(
     }
     let read = mesh::read(input, scale, cell_data).map_err(|e| message_of(&e))?;
     write_whole(output, mesh::msh(&read).as_bytes()).map_err(|e| message_of(&e))?;
-    let lines = match &read {
-        AnyMesh::Plane(mesh) => describe(mesh),
-        AnyMesh::Space(mesh) => describe(mesh),
-    };
+    let lines = describe(&read);
     super::print(&format!("{}\n{}\n", lines.join("\n"), output.display()))?;
     Ok(0)
 }
@@ -80,10 +77,7 @@ fn whole(
     Case::of_deck(deck.clone(), &[]).map_err(|e| message_of(&e))?;
     write_whole(&mesh, mesh::msh(&deck.mesh).as_bytes()).map_err(|e| message_of(&e))?;
     write_whole(output, deck.case.as_bytes()).map_err(|e| message_of(&e))?;
-    let mut lines = match &deck.mesh {
-        AnyMesh::Plane(mesh) => describe(mesh),
-        AnyMesh::Space(mesh) => describe(mesh),
-    };
+    let mut lines = describe(&deck.mesh);
     lines.extend(deck.notes);
     lines.extend([&mesh, output].map(|path| path.display().to_string()));
     super::print(&(lines.join("\n") + "\n"))?;
@@ -91,7 +85,14 @@ fn whole(
 }
 
 /// The mesh, and the names that a case calls its parts by.
-fn describe<const D: usize>(mesh: &Mesh<D>) -> Vec<String>
+pub(super) fn describe(mesh: &AnyMesh) -> Vec<String> {
+    match mesh {
+        AnyMesh::Plane(mesh) => parts(mesh),
+        AnyMesh::Space(mesh) => parts(mesh),
+    }
+}
+
+fn parts<const D: usize>(mesh: &Mesh<D>) -> Vec<String>
 where
     ElementKind: Topology<D>,
 {

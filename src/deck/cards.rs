@@ -51,7 +51,7 @@ const PASSED_OVER: [&str; 42] = [
 ];
 
 /// Why keywords are refused that decks often have.
-const REASONS: [(&str, &str); 40] = [
+const REASONS: [(&str, &str); 39] = [
     ("BEAM SECTION", "there are no beams"),
     ("BUCKLE", "there is no buckling analysis"),
     (
@@ -111,7 +111,6 @@ const REASONS: [(&str, &str); 40] = [
     ),
     ("SHELL SECTION", "there are no shells"),
     ("SPRING", "there are no springs"),
-    ("TIE", "bodies cannot be tied"),
     ("STEADY STATE DYNAMICS", "inertia is not taken into account"),
     ("SUBMODEL", "there are no submodels"),
     ("SUBSTRUCTURE GENERATE", "there are no substructures"),
@@ -268,6 +267,7 @@ pub(super) struct Interaction {
     pub name: String,
     /// Pressure per overlap; None: hard.
     pub stiffness: Option<f64>,
+    pub tied: bool,
     pub friction: Option<f64>,
     pub stick_slope: Option<f64>,
 }
@@ -287,6 +287,15 @@ pub(super) struct PairCard<'a> {
     /// In capitals.
     pub interaction: String,
     pub adjust: Option<Adjust<'a>>,
+}
+
+/// `*TIE`, a line of it.
+pub(super) struct TieCard<'a> {
+    pub line: usize,
+    pub name: Option<&'a str>,
+    pub slave: &'a str,
+    pub master: &'a str,
+    pub tolerance: Option<f64>,
 }
 
 /// `*CLEARANCE`.
@@ -318,6 +327,7 @@ pub(super) struct Said<'a> {
     pub initial_temperatures: Vec<(usize, &'a str, f64)>,
     pub interactions: Vec<Interaction>,
     pub pairs: Vec<PairCard<'a>>,
+    pub ties: Vec<TieCard<'a>>,
     pub clearances: Vec<Clearance>,
     pub transforms: Vec<Transform<'a>>,
     /// The types of the elements of bodies, in capitals.
@@ -512,6 +522,7 @@ impl<'a> Said<'a> {
             "SURFACE BEHAVIOR" => self.behavior(card)?,
             "FRICTION" => self.friction(card)?,
             "CONTACT PAIR" => self.pairs(card)?,
+            "TIE" => self.ties(card)?,
             "CLEARANCE" => {
                 let option = |name| {
                     k.option(name)
@@ -692,6 +703,10 @@ impl<'a> Said<'a> {
         match (kind.as_str(), first) {
             ("HARD", _) => {}
             ("LINEAR", Some(stiffness)) if stiffness > 0.0 => here.stiffness = Some(stiffness),
+            ("TIED", stiffness) => {
+                here.tied = true;
+                here.stiffness = stiffness.filter(|&stiffness| stiffness > 0.0);
+            }
             ("LINEAR", _) => {
                 return Err((
                     k.line,
@@ -699,8 +714,9 @@ impl<'a> Said<'a> {
                 ));
             }
             _ => {
-                let text =
-                    format!("*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE={kind}: contact is hard");
+                let text = format!(
+                    "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE={kind}: contact is hard, or linear"
+                );
                 self.refuse(k.line, "SURFACE BEHAVIOR", text);
             }
         }
@@ -761,6 +777,53 @@ impl<'a> Said<'a> {
                 master,
                 interaction: k.option("INTERACTION").map(key).unwrap_or_default(),
                 adjust,
+            });
+        }
+        Ok(())
+    }
+
+    fn ties(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        for cyclic in ["CYCLIC SYMMETRY", "MULTISTAGE"] {
+            if k.option(cyclic).is_some() {
+                self.refuse(
+                    k.line,
+                    "CYCLIC SYMMETRY",
+                    format!("*TIE, {cyclic}: there is no cyclic symmetry"),
+                );
+                return Ok(());
+            }
+        }
+        self.only(
+            k,
+            &[
+                "NAME",
+                "POSITION TOLERANCE",
+                "ADJUST=YES",
+                "ADJUST=NO",
+                "TYPE=SURFACE TO SURFACE",
+                "TYPE=NODE TO SURFACE",
+            ],
+        );
+        let tolerance = match k.option("POSITION TOLERANCE") {
+            Some(text) => Some(value(k.line, text)?),
+            None => None,
+        };
+        for &(line, text) in &card.data {
+            let all: Vec<&str> = entries(text).map(plain).collect();
+            let [slave, master, ..] = all[..] else {
+                return Err((
+                    line,
+                    "*TIE has the slave and the master surface in a line".to_owned(),
+                ));
+            };
+            let name = k.option("NAME").filter(|name| !name.is_empty());
+            self.ties.push(TieCard {
+                line,
+                name,
+                slave,
+                master,
+                tolerance,
             });
         }
         Ok(())

@@ -701,32 +701,41 @@ impl Translation<'_, '_> {
     }
 
     fn contacts(&mut self) -> Result<()> {
+        for tie in &self.said.ties {
+            self.tie(tie.line, tie.name, [tie.slave, tie.master], tie.tolerance)?;
+        }
         for pair in &self.said.pairs {
             let found = (self.said.interactions.iter()).find(|one| one.name == pair.interaction);
             let Some(interaction) = found else {
                 let text = format!("there is no *SURFACE INTERACTION \"{}\"", pair.interaction);
                 return Err((pair.line, text));
             };
+            if interaction.tied {
+                if let Some(stiffness) = interaction.stiffness {
+                    let place = (self.place)(pair.line);
+                    self.notes.push(format!(
+                        "{place}: a tie is rigid here: its stiffness of {stiffness:e} is passed over"
+                    ));
+                }
+                self.tie(pair.line, None, [pair.slave, pair.master], None)?;
+                continue;
+            }
             let slave = self.index.surface(pair.line, pair.slave)?;
             let master = self.index.surface(pair.line, pair.master)?;
             if master.nodes.is_some() {
                 let text = "*CONTACT PAIR: the master surface is one of element faces";
                 self.refuse(pair.line, "CONTACT PAIR", text);
             }
-            if slave
-                .nodes
-                .as_ref()
-                .is_some_and(|nodes| !self.index.covers(nodes))
-            {
-                let text = format!(
-                    "*CONTACT PAIR: surface \"{}\" has nodes that whole faces of the outside do not have",
-                    slave.name
-                );
-                self.refuse(pair.line, "CONTACT PAIR", text);
-                continue;
-            }
+            // A surface of nodes that make up faces is one of faces.
+            let key_of = match &slave.nodes {
+                Some(nodes) if !self.index.covers(nodes) => {
+                    self.index.add_nodes(&slave.name, nodes);
+                    "nodes"
+                }
+                _ => "boundary",
+            };
             self.table(pair.line, "[[contact]]");
-            self.put(format_args!("boundary = {}", quoted(&slave.name)));
+            self.put(format_args!("{key_of} = {}", quoted(&slave.name)));
             self.put(format_args!("against = {}", quoted(&master.name)));
             if let Some(coefficient) = interaction.friction.filter(|&mu| mu > 0.0) {
                 self.put(format_args!(
@@ -734,12 +743,19 @@ impl Translation<'_, '_> {
                     Number(coefficient)
                 ));
             }
-            let slope = interaction
-                .stick_slope
-                .filter(|_| interaction.friction.is_some());
-            if interaction.stiffness.or(slope).is_some() {
-                let text = "*SURFACE BEHAVIOR, *FRICTION: contact is hard, and sticks without slip";
-                self.refuse(pair.line, "SURFACE BEHAVIOR", text);
+            let slope = interaction.stick_slope;
+            let stiffness = [
+                ("normal", interaction.stiffness),
+                (
+                    "tangential",
+                    slope.filter(|_| interaction.friction.is_some_and(|mu| mu > 0.0)),
+                ),
+            ];
+            let stiffness: Vec<String> = (stiffness.into_iter())
+                .filter_map(|(way, value)| Some(format!("{way} = {}", Number(value?))))
+                .collect();
+            if !stiffness.is_empty() {
+                self.put(format_args!("stiffness = {{ {} }}", stiffness.join(", ")));
             }
             let wanted = [&slave.name, &master.name].map(|name| key(name));
             let clearance = self
@@ -782,6 +798,41 @@ impl Translation<'_, '_> {
                     "*CLEARANCE: there is no such *CONTACT PAIR".to_owned(),
                 ));
             }
+        }
+        Ok(())
+    }
+
+    fn tie(
+        &mut self,
+        line: usize,
+        name: Option<&str>,
+        sides: [&str; 2],
+        tolerance: Option<f64>,
+    ) -> Result<()> {
+        let mut called = Vec::new();
+        for (number, side) in sides.into_iter().enumerate() {
+            let surface = self.index.surface(line, side)?;
+            if surface
+                .nodes
+                .is_some_and(|nodes| number == 1 || !self.index.covers(&nodes))
+            {
+                let text = format!(
+                    "*TIE: surface \"{}\" is not one of whole faces",
+                    surface.name
+                );
+                self.refuse(line, "TIE", text);
+                return Ok(());
+            }
+            called.push(surface.name);
+        }
+        self.table(line, "[[tie]]");
+        if let Some(name) = name {
+            self.put(format_args!("name = {}", quoted(name)));
+        }
+        self.put(format_args!("boundary = {}", quoted(&called[0])));
+        self.put(format_args!("against = {}", quoted(&called[1])));
+        if let Some(tolerance) = tolerance {
+            self.put(format_args!("adjust = {}", Number(tolerance)));
         }
         Ok(())
     }

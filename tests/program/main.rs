@@ -9,6 +9,7 @@ mod random;
 
 mod cli;
 mod converged;
+mod decks;
 mod examples;
 #[cfg(unix)]
 mod faults;

@@ -1,12 +1,13 @@
 //! As much of XML as grids of VTK are written in: tags with attributes, comments, text.
 
 use super::{Failure, Result};
+use std::borrow::Cow;
 
 /// An element of the file.
 #[derive(Debug)]
 pub(super) struct Node<'a> {
     pub name: &'a str,
-    attributes: Vec<(&'a str, &'a str)>,
+    attributes: Vec<(&'a str, Cow<'a, str>)>,
     /// From 1.
     pub line: usize,
     /// The one it stands in.
@@ -16,9 +17,9 @@ pub(super) struct Node<'a> {
 }
 
 impl<'a> Node<'a> {
-    pub fn attribute(&self, name: &str) -> Option<&'a str> {
+    pub fn attribute(&self, name: &str) -> Option<&str> {
         let found = self.attributes.iter().find(|attribute| attribute.0 == name);
-        found.map(|attribute| attribute.1)
+        found.map(|attribute| &*attribute.1)
     }
 }
 
@@ -39,10 +40,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<Document<'_>> {
         line += lines(&bytes[at..begin]);
         let comment = bytes[begin..].starts_with(b"<!--");
         let end: &[u8] = if comment { b"-->" } else { b">" };
-        let length = bytes[begin..]
-            .windows(end.len())
-            .position(|window| window == end)
-            .ok_or_else(|| Failure::line(line, "the file is cut short in a tag"))?;
+        let length = match comment {
+            true => bytes[begin..].windows(3).position(|window| window == end),
+            false => end_of_tag(&bytes[begin..]),
+        };
+        let length = length.ok_or_else(|| Failure::line(line, "the file is cut short in a tag"))?;
         let tag = &bytes[begin + 1..begin + length];
         let here = line;
         line += lines(tag);
@@ -98,6 +100,67 @@ pub(super) fn read(bytes: &[u8]) -> Result<Document<'_>> {
     }
 }
 
+/// Where a tag ends: a > in quotation marks is part of an attribute.
+fn end_of_tag(bytes: &[u8]) -> Option<usize> {
+    let mut mark = None;
+    bytes.iter().position(|&b| match (mark, b) {
+        (None, b'>') => true,
+        (None, b'"' | b'\'') => {
+            mark = Some(b);
+            false
+        }
+        (Some(open), b) => {
+            if open == b {
+                mark = None;
+            }
+            false
+        }
+        _ => false,
+    })
+}
+
+/// An attribute with its entities replaced, those of XML and those by numbers; what is none of them stays as it is.
+fn unescaped(text: &str) -> Cow<'_, str> {
+    if !text.contains('&') {
+        return text.into();
+    }
+    let mut plain = String::new();
+    let mut rest = text;
+    while let Some((before, after)) = rest.split_once('&') {
+        plain.push_str(before);
+        let found = after.split_once(';').and_then(|(entity, behind)| {
+            let letter = match entity {
+                "lt" => '<',
+                "gt" => '>',
+                "amp" => '&',
+                "quot" => '"',
+                "apos" => '\'',
+                number => {
+                    let number = number.strip_prefix('#')?;
+                    let code = match number.strip_prefix('x') {
+                        Some(digits) => u32::from_str_radix(digits, 16).ok()?,
+                        None => number.parse().ok()?,
+                    };
+                    char::from_u32(code)?
+                }
+            };
+            Some((letter, behind))
+        });
+        match found {
+            Some((letter, behind)) => {
+                plain.push(letter);
+                rest = behind;
+            }
+            None => {
+                plain.push('&');
+                rest = after;
+            }
+        }
+    }
+    plain.push_str(rest);
+    plain.into()
+}
+
 fn lines(bytes: &[u8]) -> usize {
     bytes.iter().filter(|&&b| b == b'\n').count()
 }
@@ -124,7 +187,7 @@ fn node<'a>(tag: &'a str, line: usize, parent: Option<usize>, text: &'a str) -> 
         let Some((value, behind)) = after[1..].split_once(mark) else {
             break;
         };
-        attributes.push((key.trim(), value));
+        attributes.push((key.trim(), unescaped(value)));
         rest = behind;
     }
     Node {
@@ -133,5 +196,24 @@ fn node<'a>(tag: &'a str, line: usize, parent: Option<usize>, text: &'a str) -> 
         line,
         parent,
         text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn attributes_may_have_entities_and_brackets() {
+        let text = br#"<A Name="a &gt; b &amp; &#x3b1;&#946;" of='1 > 0' c="&unknown; & d"/><B Name="plain"/>"#;
+        let document = read(text).expect("it is well-formed");
+        let [a, b] = &document.nodes[..] else {
+            panic!("two elements");
+        };
+        assert_eq!(a.attribute("Name"), Some("a > b & αβ"));
+        assert_eq!(a.attribute("of"), Some("1 > 0"));
+        assert_eq!(a.attribute("c"), Some("&unknown; & d"));
+        assert_eq!(b.attribute("Name"), Some("plain"));
+        assert!(read(b"<A Name=\"never closed>").is_err());
     }
 }

@@ -1,0 +1,125 @@
+//! Decks and meshes at the command line: solved, converted, checked, refused.
+
+use crate::or_panic::OrPanic as _;
+use crate::run::{directory, read, signorini_in, text, write};
+use std::path::Path;
+
+/// Two blocks on top of each other, pressed together through a linear law: the upper one sinks by p (1 / E + 1 / E + 1 / k).
+const PRESSED: &str = "*HEADING\nTwo blocks\n*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n6,1,0,1\n7,1,1,1\n8,0,1,1\n\
+    11,0,0,1\n12,1,0,1\n13,1,1,1\n14,0,1,1\n15,0,0,2\n16,1,0,2\n17,1,1,2\n18,0,1,2\n\
+    *ELEMENT,TYPE=C3D8,ELSET=Elow\n1,1,2,3,4,5,6,7,8\n*ELEMENT,TYPE=C3D8,ELSET=Eup\n2,11,12,13,14,15,16,17,18\n\
+    *NSET,NSET=Nlow\n1,2,3,4\n*NSET,NSET=Nall,GENERATE\n1,18\n*NSET,NSET=Ntop\n15,16,17,18\n\
+    *SURFACE,NAME=Sup\n2,S1\n*SURFACE,NAME=Slow\n1,S2\n\
+    *MATERIAL,NAME=el\n*ELASTIC\n100.,0.\n*SOLID SECTION,ELSET=Elow,MATERIAL=el\n*SOLID SECTION,ELSET=Eup,MATERIAL=el\n\
+    *SURFACE INTERACTION,NAME=I\n*SURFACE BEHAVIOR,PRESSURE-OVERCLOSURE=LINEAR\n50.\n*FRICTION\n0.2,400.\n\
+    *CONTACT PAIR,INTERACTION=I,TYPE=SURFACE TO SURFACE\nSup,Slow\n*BOUNDARY\nNlow,3\nNall,1,2\n\
+    *STEP\n*STATIC\n*CLOAD\nNtop,3,-0.5\n*NODE PRINT,NSET=Nall\nU\n*END STEP\n";
+
+fn solved(directory: &Path, arguments: &[&str]) -> String {
+    let run = signorini_in(directory, arguments);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    text(&run.stdout) + &text(&run.stderr)
+}
+
+#[test]
+fn a_deck_is_solved_and_converted() {
+    let place = directory();
+    write(&place.path().join("blocks.inp"), PRESSED);
+    let said = solved(place.path(), &["solve", "blocks.inp", "-v"]);
+    assert!(
+        said.contains("blocks.inp, line 63: *NODE PRINT is passed over"),
+        "{said}"
+    );
+    assert!(said.contains("pressure up to 2.0000e0"), "{said}");
+    let csv = read(&place.path().join("blocks-out/contact.csv"));
+    // The springs are pressed by p / k.
+    for row in csv.lines().skip(1) {
+        let gap: f64 = row.split(',').nth(3).expect("a gap").parse().or_panic();
+        assert!((gap + 2.0 / 50.0).abs() < 1e-9, "{row}");
+    }
+    let said = solved(place.path(), &["convert", "blocks.inp", "case.toml"]);
+    assert!(said.contains("case.msh\ncase.toml\n"), "{said}");
+    let case = read(&place.path().join("case.toml"));
+    for line in [
+        "title = \"Two blocks\"",
+        "file = \"case.msh\"",
+        "friction = { coulomb = 0.2 }",
+        "stiffness = { normal = 50.0, tangential = 400.0 }",
+        "nodes = \"Nlow\"\nz = 0.0",
+        "nodes = \"Nall\"\nx = 0.0\ny = 0.0",
+    ] {
+        assert!(case.contains(line), "{line} is not in {case}");
+    }
+    solved(place.path(), &["solve", "case.toml"]);
+    let solution = |of: &str| read(&place.path().join(of).join("contact.csv"));
+    assert_eq!(solution("blocks-out"), solution("case-out"));
+    // Entries can be replaced as those of a case file.
+    let said = solved(
+        place.path(),
+        &[
+            "solve",
+            "blocks.inp",
+            "--set",
+            "force.0.z=-1",
+            "--set",
+            "contact.0.name=joint",
+        ],
+    );
+    assert!(
+        said.contains("contact joint: ") && said.contains("pressure up to 4.0000e0"),
+        "{said}"
+    );
+}
+
+#[test]
+fn what_a_deck_says_beyond_is_refused_or_ignored() {
+    let place = directory();
+    let large = PRESSED.replace("*STEP\n", "*STEP,NLGEOM\n").replace(
+        "*ELASTIC\n100.,0.\n",
+        "*ELASTIC\n100.,0.\n*PLASTIC\n1.,0.\n",
+    );
+    write(&place.path().join("blocks.inp"), &large);
+    let run = signorini_in(place.path(), &["solve", "blocks.inp"]);
+    assert_eq!(run.status.code(), Some(1));
+    let error = text(&run.stderr);
+    for part in [
+        "--ignore 'NLGEOM,PLASTIC'",
+        "line 46: *PLASTIC: materials are",
+        "line 61: *STEP, NLGEOM: disp",
+    ] {
+        assert!(error.contains(part), "{part} is not in {error}");
+    }
+    solved(
+        place.path(),
+        &["solve", "blocks.inp", "--ignore", "nlgeom,plastic"],
+    );
+    write(&place.path().join("case.toml"), "");
+    let run = signorini_in(place.path(), &["check", "case.toml", "--ignore", "NLGEOM"]);
+    assert!(text(&run.stderr).contains("--ignore belongs to a deck"));
+}
+
+/// A mesh alone is listed; of a case that cannot be solved, so is its mesh.
+#[test]
+fn meshes_are_listed_by_check() {
+    let place = directory();
+    let mesh = PRESSED.split("*MATERIAL").next().expect("a text");
+    write(&place.path().join("blocks.inp"), mesh);
+    let listed = |said: &str| {
+        for line in [
+            "region        \"Elow\": volume 1",
+            "boundary      \"Sup\": 1 faces",
+            "nodes         \"Ntop\": 4 nodes",
+        ] {
+            assert!(said.contains(line), "{line} is not in {said}");
+        }
+    };
+    listed(&solved(place.path(), &["check", "blocks.inp"]));
+    solved(place.path(), &["convert", "blocks.inp", "blocks.msh"]);
+    listed(&solved(place.path(), &["check", "blocks.msh"]));
+    let case = "[mesh]\nfile = \"blocks.msh\"\n[[material]]\nyoung = 1\npoisson = 0\n[[support]]\nboundary = \"Sdown\"\nx = 0\n";
+    write(&place.path().join("case.toml"), case);
+    let run = signorini_in(place.path(), &["check", "case.toml"]);
+    assert_eq!(run.status.code(), Some(1));
+    assert!(text(&run.stderr).contains("there is no boundary \"Sdown\""));
+    listed(&text(&run.stdout));
+}
