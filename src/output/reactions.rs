@@ -173,6 +173,7 @@ where
         for k in (D - 1) * i..(D - 1) * (i + 1) {
             // What a compliant contact gives way by comes back.
             let slip = match elastic.contact.compliance.is_empty() {
+                _ if fields.status(i) == NodeStatus::Tied => 0.0,
                 true => fields.slip[k] - before.get(k).copied().unwrap_or(0.0),
                 false => solution.slip[k],
             };

@@ -134,3 +134,34 @@ fn an_algebraic_case_is_written_as_it_is() {
         assert_eq!(steps, 1);
     }
 }
+
+/// What contact gives way by and what is tied are part of the matrices; and the keys of case files mean what they say.
+#[test]
+fn compliant_contact_and_ties() {
+    let text = format!(
+        "{TIGHT}[mesh]\n\
+         [[mesh.part]]\nname = \"low\"\nrectangle = {{ size = [2, 1], cells = [7, 3] }}\n\
+         [[mesh.part]]\nname = \"mid\"\nrectangle = {{ size = [2, 1], cells = [5, 3] }}\nshift = [0, 0.9999]\n\
+         [[mesh.part]]\nname = \"up\"\nrectangle = {{ size = [1, 0.5], cells = [4, 2], shape = \"triangle\" }}\nshift = [0.5, 1.9999]\n\
+         [[material]]\nyoung = 2e11\npoisson = 0.3\n\
+         [[support]]\nboundary = \"low-bottom\"\nx = 0\ny = 0\n\
+         [[traction]]\nboundary = \"up-top\"\ny = -2e7\nfactors = [1, 1, 1]\n\
+         [[traction]]\nboundary = \"up-top\"\nx = 4e6\nfactors = [0, 1, -1]\n\
+         [[contact]]\nboundary = \"mid-bottom\"\nagainst = \"low-top\"\noverlap = \"interference\"\n\
+         friction = {{ coulomb = 0.3 }}\nstiffness = {{ normal = \"2e12 + 1e12 * x\", tangential = 5e11 }}\n\
+         [[tie]]\nname = \"weld\"\nboundary = \"up-bottom\"\nagainst = \"mid-top\"\n[steps]\nfactors = [1, 1, 1]\n"
+    );
+    assert_eq!(compare(&text), 3);
+    for (wrong, said) in [
+        ("normal = 0", "contact stiffness is 0"),
+        ("normal = -1e9", "contact stiffness is -1000000000"),
+        ("across = 1", "across"),
+    ] {
+        let text = text.replace("normal = \"2e12 + 1e12 * x\"", wrong);
+        let built = Case::parse(Path::new("tests/case.toml"), text, &[])
+            .map_err(|error| error.to_string())
+            .and_then(|case| case.build().map_err(|error| error.to_string()));
+        let error = built.err().unwrap_or_default();
+        assert!(error.contains(said), "{wrong}: {error}");
+    }
+}
