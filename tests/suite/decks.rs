@@ -368,6 +368,17 @@ const DECKS: &[&str] = &[
     "planestress",
     "segment1",
     "segment2",
+    "beam8t",
+    "beamt",
+    "beamt2",
+    "beamptied1",
+    "beamptied2",
+    "contactenergy",
+    "cubef2f2",
+    "friction1",
+    "plate",
+    "contact4",
+    "cubespring",
 ];
 
 /// The displacements of the last step in an .frd file, by the numbers of nodes.
@@ -420,6 +431,10 @@ fn for_ccx(text: &str) -> String {
         let mut line = line.to_owned();
         if upper.starts_with("*ELEMENT") {
             line = upper.replace("C3D20R", "C3D20").replace("CPS8R", "CPS8");
+        }
+        // Small displacements on both sides.
+        if upper.starts_with("*STEP") {
+            line = upper.replace(",NLGEOM", "").replace(", NLGEOM", "");
         }
         kept += &(line + "\n");
     }
