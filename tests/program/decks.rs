@@ -27,7 +27,7 @@ fn a_deck_is_solved_and_converted() {
     write(&place.path().join("blocks.inp"), PRESSED);
     let said = solved(place.path(), &["solve", "blocks.inp", "-v"]);
     assert!(
-        said.contains("blocks.inp, line 63: *NODE PRINT is passed over"),
+        said.contains("blocks.inp, line 53: *NODE PRINT is passed over"),
         "{said}"
     );
     assert!(said.contains("pressure up to 2.0000e0"), "{said}");
@@ -84,8 +84,8 @@ fn what_a_deck_says_beyond_is_refused_or_ignored() {
     let error = text(&run.stderr);
     for part in [
         "--ignore 'NLGEOM,PLASTIC'",
-        "line 46: *PLASTIC: materials are",
-        "line 61: *STEP, NLGEOM: disp",
+        "line 37: *PLASTIC: materials are",
+        "line 51: *STEP, NLGEOM: disp",
     ] {
         assert!(error.contains(part), "{part} is not in {error}");
     }

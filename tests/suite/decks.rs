@@ -244,7 +244,7 @@ fn files_that_a_deck_names_are_read() {
     let outside = text.replace("loads.txt", "../loads.txt");
     let error = read(&outside, &beside, &[]).expect_err("a file from outside");
     assert!(
-        error.contains("deck.inp, line 14: *CLOAD: ../loads.txt has to lie in the folder"),
+        error.contains("deck.inp, line 15: *CLOAD: ../loads.txt has to lie in the folder"),
         "{error}"
     );
     let circle = text.replace("loads.txt", "deck.inp");
@@ -263,11 +263,11 @@ fn what_is_not_understood_is_told_at_once() {
     let keys = "--ignore 'CLOAD,NLGEOM,PLASTIC,SPRING,SPRINGA'";
     assert!(error.contains(keys), "{error}");
     for line in [
-        "\n  line 40: *PLASTIC: materials are linear-elastic",
-        "\n  line 42: elements of type SPRINGA are not supported",
-        "\n  line 44: *SPRING: there are no springs",
-        "\n  line 47, line 54: *STEP, NLGEOM: displacements and rotations are taken to be small",
-        "\n  line 52: *CLOAD: a node that no element of a body has",
+        "\n  line 39: *PLASTIC: materials are linear-elastic",
+        "\n  line 41: elements of type SPRINGA are not supported",
+        "\n  line 43: *SPRING: there are no springs",
+        "\n  line 46, line 53: *STEP, NLGEOM: displacements and rotations are taken to be small",
+        "\n  line 51: *CLOAD: a node that no element of a body has",
     ] {
         assert!(error.contains(line), "{line} is not in {error}");
     }
@@ -275,11 +275,11 @@ fn what_is_not_understood_is_told_at_once() {
     let deck = read(&text, &[], &ignored).or_panic();
     let notes = deck.notes.join("\n");
     assert!(
-        notes.contains("line 49: *NODE PRINT is passed over"),
+        notes.contains("line 48: *NODE PRINT is passed over"),
         "{notes}"
     );
     assert!(
-        notes.contains("line 47: *NLGEOM (ignored) is passed over"),
+        notes.contains("line 46: *NLGEOM (ignored) is passed over"),
         "{notes}"
     );
     // What makes no sense is no matter of understanding.
@@ -332,7 +332,7 @@ fn a_converted_deck_is_the_same_problem() {
     assert_eq!(case.tables.title, "A strip");
     assert_eq!(displacements(&case.build().or_panic()), expected);
     for table in [
-        "# deck.inp, line 37\n[[support]]\nnodes = \"Nleft\"\nx = 0.0\n",
+        "# deck.inp, line 36\n[[support]]\nnodes = \"Nleft\"\nx = 0.0\n",
         "[[support]]\nnodes = \"support-1\"\ny = 0.0\n",
         "[[force]]\nnodes = \"Nright\"\ny = 1.0\n",
         "[[traction]]\nboundary = \"pressure-1\"\npressure = 7.0\n",
