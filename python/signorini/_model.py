@@ -86,10 +86,12 @@ class Model:
         poisson: float | None = None,
         density: float | None = None,
         incompressible: bool | str | None = None,
+        expansion: float | None = None,
         **more: Any,
     ) -> Model:
-        """Give a region, or all, its material: E (`young`) in Pa, ν (`poisson`), `density` in kg/m³."""
-        entries = {"young": young, "poisson": poisson, "density": density, "incompressible": incompressible}
+        """Give a region, or all, its material: E (`young`) in Pa, ν (`poisson`), `density` in kg/m³, `expansion` in 1/K."""
+        entries: dict[str, Any] = {"young": young, "poisson": poisson, "density": density}
+        entries |= {"incompressible": incompressible, "expansion": expansion}
         return self.add("material", region=region, **entries, **more)
 
     def support(
@@ -166,6 +168,17 @@ class Model:
         """Add forces in N/m³ in a region, or in all."""
         return self.add("body_force", region=region, x=x, y=y, z=z, factors=factors, **more)
 
+    def temperature(
+        self,
+        value: Quantity,
+        region: str | None = None,
+        *,
+        factors: Sequence[float] | None = None,
+        **more: Any,
+    ) -> Model:
+        """Say how much warmer a region, or all, is in K than when it was free of stress."""
+        return self.add("temperature", value=value, region=region, factors=factors, **more)
+
     def contact(
         self,
         boundary: Names,
@@ -226,10 +239,12 @@ class Model:
         plane: str | None = None,
         thickness: float | None = None,
         gravity: Sequence[float] | None = None,
+        rotation: Mapping[str, Any] | None = None,
         **more: Any,
     ) -> Model:
-        """Say "plane_strain" or "plane_stress", the thickness in m, and gravity in m/s²."""
-        return self._say("analysis", plane=plane, thickness=thickness, gravity=gravity, **more)
+        """Say "plane_strain" or "plane_stress", the thickness in m, gravity in m/s², and a rotation about an axis."""
+        entries: dict[str, Any] = {"plane": plane, "thickness": thickness, "gravity": gravity, "rotation": rotation}
+        return self._say("analysis", **entries, **more)
 
     def units(self, *, length: str | None = None, force: str | None = None) -> Model:
         """Say what reports call lengths and forces; nothing is converted."""

@@ -114,6 +114,17 @@ def test_values_of_bodies_that_touch_are_their_own() -> None:
     assert "values at the nodes" in mixed.contacts["high-bottom"].friction
 
 
+def test_temperatures() -> None:
+    """Values at nodes, as another program computes them, and the expression that they are values of."""
+    mesh = signorini.rectangle([3, 1], [12, 4])
+    found = []
+    for value in ("20 * x", 20 * mesh.points[:, 0]):
+        model = signorini.Model(mesh).material(young=2.1e11, poisson=0.3, expansion=1.2e-5).support("left", x=0, y=0)
+        found.append(model.temperature(value).contact("bottom", obstacle=FLOOR, friction={"coulomb": 0.3}).solve(tolerance=1e-9))
+    assert np.abs(found[0].u).max() > 1e-4
+    np.testing.assert_allclose(found[1].u, found[0].u, atol=1e-7 * np.abs(found[0].u).max())
+
+
 def test_names_ties_and_forces() -> None:
     """A block of two tied halves is the block; what has a name is called by it."""
     halves = {"low": signorini.rectangle([2, 0.5], [8, 2]), "high": signorini.rectangle([2, 0.5], [8, 2])}

@@ -190,6 +190,24 @@ where
     elements.flat_map(Element::facets).map(OfFacet).collect()
 }
 
+/// The elements of a region, or all.
+fn elements_of<const D: usize>(
+    mesh: &Mesh<D>,
+    name: &Option<String>,
+) -> Result<Pieces<D, Element<D>>, Fault>
+where
+    ElementKind: Topology<D>,
+    Element<D>: 'static,
+{
+    let inside = match name {
+        Some(name) => Some(region(mesh, name)?),
+        None => None,
+    };
+    let elements = mesh.elements.iter().copied();
+    let inside = |e: &Element<D>| inside.is_none_or(|regions| regions.contains(&e.region));
+    Ok(Pieces::new(mesh, elements.filter(inside)))
+}
+
 impl<const D: usize> Definition<D>
 where
     ElementKind: Topology<D>,
@@ -240,22 +258,19 @@ where
         }
         for (number, force) in self.body_forces.iter_mut().enumerate() {
             let entity = force.entity(number);
-            let regions = force.region.clone();
+            let name = force.region.clone();
             let mut pieces = None;
             for quantity in force.components.iter_mut().flatten() {
-                let elements = || {
-                    let inside = match &regions {
-                        Some(name) => Some(region(mesh, name)?),
-                        None => None,
-                    };
-                    let elements = mesh.elements.iter().copied();
-                    let elements = elements
-                        .filter(|e| inside.is_none_or(|regions| regions.contains(&e.region)));
-                    Ok(Pieces::new(mesh, elements))
-                };
-                placed(quantity, &mut pieces, elements, n)
+                placed(quantity, &mut pieces, || elements_of(mesh, &name), n)
                     .map_err(|fault| entity.clone().error(fault))?;
             }
+        }
+        for (number, temperature) in self.temperatures.iter_mut().enumerate() {
+            let entity = temperature.entity(number);
+            let name = temperature.region.clone();
+            let value = &mut temperature.value;
+            placed(value, &mut None, || elements_of(mesh, &name), n)
+                .map_err(|fault| entity.error(fault))?;
         }
         for (number, force) in self.forces.iter_mut().enumerate() {
             let entity = force.entity(number);
