@@ -92,8 +92,8 @@ fn loads_pull_a_bar_as_they_should() {
         ("*DLOAD\nEall,GRAV,2.,1.,0.,0.\n", |x| {
             3.0 * (4.0 * x - x * x / 2.0)
         }),
-        // ρ ω² A x about the left end: linear elements are exact at nodes.
-        ("*DLOAD\nEall,CENTRIF,2.,0.,0.,0.,0.,0.,1.\n", |x| {
+        // ρ ω² A x about the middle of the left end: linear elements are exact at nodes.
+        ("*DLOAD\nEall,CENTRIF,2.,0.,0.5,0.,0.,0.,1.\n", |x| {
             3.0 * (8.0 * x - x.powi(3) / 6.0)
         }),
     ];

@@ -187,7 +187,7 @@ fn what_is_wrong_with_sets_is_told() {
             "no finite value near",
         ),
         (
-            "nodes = \"left\"\nx = 1\nfactors = [1]",
+            "nodes = \"left\"\nx = 1\nfactors = [1, 2]",
             "factors belong to load steps",
         ),
     ] {

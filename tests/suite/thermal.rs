@@ -265,7 +265,7 @@ fn what_is_wrong_with_warmth_and_turns_is_told() {
         ),
         (
             "",
-            "expansion = 1e-5\n[[temperature]]\nvalue = \"1 / x\"",
+            "expansion = 1e-5\n[[temperature]]\nvalue = \"1 / (x - x)\"",
             "the thermal expansion has no finite value",
         ),
         ("", "expansion = inf", "expansion is inf: it must be finite"),
