@@ -3,7 +3,7 @@
 //
 // The bodies touch in (0, 0) and (0, 20) but share no points, so that Gmsh makes three meshes.
 R = 10;
-fine = 0.028;                        // at the contacts, whose half-widths are about 0.15 and 0.21
+fine = 0.056;                        // at the contacts, whose half-widths are about 0.15 and 0.21
 coarse = 2;
 
 // The roller.
@@ -80,5 +80,6 @@ Field[3].FieldsList = {1, 2};
 Background Field = 3;
 Mesh.MeshSizeFromPoints = 0;
 Mesh.MeshSizeExtendFromBoundary = 0;
+Mesh.ElementOrder = 2;
 Mesh.Algorithm = 6;
 Mesh.Binary = 0;

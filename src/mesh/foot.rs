@@ -45,7 +45,7 @@ fn foot<const R: usize, const D: usize>(
         let step = solved(system);
         (0..R).for_each(|c| xi[c] += step[c]);
         here = at(xi);
-        if !(length(step) > 1e-14) {
+        if !step.iter().any(|along| along.abs() > 1e-14) {
             break;
         }
     }

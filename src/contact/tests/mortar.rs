@@ -113,7 +113,8 @@ fn flat_faces_hand_on_a_uniform_pressure() {
                 let mut taken = handed_on.clone();
                 for node in &nodes {
                     let x = node.mean(|own| mesh.nodes[own as usize]);
-                    assert!(node.area > 0.0 && node.node.is_some());
+                    // A curved border is not just where that of the other side is.
+                    assert!(node.area > 0.0 && (node.node.is_some() || is_curved));
                     for &(other, weight) in &node.own {
                         taken[other as usize] += weight * node.area;
                     }

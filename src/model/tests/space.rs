@@ -168,7 +168,7 @@ fn errors_speak_of_space() {
         ),
         (
             sound().support(Support::on("right").symmetry().z(1.0)),
-            "leave out x, y, z and point",
+            "leave out x, y, z, nodes and point",
         ),
         (
             sound().support(Support::on(["right", "bottom"]).symmetry().x(0.0)),
