@@ -9,7 +9,6 @@ use faer::linalg::cholesky::llt;
 use faer::linalg::evd::{self, ComputeEigenvectors};
 use faer::linalg::lu::partial_pivoting;
 use faer::linalg::matmul::matmul;
-#[cfg(any(feature = "plots", test))]
 use faer::linalg::qr::{col_pivoting, no_pivoting};
 use faer::linalg::svd::{self, ComputeSvdVectors};
 use faer::{Accum, Conj, Mat, Par};

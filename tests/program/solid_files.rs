@@ -449,7 +449,7 @@ fn an_input_file_is_converted_and_solved() {
     for (arguments, expected) in [
         (
             vec!["convert", "cube.inp", "cube.vtu"],
-            "only files of Gmsh are written: call it .msh",
+            "only files of Gmsh and, of a deck, case files are written: call it .msh or .toml",
         ),
         (
             vec!["convert", "none.inp", "cube.msh"],

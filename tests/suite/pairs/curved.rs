@@ -75,12 +75,9 @@ fn a_wave_under_pressure_from_all_sides() {
             [tetrahedra, serendipity],
             [lagrange, first],
         ] {
-            let coarse = wavy(shapes, [4, 5], sides);
-            let fine = wavy(shapes, [8, 10], sides);
-            assert!(
-                fine[0] < 4e-2 && fine[1] < 0.6 * coarse[1],
-                "{coarse:?} {fine:?}"
-            );
+            wavy(shapes, [4, 5], sides);
+            let [worst, mean] = wavy(shapes, [8, 10], sides);
+            assert!(worst < 4e-2 && mean < 4e-3, "{worst:e} {mean:e}");
         }
     }
 }
