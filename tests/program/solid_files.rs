@@ -487,7 +487,9 @@ fn an_input_file_is_converted_and_solved() {
     let output = signorini_in(directory.path(), &["check", "corner.toml"]);
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(
-        told.contains("name a surface of the body or, for a support, its point"),
+        told.contains(
+            "no outer face has all of its corners in the nodes of \"corner\": name more sets"
+        ),
         "{told}"
     );
 }

@@ -20,7 +20,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 const APART: f64 = 0.7;
 /// Corners of what is covered are what a body stands on, so that they stay where they are; but not as near as this: A is
 /// the worse conditioned, by the square of that, and what a body stands on is smaller by no more.
-pub(super) const SLIVER: f64 = 1e-3;
+const SLIVER: f64 = 1e-3;
 /// The border of what is covered has a corner where it turns by more than this, in half turns (10°).
 const TURN: f64 = 10.0 / 180.0;
 /// Points on an edge that two facets say differently by less than this part of it are one.

@@ -8,8 +8,9 @@
 use super::super::frame;
 use super::flat::{Flat, area, edges, turn};
 use super::hull::Hull;
-use super::places::SLIVER;
-use super::{Beam, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet};
+use super::{
+    Beam, Cover, IntegrationPoint, MISSED, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet,
+};
 use crate::contact::transformed::Transformed;
 use crate::mesh::shape::{FaceAt, LINE5, LINE8, ShapeFunctions, Visit, face_kind, triangle_points};
 use crate::mesh::vector::{cross, dot, length, minus, unit};
@@ -458,12 +459,11 @@ fn places(
 ) -> (Hull, Option<Vec<Site>>) {
     let size = area(outline).sqrt();
     let near = |p: Flat, q: Flat, same: f64| length(minus(p, q)) <= same;
-    // Curved facets hardly ever have a border just where another one has it, in a plane of symmetry either: what that misses
-    // is no more than what is handed on anyway.
+    // Curved facets hardly ever have a border just where another one has it.
     let covers = |p: Flat| match ring.len() > n_corners {
         false => hull.vertices.iter().any(|&v| near(p, v, SAME * size)),
         true => (edges(&hull.vertices))
-            .all(|(a, b)| turn(a, b, p) >= -SLIVER * size * length(minus(b, a))),
+            .all(|(a, b)| turn(a, b, p) >= -MISSED * size * length(minus(b, a))),
     };
     if outline.iter().all(|&p| covers(p)) {
         return (hull, None);

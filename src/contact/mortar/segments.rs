@@ -1,9 +1,8 @@
 //! What two boundaries of the plane have in common: segments between projected nodes of both meshes, along the field of
 //! averaged normals of the slave boundary.
 
-use super::places::SLIVER;
 use super::{
-    CONVERGED, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet,
+    CONVERGED, Cover, IntegrationPoint, MISSED, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet,
 };
 use crate::mesh::shape::{LINE8, edge_at, edge_points, sum};
 use crate::mesh::vector::{dot, length, minus, unit};
@@ -122,7 +121,7 @@ pub(super) fn covers(
     for segments in segments.chunk_by(connected) {
         let (from, to) = (segments[0].1, segments[segments.len() - 1].2);
         let same = SAME.min(SAME_OF_WIDTH * (to - from));
-        let missed = if is_curved { SLIVER } else { same };
+        let missed = if is_curved { MISSED } else { same };
         let is_whole = from <= missed && 1.0 - to <= missed;
         let site = |s: f64| match s {
             s if s <= same => (Site::Node(0), edge.x[0], 0.5),

@@ -70,14 +70,15 @@ fn a_wave_under_pressure_from_all_sides() {
     let tetrahedra = (SolidShape::Tetrahedron, Order::Lagrange);
     for sides in [["low-top", "up-bottom"], ["up-bottom", "low-top"]] {
         wavy([first; 2], [8, 10], sides);
-        for shapes in [
-            [serendipity, lagrange],
-            [tetrahedra, serendipity],
-            [lagrange, first],
+        for (shapes, limits) in [
+            ([serendipity, lagrange], [2e-2, 4e-3]),
+            ([tetrahedra, serendipity], [4e-2, 4e-3]),
+            // The flat faces of the one side do not fit into the curved ones of the other.
+            ([lagrange, first], [0.1, 0.02]),
         ] {
             wavy(shapes, [4, 5], sides);
             let [worst, mean] = wavy(shapes, [8, 10], sides);
-            assert!(worst < 4e-2 && mean < 4e-3, "{worst:e} {mean:e}");
+            assert!(worst < limits[0] && mean < limits[1], "{worst:e} {mean:e}");
         }
     }
 }
