@@ -44,7 +44,7 @@ use super::{ContactError, ContactPlace, Friction, PairOptions, rounding};
 use crate::dense;
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
-use crate::mesh::{ElementKind, Facet, Topology, facet_corners, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Topology, facet_nodes};
 use faer::Mat;
 use places::Places;
 use rayon::prelude::*;
@@ -184,9 +184,10 @@ const FACING: f64 = -0.1;
 const SAME: f64 = 1e-9;
 /// The same in the least width of what is covered: places of a needle stay apart from each other.
 const SAME_OF_WIDTH: f64 = 1e-2;
-/// A facet of second order of which no more than this part of its size is missed along a border is wholly covered. Where two curved
-/// boundaries end in one plane, one seen from the other misses the gap between them times the slope there: at a few parts in
-/// a thousand pressures were off by up to 18 % on such a border, and are by 6 % (a wave of 8 × 10 faces against one of first order).
+/// A facet of which no more than this part of its size is missed along a border is wholly covered, if it bends by as much. Where
+/// two curved boundaries end in one plane, one seen from the other misses the gap between them times the slope there: at a few
+/// parts in a thousand pressures were off by up to 18 % on such a border, and are by 6 % (a wave of 8 × 10 faces against one of
+/// first order).
 const MISSED: f64 = 1e-2;
 /// Newton's method has come to a point of a facet if its last step is below this: its steps fall by their square, down to what
 /// rounding makes of a facet that is small beside its distance from the origin.
@@ -349,7 +350,7 @@ impl<const D: usize> SlaveFacet<D> {
             nodes,
             normals,
             normal: surface.outward[number],
-            slack: slack(&nodes, facet_corners(facet).len(), len),
+            slack: surface.slack[number],
             thickness: body.thickness,
         }
     }
@@ -358,6 +359,12 @@ impl<const D: usize> SlaveFacet<D> {
     fn places(&self) -> &[[f64; D]] {
         &self.nodes[..self.len]
     }
+}
+
+/// What part of its size may be missed along a border of a facet that bends by this part of it: nothing of a flat one, which
+/// shows where that of the other side is.
+fn missed(bend: f64) -> f64 {
+    bend.clamp(SAME, MISSED)
 }
 
 /// How far a facet of second order may be off the smooth surface that its nodes lie on: an edge of length h whose middle is

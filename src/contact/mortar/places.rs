@@ -358,7 +358,8 @@ impl<const D: usize> Sums<D> {
         let [outward, facing] = self.normals;
         // On a curved facet the mean normal hands a uniform pressure on as it is; on the border of what is covered it
         // would say the one of a place within.
-        let outward = if self.is_curved && !self.is_partial {
+        let is_whole_curve = self.is_curved && !self.is_partial;
+        let outward = if is_whole_curve {
             options.within_planes(unit(outward), &nodes)
         } else {
             mean(&own, |node| first.normal(node, self.parts.0))
@@ -389,7 +390,7 @@ impl<const D: usize> Sums<D> {
             &mut partners,
         );
         // On a curved surface a uniform pressure p is the force p ∫ β n.
-        let area = if self.is_curved && !self.is_partial {
+        let area = if is_whole_curve {
             length(self.normals[0])
         } else {
             self.area
@@ -397,7 +398,7 @@ impl<const D: usize> Sums<D> {
         // What is handed on to a node moves its place away from it.
         let at_node = match key {
             // The middle of a curved edge is its node, while the force acts where that lies in the transformed sense.
-            Key::Node { node, .. } if self.is_curved && !self.is_partial => Some(node),
+            Key::Node { node, .. } if is_whole_curve => Some(node),
             Key::Node { node, .. } => {
                 let off = length(minus(mesh.nodes[node as usize], x));
                 (off <= 1e-6 * self.edge).then_some(node)

@@ -9,7 +9,7 @@ use super::super::frame;
 use super::flat::{Flat, area, edges, turn};
 use super::hull::Hull;
 use super::{
-    Beam, Cover, IntegrationPoint, MISSED, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet,
+    Beam, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet, missed,
 };
 use crate::contact::transformed::Transformed;
 use crate::mesh::shape::{FaceAt, LINE5, LINE8, ShapeFunctions, Visit, face_kind, triangle_points};
@@ -129,6 +129,17 @@ impl Seen {
         });
         let [s, t] = Topology::<2>::with(face_kind(self.len), FaceAt(&x[..self.len], xi)).tangents;
         unit(cross(s, t))
+    }
+
+    /// How far a facet of second order bends out of its plane, as a part of its size.
+    fn bend(&self) -> Option<f64> {
+        let heights = self.heights[..self.len].iter().copied();
+        let [low, high] = [
+            heights.clone().fold(0.0, f64::min),
+            heights.fold(0.0, f64::max),
+        ];
+        let size = length(minus(self.flat[1], self.flat[0]));
+        self.is_curved().then_some((high - low) / size)
     }
 
     /// Whether shape functions are polynomials on the plane.
@@ -311,27 +322,33 @@ pub(super) fn covers(
     // How far the plane's point p is from a facet, along its normal.
     let apart = |other: usize, p: Flat| seen[other].at(p).height - own.at(p).height;
 
+    // Those of the others, counter-clockwise and each with the number of its facet.
+    let mut others: Vec<(usize, Polygon)> = Vec::new();
+    for (other, seen) in seen.iter().enumerate() {
+        for mut flat in seen.polygons() {
+            if area(&flat) < 0.0 {
+                flat.reverse();
+            } else if seen.is_curved() {
+                // A part that looks away.
+                continue;
+            }
+            others.push((other, flat));
+        }
+    }
     let mut pieces: Vec<Piece> = Vec::new();
     for part in own.polygons() {
         let size = area(&part);
         let mut of_part: Vec<Piece> = Vec::new();
-        for (other, seen) in seen.iter().enumerate() {
-            for mut flat in seen.polygons() {
-                if area(&flat) < 0.0 {
-                    flat.reverse();
-                } else if seen.is_curved() {
-                    // A part that looks away.
-                    continue;
-                }
-                let least = NOTHING * size.min(area(&flat));
-                let Some(polygon) = within(&flat, &part, least) else {
-                    continue;
-                };
-                if !(apart(other, middle(&polygon)).abs() <= distance) {
-                    continue;
-                }
-                add(&mut of_part, Piece { polygon, other }, least, &apart);
+        for (other, flat) in &others {
+            let other = *other;
+            let least = NOTHING * size.min(area(flat));
+            let Some(polygon) = within(flat, &part, least) else {
+                continue;
+            };
+            if !(apart(other, middle(&polygon)).abs() <= distance) {
+                continue;
             }
+            add(&mut of_part, Piece { polygon, other }, least, &apart);
         }
         pieces.extend(of_part);
     }
@@ -349,7 +366,7 @@ pub(super) fn covers(
         .map(|pieces| {
             let corners = pieces.iter().flat_map(|piece| piece.polygon.clone());
             let hull = Hull::around(corners.collect());
-            let (hull, sites) = places(&outline, face_ring(own.len), own.n_corners(), hull);
+            let (hull, sites) = places(&outline, face_ring(own.len), own.bend(), hull);
             let is_whole = sites.is_none();
             let mut cover = Cover {
                 part: near[pieces[0].other].part,
@@ -449,21 +466,21 @@ fn connected<'p>(pieces: &'p [Piece], near: &[MasterFacet<3>]) -> Vec<Vec<&'p Pi
     parts
 }
 
-/// The vertices of what is covered and where they lie on the facet with this outline, whose nodes are `ring`; None for the
-/// sites of one that is wholly covered: these are its nodes.
+/// The vertices of what is covered and where they lie on the facet with this outline, whose nodes are `ring`, and which bends by
+/// that part of its size if it is of second order; None for the sites of one that is wholly covered: these are its nodes.
 fn places(
     outline: &[Flat],
     ring: &[usize],
-    n_corners: usize,
+    bend: Option<f64>,
     hull: Hull,
 ) -> (Hull, Option<Vec<Site>>) {
     let size = area(outline).sqrt();
     let near = |p: Flat, q: Flat, same: f64| length(minus(p, q)) <= same;
     // Curved facets hardly ever have a border just where another one has it.
-    let covers = |p: Flat| match ring.len() > n_corners {
-        false => hull.vertices.iter().any(|&v| near(p, v, SAME * size)),
-        true => (edges(&hull.vertices))
-            .all(|(a, b)| turn(a, b, p) >= -MISSED * size * length(minus(b, a))),
+    let covers = |p: Flat| match bend {
+        None => hull.vertices.iter().any(|&v| near(p, v, SAME * size)),
+        Some(bend) => (edges(&hull.vertices))
+            .all(|(a, b)| turn(a, b, p) >= -missed(bend) * size * length(minus(b, a))),
     };
     if outline.iter().all(|&p| covers(p)) {
         return (hull, None);

@@ -2,7 +2,7 @@
 //! averaged normals of the slave boundary.
 
 use super::{
-    CONVERGED, Cover, IntegrationPoint, MISSED, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet,
+    CONVERGED, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet, missed,
 };
 use crate::mesh::shape::{LINE8, edge_at, edge_points, sum};
 use crate::mesh::vector::{dot, length, minus, unit};
@@ -113,6 +113,11 @@ pub(super) fn covers(
     };
     let is_curved = slave.len > 2;
     let chord = length(minus(edge.x[1], edge.x[0])) * slave.thickness;
+    // How far the middle is off the chord, as a part of that.
+    let bend = edge.x.get(2).map(|&middle| {
+        let along = minus(edge.x[1], edge.x[0]);
+        cross(along, minus(middle, edge.x[0])).abs() / dot(along, along)
+    });
     let mut covers = Vec::new();
     let segments = segments(&edge, near, distance);
     let connected = |&(a, _, end): &Segment, &(b, start, _): &Segment| {
@@ -121,7 +126,7 @@ pub(super) fn covers(
     for segments in segments.chunk_by(connected) {
         let (from, to) = (segments[0].1, segments[segments.len() - 1].2);
         let same = SAME.min(SAME_OF_WIDTH * (to - from));
-        let missed = if is_curved { MISSED } else { same };
+        let missed = bend.map_or(same, missed);
         let is_whole = from <= missed && 1.0 - to <= missed;
         let site = |s: f64| match s {
             s if s <= same => (Site::Node(0), edge.x[0], 0.5),

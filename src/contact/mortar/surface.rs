@@ -16,6 +16,8 @@ where
     pub measure: Vec<f64>,
     /// Their outward unit normals.
     pub outward: Vec<[f64; D]>,
+    /// How far they may be off what they are drawn after.
+    pub slack: Vec<f64>,
     /// The smooth part that each belongs to.
     pub part: Vec<u32>,
     /// At each node, and in each part that it belongs to, the unit normal halfway between those of the facets.
@@ -56,10 +58,15 @@ where
             }
             *normal = options.within_planes(unit(*normal), &[node]);
         }
+        let slack = facets.iter().map(|facet| {
+            let (places, len) = mesh.places_of(facet);
+            super::slack(&places, facet_corners(facet).len(), len)
+        });
         Ok(Self {
             facets,
             measure,
             outward,
+            slack: slack.collect(),
             part,
             normals,
         })
@@ -83,7 +90,7 @@ where
                     nodes: std::array::from_fn(|k| facet.as_ref()[k.min(facet.as_ref().len() - 1)]),
                     places,
                     normal: self.outward[number],
-                    slack: super::slack(&places, facet_corners(&facet).len(), len),
+                    slack: self.slack[number],
                     part: self.part[number],
                 }
             })

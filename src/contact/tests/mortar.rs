@@ -115,6 +115,13 @@ fn flat_faces_hand_on_a_uniform_pressure() {
                     let x = node.mean(|own| mesh.nodes[own as usize]);
                     // A curved border is not just where that of the other side is.
                     assert!(node.area > 0.0 && (node.node.is_some() || is_curved));
+                    if !orders.contains(&2) {
+                        assert_relative_eq!(
+                            node.area,
+                            own[node.node.expect("a node") as usize],
+                            max_relative = accuracy
+                        );
+                    }
                     for &(other, weight) in &node.own {
                         taken[other as usize] += weight * node.area;
                     }
