@@ -4,7 +4,8 @@ use crate::common::or_panic::OrPanic as _;
 use signorini::contact::Space;
 use signorini::elasticity::{Stress, internal_forces, stresses};
 use signorini::engine::{Device, Engine, Stiffness};
-use signorini::mesh::ElementKind;
+use signorini::mesh::structured::{CellShape, join, rectangle};
+use signorini::mesh::{ElementKind, Mesh};
 use signorini::model::{Built, Model, StepData};
 use signorini::quasistatic::{self, State, StepSolution};
 use signorini::solve::SolveOptions;
@@ -96,6 +97,22 @@ where
         solution: steps.pop().expect("there is a step"),
         before: steps,
     }
+}
+
+/// A block of 2 × 1, `low-…`, of 8 × 4 cells, and another one, `up-…`, whose lower side is at this height.
+pub fn stacked(height: f64, cells: [usize; 2]) -> Mesh {
+    let block = |name: &str, height: f64, cells| {
+        let prefix = format!("{name}-");
+        rectangle(
+            [0.0, height],
+            [2.0, 1.0],
+            cells,
+            CellShape::Quad,
+            name,
+            &prefix,
+        )
+    };
+    join(block("low", 0.0, [8, 4]), block("up", height, cells))
 }
 
 impl<const D: usize> Answer<D>

@@ -25,6 +25,14 @@ fn floor<const D: usize>() -> Obstacle<D> {
     }
 }
 
+/// The bottom on the floor, with one stiffness in all directions.
+fn on_springs<const D: usize>(k: f64, mu: f64) -> Pair<D> {
+    Pair::obstacle("bottom", floor())
+        .normal_stiffness(k)
+        .tangential_stiffness(k)
+        .coulomb(mu)
+}
+
 /// How far the worst of some values is from one.
 fn off(values: impl IntoIterator<Item = f64>, expected: f64) -> f64 {
     let values = values.into_iter();
@@ -161,12 +169,7 @@ fn the_slope_before_slip() {
             .steps([1.0, 1.0, 1.0])
             .support(Support::on("top").x(1.0).factors(ways))
             .support(Support::on("top").y(-p / k))
-            .contact(
-                Pair::obstacle("bottom", floor())
-                    .normal_stiffness(k)
-                    .tangential_stiffness(k)
-                    .coulomb(mu),
-            );
+            .contact(on_springs(k, mu));
         let found = answer(model, 1e-9, path);
         let steps: Vec<_> = found.before.iter().chain([&found.solution]).collect();
         let m = found.m();
@@ -213,12 +216,7 @@ fn slip_of_springs_in_space_goes_where_it_is_pushed() {
             .material(Material::new(1e7 * k, 0.3))
             .support(Support::on("top").x(part * way[0]).y(part * way[1]))
             .support(Support::on("top").z(-p / k))
-            .contact(
-                Pair::obstacle("bottom", floor())
-                    .normal_stiffness(k)
-                    .tangential_stiffness(k)
-                    .coulomb(mu),
-            );
+            .contact(on_springs(k, mu));
         let found = answer(model, 1e-9, path);
         let expected = (5.0 * part).min(1.0) * mu * p;
         for i in 0..found.m() {

@@ -1,10 +1,10 @@
 //! What a drawing says: overlaps, refused with all that can be said about them or pressed apart; planes of symmetry.
 
-use crate::common::models::answer;
+use crate::common::models::{answer, stacked};
 use signorini::contact::Obstacle;
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
-use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
+use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::model::{Model, Pair, Support, Traction};
 
 const YOUNG: f64 = 2e11;
@@ -13,24 +13,7 @@ const DEEP: f64 = 1e-4;
 const MODULUS: f64 = YOUNG * 0.7 / (1.3 * 0.4);
 
 fn stack(pair: Pair) -> Model {
-    let mesh = join(
-        rectangle(
-            [0.0, 0.0],
-            [2.0, 1.0],
-            [8, 4],
-            CellShape::Quad,
-            "low",
-            "low-",
-        ),
-        rectangle(
-            [0.0, 1.0 - DEEP],
-            [2.0, 1.0],
-            [5, 3],
-            CellShape::Quad,
-            "up",
-            "up-",
-        ),
-    );
+    let mesh = stacked(1.0 - DEEP, [5, 3]);
     let sides = ["low-left", "low-right", "up-left", "up-right"].map(str::to_owned);
     Model::on(mesh)
         .material(Material::new(YOUNG, 0.3))

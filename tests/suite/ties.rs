@@ -1,7 +1,7 @@
 //! Ties: boundaries that hold together although their meshes do not match.
 
 use crate::common::distance;
-use crate::common::models::{Answer, answer};
+use crate::common::models::{Answer, answer, stacked};
 use crate::common::or_panic::OrPanic as _;
 use signorini::contact::{Obstacle, Space};
 use signorini::elasticity::Material;
@@ -134,17 +134,7 @@ fn halves_with_nodes_that_meet_are_the_whole() {
     };
     let whole = rectangle([0.0, 0.0], [2.0, 2.0], [8, 8], CellShape::Quad, "body", "");
     let whole = load(Model::on(whole), "top").support(Support::on("bottom").fixed());
-    let parts = join(
-        rectangle(
-            [0.0, 0.0],
-            [2.0, 1.0],
-            [8, 4],
-            CellShape::Quad,
-            "low",
-            "low-",
-        ),
-        rectangle([0.0, 1.0], [2.0, 1.0], [8, 4], CellShape::Quad, "up", "up-"),
-    );
+    let parts = stacked(1.0, [8, 4]);
     let parts = load(Model::on(parts), "up-top")
         .support(Support::on("low-bottom").fixed())
         .tie(Pair::tied("up-bottom", "low-top"));
@@ -247,24 +237,7 @@ fn beside_contact_with_friction() {
 #[test]
 fn what_cannot_be_tied_is_refused() {
     let model = |apart: f64| {
-        let mesh = join(
-            rectangle(
-                [0.0, 0.0],
-                [2.0, 1.0],
-                [8, 4],
-                CellShape::Quad,
-                "low",
-                "low-",
-            ),
-            rectangle(
-                [0.0, 1.0 + apart],
-                [2.0, 1.0],
-                [5, 4],
-                CellShape::Quad,
-                "up",
-                "up-",
-            ),
-        );
+        let mesh = stacked(1.0 + apart, [5, 4]);
         Model::on(mesh)
             .material(Material::new(YOUNG, 0.3))
             .support(Support::on("low-bottom").fixed())
