@@ -1,7 +1,8 @@
 //! Linear elasticity: materials, supports, loads, the stiffness matrix K and stresses.
 //!
 //! Small strains, isotropic materials; elements of first and of second order (`mesh/shape`), all with full integration but for
-//! the dilatation of nearly incompressible ones (`dilatation.rs`). Forces in the plane are per body of the given thickness;
+//! the dilatation of nearly incompressible ones (`dilatation.rs`). Forces in the plane are per body of the given thickness,
+//! those of bodies of revolution for the whole ring;
 //! coordinates, moduli and tractions may be in any consistent units (metres, pascals and newtons in the documentation).
 
 mod assembly;
@@ -20,7 +21,9 @@ pub use stress::{Stress, stresses, stresses_at};
 pub use unknowns::Unknowns;
 pub use vertices::vertices;
 
-use crate::mesh::{ElementKind, Mesh, Topology};
+use crate::mesh::shape::Point;
+use crate::mesh::{ElementKind, Mesh, ShapeFunctions, Topology};
+use std::f64::consts::TAU;
 
 /// An isotropic linear material.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -54,7 +57,7 @@ pub enum Incompressible {
 const NEARLY_INCOMPRESSIBLE: f64 = 0.45;
 
 /// The state of the plane: what happens perpendicular to it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Plane {
     /// No strain perpendicular to the plane: a slice of a long body.
@@ -62,6 +65,55 @@ pub enum Plane {
     PlaneStrain,
     /// No stress perpendicular to the plane: a thin sheet.
     PlaneStress,
+    /// A body of revolution about x = 0 that moves in planes through this axis alone: x is the radius, y the place along the
+    /// axis, and what is perpendicular to the plane (z) goes round. The strain there is u_x/x.
+    Axisymmetric,
+}
+
+impl Plane {
+    /// 1/x where the motion along x stretches what goes round; 0 where nothing does.
+    fn hoop<const D: usize>(self, place: [f64; D]) -> f64 {
+        match self {
+            Self::Axisymmetric => place[0].recip(),
+            Self::PlaneStrain | Self::PlaneStress => 0.0,
+        }
+    }
+
+    /// The points that integrate the stiffness of an element over its part of the plane or, round the axis, of a ring.
+    fn stiffness_points<E, const D: usize, const N: usize, const Q: usize>(
+        self,
+        x: &[[f64; D]; N],
+    ) -> [Point<D, N>; Q]
+    where
+        E: ShapeFunctions<D, N, Q>,
+    {
+        let mut points = E::stiffness_points(x);
+        if self == Self::Axisymmetric {
+            for point in &mut points {
+                point.weight *= Depth::Ring.at(point.place(x));
+            }
+        }
+        points
+    }
+}
+
+/// How far bodies reach perpendicular to the plane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Depth {
+    /// Everywhere as far; 1 in space.
+    Thickness(f64),
+    /// Once round the axis.
+    Ring,
+}
+
+impl Depth {
+    /// At a place.
+    pub fn at<const D: usize>(self, place: [f64; D]) -> f64 {
+        match self {
+            Self::Thickness(thickness) => thickness,
+            Self::Ring => TAU * place[0],
+        }
+    }
 }
 
 impl Material {
@@ -81,7 +133,7 @@ impl Material {
         let (e, nu) = (self.young, self.poisson);
         let mu = e / (2.0 * (1.0 + nu));
         let lambda = match plane {
-            Plane::PlaneStrain => e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)),
+            Plane::PlaneStrain | Plane::Axisymmetric => e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)),
             Plane::PlaneStress => e * nu / (1.0 - nu * nu),
         };
         (lambda, mu)
@@ -92,7 +144,7 @@ impl Material {
     pub(crate) fn thermal_pressure(&self, plane: Plane) -> f64 {
         let (lambda, mu) = self.lame(plane);
         let directions = match plane {
-            Plane::PlaneStrain => 3.0,
+            Plane::PlaneStrain | Plane::Axisymmetric => 3.0,
             Plane::PlaneStress => 2.0,
         };
         (directions * lambda + 2.0 * mu) * self.expansion
@@ -100,7 +152,7 @@ impl Material {
 
     /// Whether elements of it have their dilatation projected, if they can.
     pub fn is_projected(&self, plane: Plane) -> bool {
-        plane == Plane::PlaneStrain
+        plane != Plane::PlaneStress
             && match self.incompressible {
                 Incompressible::Auto => self.poisson >= NEARLY_INCOMPRESSIBLE,
                 Incompressible::Yes => true,
@@ -125,9 +177,9 @@ where
     pub mesh: &'a Mesh<D>,
     /// One material per region of the mesh.
     pub materials: &'a [Material],
-    /// Plane strain or plane stress; in space plane strain, which has the same moduli.
+    /// The state of the plane; in space plane strain, which has the same moduli.
     pub plane: Plane,
-    /// Thickness perpendicular to the plane; 1 in space.
+    /// Thickness perpendicular to the plane; 1 in space and for bodies of revolution.
     pub thickness: f64,
 }
 
@@ -144,6 +196,14 @@ impl<const D: usize> Body<'_, D>
 where
     ElementKind: Topology<D>,
 {
+    /// How far it reaches perpendicular to the plane.
+    pub(crate) fn depth(&self) -> Depth {
+        match self.plane {
+            Plane::Axisymmetric => Depth::Ring,
+            Plane::PlaneStrain | Plane::PlaneStress => Depth::Thickness(self.thickness),
+        }
+    }
+
     /// The moduli of each region.
     fn moduli(&self) -> Vec<Moduli> {
         let of = |material: &Material| {

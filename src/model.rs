@@ -43,6 +43,7 @@ mod error;
 mod loads;
 mod nodal;
 mod quantity;
+mod revolution;
 #[cfg(feature = "mpi")]
 pub(crate) mod share;
 mod supports;
@@ -134,7 +135,7 @@ impl Model {
         self
     }
 
-    /// The thickness in m that forces are for; 1 without.
+    /// The thickness in m that forces are for; 1 without. Bodies of revolution have none: forces are for the whole ring.
     pub fn thickness(mut self, thickness: f64) -> Self {
         self.definition.thickness = thickness;
         self
@@ -274,6 +275,7 @@ impl<const D: usize> Definition<D> {
                 return Err(Entity::all(EntityKind::Rotation).error(fault));
             }
         }
+        self.check_revolution()?;
         self.check_entities()?;
         self.check_steps()
     }

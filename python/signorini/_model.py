@@ -242,7 +242,7 @@ class Model:
         rotation: Mapping[str, Any] | None = None,
         **more: Any,
     ) -> Model:
-        """Say "plane_strain" or "plane_stress", the thickness in m, gravity in m/s², and a rotation about an axis."""
+        """Say "plane_strain", "plane_stress" or "axisymmetric", the thickness in m, gravity in m/s², and a rotation about an axis."""
         entries: dict[str, Any] = {"plane": plane, "thickness": thickness, "gravity": gravity, "rotation": rotation}
         return self._say("analysis", **entries, **more)
 

@@ -272,16 +272,21 @@ where
     ElementKind: Space<D>,
 {
     let units = case.units();
-    let plane = match elastic.plane {
-        Plane::PlaneStrain => "plane strain",
-        Plane::PlaneStress => "plane stress",
-    };
-    lines.push(match D {
-        2 => format!(
-            "analysis      {plane}, thickness {} {}",
-            elastic.thickness, units.length
+    lines.push(match elastic.plane {
+        _ if D == 3 => "analysis      solid".to_owned(),
+        Plane::Axisymmetric => {
+            "analysis      axisymmetric about x = 0; forces are for the whole ring".to_owned()
+        }
+        plane => format!(
+            "analysis      plane {}, thickness {} {}",
+            if plane == Plane::PlaneStress {
+                "stress"
+            } else {
+                "strain"
+            },
+            elastic.thickness,
+            units.length
         ),
-        _ => "analysis      solid".to_owned(),
     });
     for step in 0..case.n_steps() {
         let data = elastic

@@ -42,7 +42,7 @@ mod surface;
 use super::search::{Bounds, Search};
 use super::{ContactError, ContactPlace, Friction, PairOptions, rounding};
 use crate::dense;
-use crate::elasticity::Body;
+use crate::elasticity::{Body, Depth};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Topology, facet_nodes};
 use faer::Mat;
@@ -66,8 +66,8 @@ pub struct SlaveFacet<const D: usize> {
     normal: [f64; D],
     /// How far it may be off what it is drawn after.
     slack: f64,
-    /// The thickness of the body.
-    thickness: f64,
+    /// How far the body reaches perpendicular to the plane.
+    depth: Depth,
 }
 
 /// A facet of the master boundary that the slave may meet.
@@ -105,7 +105,7 @@ pub struct IntegrationPoint<const D: usize> {
     normals: [[f64; D]; 2],
     /// How far apart they are, along the averaged normal; negative where they overlap.
     distance: f64,
-    /// The weight, with the thickness in it.
+    /// The weight, with how far the body reaches perpendicular to the plane in it.
     weight: f64,
 }
 
@@ -351,7 +351,7 @@ impl<const D: usize> SlaveFacet<D> {
             normals,
             normal: surface.outward[number],
             slack: surface.slack[number],
-            thickness: body.thickness,
+            depth: body.depth(),
         }
     }
 

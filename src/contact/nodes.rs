@@ -184,7 +184,7 @@ where
     let facing: Vec<Facet<D>> = facing.copied().collect();
     let mut shares = vec![0.0; body.mesh.nodes.len()];
     body.integrate_on_boundary(&facing, &|_| 1.0, &mut shares);
-    super::transformed::Transformed::new(&facing).share(&mut shares);
+    super::transformed::Transformed::new(body.depth(), &facing).share(&mut shares);
     let all = nodes.iter().map(|&node| shares[node as usize]);
     all.map(|area| if area > 0.0 { area } else { 1.0 })
         .collect()

@@ -148,7 +148,7 @@ where
         return Err(obstacle.unseen());
     }
     let near = options.distance_to(body, facets, obstacle);
-    let transformed = Transformed::new(facets);
+    let transformed = Transformed::new(body.depth(), facets);
     let mut area = vec![0.0; mesh.nodes.len()];
     let mut bound = area.clone();
     body.integrate_on_boundary(facets, &|_| 1.0, &mut area);

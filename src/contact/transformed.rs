@@ -9,14 +9,33 @@
 //! and the displacements that belong to them are û_v = u_v and û_e = (u_e − α (u_a + u_b)) / (1 − 2α) with the ends a and b of
 //! the edge. A contact force is a multiplier of Ñ, so that it is positive where there is pressure, and over ∫ Ñ it is that
 //! pressure. α is 1/5 for triangles with six nodes and quadrilaterals with eight, whose integrals at corners are otherwise zero
-//! and negative; where all integrals are positive, on edges and quadrilaterals with nine nodes, nothing has to be transformed
+//! and negative, and for the edges of bodies of revolution: that over the ring around a node on the axis is zero. Where all
+//! integrals are positive, on edges and quadrilaterals with nine nodes, nothing has to be transformed
 //! (Popp, Wohlmuth, Gee and Wall, SIAM J. Sci. Comput. 34, 2012, have the same form of it).
 
+use crate::elasticity::Depth;
 use crate::mesh::{facet_corners, facet_nodes};
 use std::collections::BTreeMap;
 
 /// α of the facets that need one: any between 1/8 and 1/2 leaves positive integrals on both.
 const ALPHA: f64 = 0.2;
+
+/// Whether the functions of a facet with so many nodes and corners have to be transformed.
+fn is_transformed(depth: Depth, n_nodes: usize, n_corners: usize) -> bool {
+    match (n_corners, n_nodes) {
+        (3, 6) | (4, 8) => true,
+        (2, 3) => matches!(depth, Depth::Ring),
+        _ => false,
+    }
+}
+
+/// How many middles of edges it has, each between the corner of the same number and the next one.
+fn n_middles(n_corners: usize) -> usize {
+    match n_corners {
+        2 => 1,
+        n => n,
+    }
+}
 
 /// The nodes of a boundary whose functions are transformed.
 pub(super) struct Transformed {
@@ -25,25 +44,25 @@ pub(super) struct Transformed {
 }
 
 impl Transformed {
-    pub fn new<F: AsRef<[u32]>>(facets: &[F]) -> Self {
+    pub fn new<F: AsRef<[u32]>>(depth: Depth, facets: &[F]) -> Self {
         let mut ends = BTreeMap::new();
         for facet in facets {
             let (corners, nodes) = (facet_corners(facet), facet_nodes(facet));
-            if !matches!(nodes.len(), 6 | 8) {
+            if !is_transformed(depth, nodes.len(), corners.len()) {
                 continue;
             }
-            for (k, &middle) in nodes[corners.len()..].iter().enumerate() {
+            let middles = &nodes[corners.len()..][..n_middles(corners.len())];
+            for (k, &middle) in middles.iter().enumerate() {
                 ends.insert(middle, [corners[k], corners[(k + 1) % corners.len()]]);
             }
         }
         Self { ends }
     }
 
-    /// Ñ of a facet with so many nodes from its shape functions, or integrals of these from those.
-    pub fn functions(n_nodes: usize, mut of: [f64; 9]) -> [f64; 9] {
-        if let 6 | 8 = n_nodes {
-            let corners = n_nodes / 2;
-            for k in 0..corners {
+    /// Ñ of a facet with so many nodes and corners from its shape functions, or integrals of these from those.
+    pub fn functions(depth: Depth, n_nodes: usize, corners: usize, mut of: [f64; 9]) -> [f64; 9] {
+        if is_transformed(depth, n_nodes, corners) {
+            for k in 0..n_middles(corners) {
                 let whole = of[corners + k];
                 of[corners + k] = (1.0 - 2.0 * ALPHA) * whole;
                 of[k] += ALPHA * whole;

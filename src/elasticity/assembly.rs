@@ -1,7 +1,7 @@
 //! The stiffness matrix, pattern first and row by row.
 
 use super::dilatation::Dilatation;
-use super::{Body, Moduli, Unknowns};
+use super::{Body, Moduli, Plane, Unknowns};
 use crate::mesh::vector::{dot, minus};
 use crate::mesh::{self, ElementKind, Mesh, ShapeFunctions, Topology, Visit};
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
@@ -63,13 +63,15 @@ fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize]) -> Vec<&'a mut [T]> {
 
 /// Hands the blocks of the rows of an element's stiffness matrix that are wanted to `take`, each with its nodes a and
 /// b: K_ab = ∫ λ ∇φ_a ∇φ_bᵀ + μ ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I; where the dilatation is projected (`dilatation.rs`), λ is −2/3 μ
-/// there and the rest of it acts on what is left of the dilatation.
+/// there and the rest of it acts on what is left of the dilatation. Round an axis div has φ/x along x, too, and the strain of
+/// what goes round its 2μ.
 struct Blocks<'a, const D: usize, W, F>
 where
     ElementKind: Topology<D>,
 {
     mesh: &'a Mesh<D>,
     element: &'a mesh::Element<D>,
+    plane: Plane,
     /// Of each region.
     moduli: &'a [Moduli],
     /// Whether the row of a node is wanted.
@@ -93,9 +95,9 @@ where
             mu,
             projected,
         } = self.moduli[self.element.region as usize];
-        let points = E::stiffness_points(&x);
+        let points = self.plane.stiffness_points::<E, D, N, Q>(&x);
         let dilatation = (projected && E::DILATATION_MODES > 0)
-            .then(|| Dilatation::new(E::DILATATION_MODES, &points, &x));
+            .then(|| Dilatation::new(E::DILATATION_MODES, &points, &x, self.plane));
         // With κ = λ + 2/3 μ for what is projected.
         let (lambda, bulk) = match dilatation {
             Some(_) => (-2.0 / 3.0 * mu, lambda + 2.0 / 3.0 * mu),
@@ -118,6 +120,18 @@ where
                         }
                     }
                 }
+                if self.plane == Plane::Axisymmetric {
+                    let hoop = self.plane.hoop(point.place(&x));
+                    let ha = hoop * point.shape[a];
+                    for (b, block) in blocks.iter_mut().enumerate() {
+                        let (gb, hb) = (point.gradient[b], hoop * point.shape[b]);
+                        block[0][0] += l * (ga[0] * hb + ha * gb[0]) + (l + 2.0 * m) * ha * hb;
+                        for c in 1..D {
+                            block[0][c] += l * ha * gb[c];
+                            block[c][0] += l * ga[c] * hb;
+                        }
+                    }
+                }
             }
             for (b, mut block) in blocks.into_iter().enumerate() {
                 if let Some(dilatation) = &dilatation {
@@ -137,6 +151,7 @@ where
     mesh: &'a Mesh<D>,
     unknowns: &'a Unknowns<D>,
     incidence: Incidence,
+    plane: Plane,
     moduli: Vec<Moduli>,
 }
 
@@ -179,6 +194,7 @@ where
             element.kind().with(Blocks {
                 mesh: self.mesh,
                 element,
+                plane: self.plane,
                 moduli: &self.moduli,
                 wanted: |corner| row_of(corner).is_some(),
                 take: |a, b, block: &[[f64; D]; D]| {
@@ -275,6 +291,7 @@ where
         mesh: body.mesh,
         unknowns,
         incidence: Incidence::new(body.mesh),
+        plane: body.plane,
         moduli: body.moduli(),
     };
 
@@ -364,6 +381,7 @@ where
         element.kind().with(Blocks {
             mesh: body.mesh,
             element,
+            plane: body.plane,
             moduli: &moduli,
             wanted: |_| true,
             take: |a, b, block: &[[f64; D]; D]| {

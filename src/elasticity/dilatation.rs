@@ -4,6 +4,7 @@
 //! is linear in the place. With all of div u instead, nearly incompressible elements have as many constraints as unknowns and
 //! lock. The functions m are orthonormal in the element, so that ∫ (π div u)² is a sum of squares, Σ (∫ m div u)².
 
+use super::Plane;
 use crate::mesh::shape::Point;
 
 /// Most functions that a dilatation is projected on: 1, x, y, z.
@@ -11,7 +12,7 @@ const MOST: usize = 4;
 
 /// The projection in an element with N nodes.
 pub(super) struct Dilatation<const D: usize, const N: usize> {
-    /// ∫ m ∇φ for each function m and node.
+    /// ∫ m ∂(div u)/∂uₐ for each function m and node a.
     integrals: [[[f64; D]; N]; MOST],
     /// The functions in terms of 1 and the coordinates from the middle, one a row.
     functions: [[f64; MOST]; MOST],
@@ -21,8 +22,8 @@ pub(super) struct Dilatation<const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> Dilatation<D, N> {
-    /// On `count` functions, 1 or 1 + D, in an element with these points of integration.
-    pub fn new(count: usize, points: &[Point<D, N>], x: &[[f64; D]; N]) -> Self {
+    /// On `count` functions, 1 or 1 + D, in an element with these points of integration; `plane` is for the plane.
+    pub fn new(count: usize, points: &[Point<D, N>], x: &[[f64; D]; N], plane: Plane) -> Self {
         let volume: f64 = points.iter().map(|point| point.weight).sum();
         let mut middle = [0.0; D];
         for point in points {
@@ -65,8 +66,10 @@ impl<const D: usize, const N: usize> Dilatation<D, N> {
             made.functions[k] = function.map(|f| f / length);
             for (point, value) in points.iter().zip(own) {
                 let weight = point.weight * value / length;
-                for (integral, gradient) in made.integrals[k].iter_mut().zip(&point.gradient) {
-                    (0..D).for_each(|c| integral[c] += weight * gradient[c]);
+                let hoop = plane.hoop(point.place(x));
+                for (a, integral) in made.integrals[k].iter_mut().enumerate() {
+                    let part = point.divergence(a, hoop);
+                    (0..D).for_each(|c| integral[c] += weight * part[c]);
                 }
             }
         }
@@ -81,7 +84,7 @@ impl<const D: usize, const N: usize> Dilatation<D, N> {
         })
     }
 
-    /// Adds `factor` times Σ (∫ m ∇φ_a)(∫ m ∇φ_b)ᵀ to a block.
+    /// Adds `factor` times what Σ (∫ m div u)²/2 has of nodes a and b to a block.
     pub fn add(&self, factor: f64, [a, b]: [usize; 2], block: &mut [[f64; D]; D]) {
         for of in &self.integrals[..self.count] {
             for i in 0..D {

@@ -18,9 +18,10 @@ where
         traction: impl Fn([f64; D], [f64; D]) -> [f64; D],
         forces: &mut [[f64; D]],
     ) {
+        let depth = self.depth();
         self.on_boundary(facets, |nodes, point| {
             let t = traction(point.place, point.normal);
-            let weight = self.thickness * point.weight;
+            let weight = depth.at(point.place) * point.weight;
             for (&node, shape) in nodes.iter().zip(point.shape) {
                 for (force, t) in forces[node as usize].iter_mut().zip(t) {
                     *force += weight * shape * t;
@@ -31,8 +32,9 @@ where
 
     /// ∫ q φᵢ ds for every node i of the facets: the nodal share of a quantity q given per area.
     pub fn integrate_on_boundary(&self, facets: &[Facet<D>], q: Field<D>, shares: &mut [f64]) {
+        let depth = self.depth();
         self.on_boundary(facets, |nodes, point| {
-            let weight = self.thickness * point.weight * q(point.place);
+            let weight = depth.at(point.place) * point.weight * q(point.place);
             for (&node, shape) in nodes.iter().zip(point.shape) {
                 shares[node as usize] += weight * shape;
             }
@@ -116,18 +118,21 @@ where
         let x: [_; N] = self.body.mesh.coordinates(self.element);
         let material = self.body.materials[self.element.region as usize];
         // The points of the stiffness, so that uniform expansion leaves no stress.
-        let points = E::stiffness_points(&x);
-        let projected = material.is_projected(self.body.plane) && E::DILATATION_MODES > 0;
-        let dilatation = projected.then(|| Dilatation::new(E::DILATATION_MODES, &points, &x));
-        let pressure = material.thermal_pressure(self.body.plane) * self.body.thickness;
+        let plane = self.body.plane;
+        let points = plane.stiffness_points::<E, D, N, Q>(&x);
+        let projected = material.is_projected(plane) && E::DILATATION_MODES > 0;
+        let dilatation =
+            projected.then(|| Dilatation::new(E::DILATATION_MODES, &points, &x, plane));
+        let pressure = material.thermal_pressure(plane) * self.body.thickness;
         for point in &points {
             let place = point.place(&x);
             let warmth = (self.temperature)(self.element.region, place);
             let size = pressure * warmth * point.weight;
+            let hoop = plane.hoop(place);
             for (a, &node) in self.element.nodes().iter().enumerate() {
                 let gradient = match &dilatation {
                     Some(dilatation) => dilatation.gradient(place, a),
-                    None => point.gradient[a],
+                    None => point.divergence(a, hoop),
                 };
                 let force = &mut self.forces[node as usize];
                 (0..D).for_each(|c| force[c] += size * gradient[c]);
@@ -157,11 +162,12 @@ where
         let x: [_; N] = self.body.mesh.coordinates(self.element);
         let density = self.body.materials[self.element.region as usize].density;
         for point in E::load_points(&x) {
-            let b = (self.force)(point.place(&x), density);
+            let place = point.place(&x);
+            let b = (self.force)(place, density);
+            let depth = self.body.depth().at(place);
             for (&node, shape) in self.element.nodes().iter().zip(point.shape) {
                 for c in 0..D {
-                    self.forces[node as usize][c] +=
-                        self.body.thickness * point.weight * shape * b[c];
+                    self.forces[node as usize][c] += depth * point.weight * shape * b[c];
                 }
             }
         }

@@ -2,9 +2,10 @@
 
 use super::dilatation::Dilatation;
 use super::{Body, Material, Plane, Temperature};
+use crate::mesh::shape::sum;
 use crate::mesh::{self, ElementKind, ShapeFunctions, Topology, Visit};
 
-/// A state of stress, in Pa; in the plane σzz is perpendicular to it, and σyz and σzx are zero.
+/// A state of stress, in Pa; in the plane σzz is perpendicular to it, round an axis the hoop stress, and σyz and σzx are zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stress {
     /// σxx.
@@ -22,17 +23,18 @@ pub struct Stress {
 }
 
 impl Stress {
-    /// The stress under the displacement gradient ∂uᵢ/∂xⱼ, where the dilatation counts as another one if that is given;
-    /// `plane` is for the plane.
+    /// The stress under the displacement gradient ∂uᵢ/∂xⱼ and the strain of what goes round an axis, where the dilatation
+    /// counts as another one if that is given; `plane` is for the plane.
     fn of<const D: usize>(
         material: Material,
         plane: Plane,
         e: [[f64; D]; D],
+        hoop: f64,
         dilatation: Option<f64>,
     ) -> Self {
         let space = D == 3;
         let (lambda, mu) = material.lame(if space { Plane::PlaneStrain } else { plane });
-        let own = (0..D).map(|c| e[c][c]).sum::<f64>();
+        let own = (0..D).map(|c| e[c][c]).sum::<f64>() + hoop;
         // σ = 2μ dev ε + κ θ I with κ = λ + 2/3 μ.
         let trace = match dilatation {
             None => lambda * own,
@@ -48,6 +50,7 @@ impl Stress {
                 _ if space => normal(D - 1),
                 Plane::PlaneStrain => trace,
                 Plane::PlaneStress => 0.0,
+                Plane::Axisymmetric => trace + 2.0 * mu * hoop,
             },
             xy: shear(0, 1),
             yz: if space { shear(1, D - 1) } else { 0.0 },
@@ -90,7 +93,7 @@ impl Stress {
 
 /// Stresses at the nodes and in the middle of the elements, from the displacements of all nodes.
 ///
-/// At a node the mean of the surrounding elements, weighted with their areas (volumes). Each gives the stress extrapolated
+/// At a node the mean of the surrounding elements, weighted with their areas (volumes, those of rings too). Each gives the stress extrapolated
 /// from the points where it is most accurate: those that integrate the stiffness of the element of first order, and four
 /// (three) inside a tetrahedron (triangle) of second order. Across the border of two materials the nodal mean mixes both
 /// sides: the element values do not.
@@ -157,11 +160,15 @@ where
         let nodes = self.element.nodes();
         let material = self.body.materials[self.element.region as usize];
         let u: [[f64; D]; N] = std::array::from_fn(|a| self.displacement[nodes[a] as usize]);
-        let points = E::stiffness_points(&x);
-        let projected = material.is_projected(self.body.plane) && E::DILATATION_MODES > 0;
-        let dilatation = projected.then(|| Dilatation::new(E::DILATATION_MODES, &points, &x));
+        let plane = self.body.plane;
+        let points = plane.stiffness_points::<E, D, N, Q>(&x);
+        let projected = material.is_projected(plane) && E::DILATATION_MODES > 0;
+        let dilatation =
+            projected.then(|| Dilatation::new(E::DILATATION_MODES, &points, &x, plane));
         let stress_at = |xi: [f64; D]| {
             let point = E::at(xi, 1.0, &x);
+            let place = point.place(&x);
+            let hoop = plane.hoop(place) * sum(&point.shape, &u)[0];
             let mut e = [[0.0; D]; D];
             for (u, g) in u.iter().zip(&point.gradient) {
                 for i in 0..D {
@@ -170,15 +177,11 @@ where
                     }
                 }
             }
-            let dilatation = (dilatation.as_ref()).map(|of| of.at(point.place(&x), &u));
-            let mut stress = Stress::of(material, self.body.plane, e, dilatation);
+            let dilatation = (dilatation.as_ref()).map(|of| of.at(place, &u));
+            let mut stress = Stress::of(material, plane, e, hoop, dilatation);
             if let Some(temperature) = self.temperature {
-                let plane = if D == 3 {
-                    Plane::PlaneStrain
-                } else {
-                    self.body.plane
-                };
-                let warmth = temperature(self.element.region, point.place(&x));
+                let plane = if D == 3 { Plane::PlaneStrain } else { plane };
+                let warmth = temperature(self.element.region, place);
                 let pressure = material.thermal_pressure(plane) * warmth;
                 stress.relieve(pressure, plane == Plane::PlaneStress);
             }

@@ -106,6 +106,15 @@ impl<const D: usize, const N: usize> Point<D, N> {
     pub fn place(&self, x: &[[f64; D]; N]) -> [f64; D] {
         sum(&self.shape, x)
     }
+
+    /// What div u has of the motion of node a along each axis: its gradient, and what goes round where u_x stretches it by
+    /// `hoop`.
+    #[inline]
+    pub fn divergence(&self, a: usize, hoop: f64) -> [f64; D] {
+        let mut part = self.gradient[a];
+        part[0] += hoop * self.shape[a];
+        part
+    }
 }
 
 /// Σ wₐ xₐ.

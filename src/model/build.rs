@@ -118,10 +118,11 @@ where
     /// All of it but K: the bodies and their contacts, checked, and the nodal forces of the first step.
     pub(crate) fn draft(self) -> Result<(Elastic<D>, Vec<[f64; D]>), ModelError> {
         let Self {
-            mesh,
+            mut mesh,
             mut definition,
         } = self;
         definition.check()?;
+        definition.hold_axis(&mut mesh)?;
         definition.place_values(&mesh)?;
         let materials = definition.materials(&mesh)?;
         let body = Body {

@@ -293,13 +293,13 @@ where
             finite(&forces, places, "thermal expansion").map_err(at_fault)?;
             note(&forces, first.entity(0));
         }
-        if let Some((axis, speed)) = &self.rotation {
+        if let Some((_, speed)) = &self.rotation {
             let all = || Entity::all(EntityKind::Rotation);
             if body.materials.iter().all(|m| m.density == 0.0) {
                 return Err(all().error("there is a rotation, but no material has a density"));
             }
             let square = self.factor(&None, step) * speed * speed;
-            let force = |x, density| axis.across(x).map(|arm| square * density * arm);
+            let force = |x, density| self.arm(x).map(|arm| square * density * arm);
             body.add_body_force(None, force, &mut forces);
             finite(&forces, places, "rotation").map_err(|fault| all().error(fault))?;
             note(&forces, all());

@@ -33,7 +33,7 @@ pub(crate) struct Common {
     pub n: usize,
     regions: Vec<String>,
     materials: Vec<Material>,
-    is_plane_stress: bool,
+    plane: Plane,
     thickness: f64,
     supports: Vec<String>,
     support_centres: Vec<Vec<f64>>,
@@ -338,7 +338,7 @@ where
             n: D * elastic.unknowns.n_blocks(),
             regions: mesh.regions.clone(),
             materials: elastic.materials.clone(),
-            is_plane_stress: elastic.plane == Plane::PlaneStress,
+            plane: elastic.plane,
             thickness: elastic.thickness,
             supports: elastic.supports.clone(),
             support_centres: elastic.support_centres.iter().map(|x| x.to_vec()).collect(),
@@ -755,10 +755,7 @@ where
             .map(|&(node, c, s)| (node, c as usize, s as usize));
         let elastic = Elastic {
             materials: common.materials.clone(),
-            plane: match common.is_plane_stress {
-                true => Plane::PlaneStress,
-                false => Plane::PlaneStrain,
-            },
+            plane: common.plane,
             thickness: common.thickness,
             unknowns,
             held: held.collect(),

@@ -199,12 +199,17 @@ impl<const D: usize> Definition<D>
 where
     ElementKind: Topology<D>,
 {
-    /// The normals of the planes of symmetry that nodes lie on.
+    /// The normals of the planes of symmetry that nodes lie on, and those of an axis of revolution, which is one in the plane.
     pub(super) fn symmetry_planes(
         &self,
         mesh: &Mesh<D>,
     ) -> Result<HashMap<u32, Vec<[f64; D]>>, ModelError> {
         let mut planes: HashMap<u32, Vec<[f64; D]>> = HashMap::new();
+        for (node, &x) in (0..).zip(&mesh.nodes) {
+            if self.is_on_axis(x) {
+                planes.insert(node, vec![Way::Axis(0).vector()]);
+            }
+        }
         for (number, support) in self.supports.iter().enumerate() {
             let Target::Boundary(names) = &support.place else {
                 continue;

@@ -2,7 +2,7 @@
 
 use super::{NodeStatus, OfBodies};
 use crate::contact::Space;
-use crate::elasticity::internal_forces;
+use crate::elasticity::{Plane, internal_forces};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::Elastic;
@@ -30,7 +30,8 @@ pub struct ContactReport {
     pub stiffness: Option<String>,
     /// Resultant on the body of `boundary` along the axes, in the unit of force as all that follow.
     pub force: Vec<f64>,
-    /// Its moment about `centre`, in the unit of force times that of length: in the plane one number, about z.
+    /// Its moment about `centre`, in the unit of force times that of length: in the plane one number, about z; 0 of bodies of
+    /// revolution.
     pub moment: Vec<f64>,
     /// The centroid of what may come into contact.
     pub centre: Vec<f64>,
@@ -99,10 +100,11 @@ where
     })
 }
 
-/// The moment of a force at the end of an arm: about z in the plane, else about the axes.
-fn moment<const D: usize>(arm: [f64; D], force: [f64; D]) -> Vec<f64> {
+/// The moment of a force at the end of an arm: about z in the plane, else about the axes; that of a ring is none.
+fn moment<const D: usize>(plane: Plane, arm: [f64; D], force: [f64; D]) -> Vec<f64> {
     let about = |a: usize, b: usize| arm[a] * force[b] - arm[b] * force[a];
     match D {
+        2 if plane == Plane::Axisymmetric => vec![0.0],
         2 => vec![about(0, 1)],
         _ => vec![about(1, 2), about(2, 0), about(0, 1)],
     }
@@ -151,7 +153,7 @@ where
             friction: pair.friction.clone(),
             stiffness: pair.stiffness.clone(),
             force: vec![0.0; D],
-            moment: moment([0.0; D], [0.0; D]),
+            moment: moment(elastic.plane, [0.0; D], [0.0; D]),
             centre: centre.to_vec(),
             ..Default::default()
         })
@@ -168,7 +170,7 @@ where
         let whole = std::array::from_fn(|c| pressed[c] + rubbed[c]);
         add(
             &mut contact.moment,
-            &moment(minus(place, centres[pair]), whole),
+            &moment(elastic.plane, minus(place, centres[pair]), whole),
         );
         for k in (D - 1) * i..(D - 1) * (i + 1) {
             // What a compliant contact gives way by comes back.
@@ -240,7 +242,7 @@ where
         .map(|(name, centre)| SupportReport {
             support: name.clone(),
             force: vec![0.0; D],
-            moment: moment([0.0; D], [0.0; D]),
+            moment: moment(elastic.plane, [0.0; D], [0.0; D]),
             centre: centre.to_vec(),
         })
         .collect();
@@ -254,7 +256,7 @@ where
         let support = &mut supports[number];
         add(&mut support.force, &force);
         let arm = minus(elastic.mesh.nodes[node as usize], centres[number]);
-        add(&mut support.moment, &moment(arm, force));
+        add(&mut support.moment, &moment(elastic.plane, arm, force));
     }
     supports
 }

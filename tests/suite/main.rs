@@ -6,6 +6,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod axisymmetric;
 mod campaign;
 mod case_c;
 mod compliance;

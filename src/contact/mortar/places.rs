@@ -5,7 +5,7 @@ use super::{FacetShares, Mortar, Share, Shares, Site, add_to};
 use crate::contact::transformed::Transformed;
 use crate::contact::{ContactError, ContactPlace, PairOptions, checked, frame, mean};
 use crate::dense;
-use crate::elasticity::Body;
+use crate::elasticity::{Body, Depth};
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Groups, Mesh, Topology, border, facet_corners, facet_nodes};
 use faer::Mat;
@@ -66,7 +66,7 @@ where
 {
     pub fn new(body: &Body<D>, first: &Surface<D>, shares: &[FacetShares<D>]) -> Self {
         let keys = Keys::new(first, shares);
-        let transformed = Transformed::new(first.facets);
+        let transformed = Transformed::new(body.depth(), first.facets);
         let mut sums: BTreeMap<Key, Sums<D>> = BTreeMap::new();
         for (facet, shares) in shares.iter().enumerate() {
             let nodes = facet_nodes(&first.facets[facet]);
@@ -100,16 +100,18 @@ where
     ) -> Result<Vec<ContactPlace<D>>, ContactError> {
         // ∫ φ over all facets of a smooth part at a node, covered or not (of a quadrilateral a fourth of its area).
         let mut full: HashMap<(u32, u32), f64> = HashMap::new();
+        let depth = body.depth();
         for (number, facet) in first.facets.iter().enumerate() {
             let nodes = facet_nodes(facet);
+            let n_corners = facet_corners(facet).len();
             let mut parts = [first.measure[number] / nodes.len() as f64; 9];
-            if nodes.len() > facet_corners(facet).len() {
+            if nodes.len() > n_corners {
                 parts = [0.0; 9];
                 let (x, len) = body.mesh.places_of(facet);
                 <ElementKind as Topology<D>>::facet_points(&x[..len], |point| {
                     (0..len).for_each(|k| parts[k] += point.weight * point.shape[k]);
                 });
-                parts = Transformed::functions(len, parts);
+                parts = Transformed::functions(depth, len, n_corners, parts);
             }
             for (&node, part) in nodes.iter().zip(parts) {
                 *full.entry((node, first.part[number])).or_default() += part;
@@ -127,7 +129,7 @@ where
             of_parts.push(sums.parts);
             places.push(place);
         }
-        pool(&mut places, &of_parts, &whole, body.thickness);
+        pool(&mut places, &of_parts, &whole, depth);
         Ok(places)
     }
 }
@@ -488,12 +490,13 @@ fn pool<const D: usize>(
     places: &mut [ContactPlace<D>],
     parts: &[Parts],
     whole: &[f64],
-    thickness: f64,
+    depth: Depth,
 ) {
     let ways = D as i32 - 1;
-    let enough = |i: usize| whole[i] * thickness * 0.25_f64.powi(ways);
+    let enough = |i: usize| whole[i] * depth.at(places[i].place) * 0.25_f64.powi(ways);
+    let enough: Vec<f64> = (0..places.len()).map(enough).collect();
     let few: Vec<usize> = (0..places.len())
-        .filter(|&i| places[i].area < enough(i))
+        .filter(|&i| places[i].area < enough[i])
         .collect();
     let mut groups = Groups::new(places.len());
     if !few.is_empty() {
@@ -506,7 +509,7 @@ fn pool<const D: usize>(
             for near in tree.nearest_neighbor_iter(places[i].place) {
                 let (mine, j) = (groups.of(i as u32), near.data);
                 let to = minus(*near.geom(), places[i].place);
-                if area[mine as usize] >= enough(i) || length(to) > reach {
+                if area[mine as usize] >= enough[i] || length(to) > reach {
                     break;
                 }
                 let other = groups.of(j as u32);

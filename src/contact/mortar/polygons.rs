@@ -403,7 +403,7 @@ pub(super) fn covers(
                         master: there.shape,
                         normals: [slave.normal, near[piece.other].normal],
                         distance: there.height - here.height,
-                        weight: weight * slave.thickness,
+                        weight,
                     };
                     if own.is_curved() {
                         let normal = own.normal(here.xi);
@@ -419,7 +419,12 @@ pub(super) fn covers(
                         point.normals[1] = in_space(other.normal(there.xi));
                     }
                     if is_whole {
-                        let functions = Transformed::functions(slave.len, here.shape);
+                        let functions = Transformed::functions(
+                            slave.depth,
+                            slave.len,
+                            own.n_corners(),
+                            here.shape,
+                        );
                         cover.functions.extend(&functions[..slave.len]);
                     } else {
                         cover.functions.extend(hull.functions(p));

@@ -4,6 +4,7 @@
 use super::{
     CONVERGED, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet, missed,
 };
+use crate::contact::transformed::Transformed;
 use crate::mesh::shape::{LINE8, edge_at, edge_points, sum};
 use crate::mesh::vector::{dot, length, minus, unit};
 
@@ -112,7 +113,7 @@ pub(super) fn covers(
         normals: &slave.normals[..slave.len],
     };
     let is_curved = slave.len > 2;
-    let chord = length(minus(edge.x[1], edge.x[0])) * slave.thickness;
+    let chord = length(minus(edge.x[1], edge.x[0]));
     // How far the middle is off the chord, as a part of that.
     let bend = edge.x.get(2).map(|&middle| {
         let along = minus(edge.x[1], edge.x[0]);
@@ -151,6 +152,7 @@ pub(super) fn covers(
         };
         let mut take = |other: usize, s: f64, weight: f64| {
             let (x, n) = edge.at(s);
+            let depth = slave.depth.at(x);
             let master = &near[other];
             let (t, distance) = meet(x, n, master.places());
             let mut point = IntegrationPoint {
@@ -160,14 +162,14 @@ pub(super) fn covers(
                 master: [0.0; 9],
                 normals: [slave.normal, master.normal],
                 distance,
-                weight: weight * chord,
+                weight: weight * (chord * depth),
             };
             if is_curved {
                 let at = edge_at(edge.x, 2.0 * s - 1.0);
                 point.slave = at.shape;
                 let [[dx, dy]] = at.tangents;
                 point.normals[0] = unit([dy, -dx]);
-                point.weight = 2.0 * weight * length([dx, dy]) * slave.thickness;
+                point.weight = 2.0 * weight * length([dx, dy]) * depth;
             } else {
                 [point.slave[0], point.slave[1]] = [1.0 - s, s];
             }
@@ -180,7 +182,10 @@ pub(super) fn covers(
                 [point.master[0], point.master[1]] = [1.0 - t, t];
             }
             match (is_whole, is_curved) {
-                (true, _) => cover.functions.extend(&point.slave[..slave.len]),
+                (true, _) => {
+                    let beta = Transformed::functions(slave.depth, slave.len, 2, point.slave);
+                    cover.functions.extend(&beta[..slave.len]);
+                }
                 (false, false) => {
                     let along = (s - from) / (to - from);
                     cover.functions.extend([1.0 - along, along]);

@@ -1,0 +1,97 @@
+//! Bodies of revolution: what a model of one may say, and its axis.
+
+use super::Definition;
+use super::entities::Support;
+use super::error::{Entity, EntityKind, Fault, ModelError};
+use crate::contact::Space;
+use crate::elasticity::Plane;
+use crate::mesh::vector::length;
+use crate::mesh::{ElementKind, Location, Mesh};
+
+/// What the set of nodes on the axis is called, and what holds them there.
+const AXIS: &str = "axis of revolution";
+/// Nodes this near to the axis, in the size of the mesh, lie on it: files have six digits at least.
+const ON_AXIS: f64 = 1e-6;
+
+impl<const D: usize> Definition<D> {
+    fn is_of_revolution(&self) -> bool {
+        D == 2 && self.plane == Plane::Axisymmetric
+    }
+
+    /// Whether what it says can be meant of a body of revolution, if that is what it is.
+    pub(super) fn check_revolution(&self) -> Result<(), ModelError> {
+        if !self.is_of_revolution() {
+            return Ok(());
+        }
+        if self.thickness != 1.0 {
+            let text = "a body of revolution has no thickness: forces are for the whole ring; leave it out";
+            return Err(Entity::all(EntityKind::Thickness).error(text));
+        }
+        if self.gravity.is_some_and(|g| g[0] != 0.0) {
+            let text = "gravity of a body of revolution acts along its axis, which is y";
+            return Err(Entity::all(EntityKind::Gravity).error(text));
+        }
+        if let Some((axis, _)) = &self.rotation
+            && axis.across([0.0; D])[0] != 0.0
+        {
+            let text = "a body of revolution rotates about its axis, x = 0: leave point out";
+            return Err(Entity::all(EntityKind::Rotation).error(text));
+        }
+        let text = "x is radial and y axial of a body of revolution, and nothing acts around its axis: leave out axis and \
+                    what is said about it";
+        let held = |support: &Support<D>| support.axis.is_some();
+        if let Some(number) = self.supports.iter().position(held) {
+            return Err(self.supports[number].entity(number).error(text));
+        }
+        if let Some(number) = self.tractions.iter().position(|t| t.axis.is_some()) {
+            return Err(self.tractions[number].entity(number).error(text));
+        }
+        Ok(())
+    }
+
+    /// Moves what lies on the axis of a body of revolution onto it and holds it there: what is round it cannot open.
+    pub(super) fn hold_axis(&mut self, mesh: &mut Mesh<D>) -> Result<(), ModelError>
+    where
+        ElementKind: Space<D>,
+    {
+        if !self.is_of_revolution() {
+            return Ok(());
+        }
+        let (low, high) = mesh.bounding_box();
+        let same = ON_AXIS * length(std::array::from_fn::<_, D, _>(|c| high[c] - low[c]));
+        let mut on_axis = Vec::new();
+        for (number, x) in (0..).zip(&mut mesh.nodes) {
+            if x[0] < -same {
+                return Err(Entity::all(EntityKind::Model).error(Fault::Stated(format!(
+                    "the node at {} lies beyond the axis of revolution, x = 0: draw the half with x ≥ 0",
+                    Location::from(*x)
+                ))));
+            }
+            if x[0] <= same {
+                x[0] = 0.0;
+                on_axis.push(number);
+            }
+        }
+        if !on_axis.is_empty() {
+            mesh.node_sets.insert(AXIS.to_owned(), on_axis);
+            self.supports.push(Support::at_nodes(AXIS).x(0.0));
+        }
+        Ok(())
+    }
+
+    /// The way from the axis of its rotation, if it has one, to a point.
+    pub(super) fn arm(&self, x: [f64; D]) -> [f64; D] {
+        match &self.rotation {
+            _ if self.is_of_revolution() => {
+                std::array::from_fn(|c| if c == 0 { x[0] } else { 0.0 })
+            }
+            Some((axis, _)) => axis.across(x),
+            None => [0.0; D],
+        }
+    }
+
+    /// Of a node: whether the axis of a body of revolution passes through it.
+    pub(super) fn is_on_axis(&self, x: [f64; D]) -> bool {
+        self.is_of_revolution() && x[0] == 0.0
+    }
+}
