@@ -4,6 +4,7 @@
 //! through a mortar coupling of meshes that need not match ([`mortar_contact`]). What boundaries have in common is
 //! geometry of the plane or of space ([`Mortar`]); all else is written for any dimension ([`Space`]).
 
+mod equal;
 mod mortar;
 mod nodes;
 mod obstacle;
@@ -13,6 +14,7 @@ mod search;
 mod tests;
 mod transformed;
 
+pub use equal::equal_nodes;
 pub use mortar::{Mortar, MortarContact, Unmet, mortar_contact};
 pub use nodes::{Met, node_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
@@ -205,7 +207,7 @@ pub struct ContactPlace<const D: usize = 2> {
     /// The nodes of the other body that it meets, with weights that add up to 1; none for a rigid obstacle.
     pub partners: Vec<(u32, f64)>,
     /// Orthonormal directions, one a row: ν towards the obstacle or the other body, then the tangents, as [`frame`]
-    /// makes them.
+    /// makes them. (Of nodes that move alike the axes along which they do, and zeros for the others.)
     pub frame: [[f64; D]; D],
     /// Initial distance along ν.
     pub gap: f64,

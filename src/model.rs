@@ -58,12 +58,14 @@ pub use build::Draft;
 pub use build::{AnyBuilt, Built};
 pub use contacts::PairData;
 pub use elastic::Elastic;
-pub use entities::{BodyForce, Force, Names, Pair, Support, Temperature, Traction};
+pub use entities::{BodyForce, Equal, Force, Names, Pair, Support, Temperature, Traction};
 pub use error::{Entity, EntityKind, Fault, ModelError};
 pub use loads::{StepData, TemperatureField};
 pub use quantity::Quantity;
 pub use units::Units;
 
+#[cfg(feature = "case")]
+pub(crate) use entities::AXES;
 #[cfg(feature = "case")]
 pub(crate) use error::{nearest, without_boundaries};
 
@@ -100,6 +102,7 @@ pub(crate) struct Definition<const D: usize = 2> {
     pub(crate) rotation: Option<(Axis<D>, f64)>,
     pub(crate) pairs: Vec<Pair<D>>,
     pub(crate) ties: Vec<Pair<D>>,
+    pub(crate) equals: Vec<Equal<D>>,
     /// The factors of the load steps; None: one step with the factor 1.
     pub(crate) steps: Option<Vec<f64>>,
     /// None: not stated.
@@ -121,6 +124,7 @@ impl<const D: usize> Default for Definition<D> {
             rotation: None,
             pairs: Vec::new(),
             ties: Vec::new(),
+            equals: Vec::new(),
             steps: None,
             units: None,
         }
@@ -219,6 +223,12 @@ where
     /// Adds a tie: [`Pair::tied`].
     pub fn tie(mut self, pair: Pair<D>) -> Self {
         self.definition.ties.push(pair);
+        self
+    }
+
+    /// Adds sets of nodes that move alike.
+    pub fn equal(mut self, equal: Equal<D>) -> Self {
+        self.definition.equals.push(equal);
         self
     }
 
@@ -336,10 +346,12 @@ impl<const D: usize> Definition<D> {
                 (!tie.is_tie()).then_some("this is a contact and no tie: Pair::tied makes one");
             (tie.entity(i), tie.fault().or(stray))
         });
+        let equals = (self.equals.iter().enumerate()).map(|(i, e)| (e.entity(i), e.fault()));
         let mut all = (supports.chain(tractions).chain(volume))
             .chain(forces)
             .chain(pairs)
-            .chain(ties);
+            .chain(ties)
+            .chain(equals);
         match all.find_map(|(entity, fault)| Some(entity.error(fault?))) {
             Some(error) => Err(error),
             None => Ok(()),

@@ -229,6 +229,10 @@ class Model:
         """Hold boundaries of two bodies together in every direction; their meshes need not match."""
         return self.add("tie", boundary=boundary, against=against, adjust=adjust, edge_angle=edge_angle, **more)
 
+    def equal(self, sets: Names, *, directions: Names | None = None, **more: Any) -> Model:
+        """Let all nodes of a set move alike, along these axes (all if left out); of several sets each by itself."""
+        return self.add("equal", sets=sets, directions=directions, **more)
+
     def steps(self, factors: Sequence[float]) -> Model:
         """Make load steps: what loads and prescribed displacements are multiplied by in each, one after another."""
         return self._say("steps", factors=factors)

@@ -198,6 +198,9 @@ impl Case {
             _ if entity.kind == EntityKind::Tie && entity.number.is_some() => {
                 format!("tie {}: {fault}", entity.place)
             }
+            _ if entity.kind == EntityKind::Equal && entity.number.is_some() => {
+                format!("equal {}: {fault}", entity.place)
+            }
             // The line tells which part it is; who has given it a name knows it by that.
             _ if entity.place.starts_with('"') => format!("{entity}: {fault}"),
             _ => fault.to_string(),

@@ -1,7 +1,7 @@
 //! What the tables of a case say as parts of a model, in the dimension of its mesh.
 
 use super::tables::{
-    AxisTable, BodyForceTable, ContactTable, ForceTable, FrictionTable, MaterialTable,
+    AxisTable, BodyForceTable, ContactTable, EqualTable, ForceTable, FrictionTable, MaterialTable,
     ObstacleTable, OverlapTable, RotationTable, SupportTable, TemperatureTable, TieTable,
     TractionTable,
 };
@@ -9,8 +9,8 @@ use super::{NumberOrExpression, Tables};
 use crate::contact::Obstacle;
 use crate::elasticity::Material;
 use crate::model::{
-    Axis, BodyForce, Definition, Entity, EntityKind, Force, Names, Pair, Quantity, Support,
-    Temperature, Traction, Units,
+    AXES, Axis, BodyForce, Definition, Entity, EntityKind, Equal, Force, Names, Pair, Quantity,
+    Support, Temperature, Traction, Units,
 };
 use serde::Deserialize;
 use std::ops::Range;
@@ -350,6 +350,26 @@ impl TieTable {
     }
 }
 
+impl EqualTable {
+    fn equal<const D: usize>(&self) -> Result<Equal<D>, Wrong> {
+        let equal = with(Equal::of(self.sets.clone()), &self.name, Equal::named);
+        let Some(directions) = &self.directions else {
+            return Ok(equal);
+        };
+        let mut bound = [false; D];
+        for direction in directions.get_ref().all() {
+            let axis = AXES[..D].iter().position(|axis| axis == direction);
+            let Some(axis) = axis else {
+                let known = AXES[..D].join("\", \"");
+                let message = format!("\"{direction}\" is none of the directions \"{known}\"");
+                return Err((directions.span(), message));
+            };
+            bound[axis] = true;
+        }
+        Ok(equal.along(bound))
+    }
+}
+
 impl Tables {
     /// What they say of a model on a mesh of D dimensions; if a table says nothing that can be meant, its place and
     /// why.
@@ -378,6 +398,7 @@ impl Tables {
         let forces = (self.force.iter()).map(|table| table.get_ref().force(table.span()));
         let warmth = (self.temperature.iter()).map(|table| table.get_ref().temperature());
         let pairs = (self.contact.iter()).map(|table| table.get_ref().pair(table.span()));
+        let equals = (self.equal.iter()).map(|table| table.get_ref().equal());
         let analysis = &self.analysis;
         let plane = analysis.plane.as_ref().map(|p| ("plane", p.span()));
         let thickness = (analysis.thickness.as_ref()).map(|t| ("thickness", t.span()));
@@ -402,6 +423,7 @@ impl Tables {
             ties: (self.tie.iter())
                 .map(|table| table.get_ref().pair())
                 .collect(),
+            equals: equals.collect::<Result<_, _>>()?,
             steps: self.factors().map(<[f64]>::to_vec),
             units: self.units(),
         })
@@ -449,6 +471,7 @@ impl Tables {
             EntityKind::Rotation => self.analysis.rotation.as_ref().map(Spanned::span),
             EntityKind::Contact => of(&self.contact, number),
             EntityKind::Tie => of(&self.tie, number),
+            EntityKind::Equal => of(&self.equal, number),
             EntityKind::Thickness => self.analysis.thickness.as_ref().map(Spanned::span),
             EntityKind::Steps => self.steps.as_ref().map(Spanned::span),
             EntityKind::Units => self.units.as_ref().map(Spanned::span),

@@ -50,6 +50,9 @@ pub struct Tables {
     /// Boundaries that hold together.
     #[serde(default)]
     pub tie: Vec<Spanned<TieTable>>,
+    /// Sets of nodes that move alike.
+    #[serde(default)]
+    pub equal: Vec<Spanned<EqualTable>>,
     /// Load steps.
     pub steps: Option<Spanned<StepsTable>>,
     /// Matrices of the user's own, instead of a mesh.
@@ -428,6 +431,18 @@ pub struct TieTable {
     pub adjust: Option<f64>,
     /// Edges of the boundaries that are sharper, in degrees between the normals of neighbours, cut them into smooth parts.
     pub edge_angle: Option<f64>,
+}
+
+/// `[[equal]]`: sets of nodes that move alike, each by itself.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EqualTable {
+    /// What results call it, instead of its sets.
+    pub name: Option<String>,
+    /// A set of nodes whose displacements are equal, or several, each by itself.
+    pub sets: Names,
+    /// The axes along which they are: all if left out.
+    pub directions: Option<Spanned<Names>>,
 }
 
 /// What an overlap of the meshes is.

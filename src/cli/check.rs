@@ -372,6 +372,14 @@ where
     ElementKind: Topology<D>,
 {
     let length = case.units().length;
+    if pair.is_equal() {
+        let name = (pair.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" of "));
+        lines.push(format!(
+            "equal         {name}\"{}\": {} nodes move as another one does, {}",
+            pair.boundary, pair.places, pair.friction
+        ));
+        return;
+    }
     lines.push(format!(
         "{}{}\"{}\" / {}: {} places, {:.4e} {length}², initial gap {:.4e} to {:.4e} {length}, {}; \
          {} of them within the search distance {:.4e} {length}",

@@ -182,12 +182,21 @@ where
         ways.any(|way| dot(outward, way) > FACES)
     });
     let facing: Vec<Facet<D>> = facing.copied().collect();
-    let mut shares = vec![0.0; body.mesh.nodes.len()];
-    body.integrate_on_boundary(&facing, &|_| 1.0, &mut shares);
-    super::transformed::Transformed::new(body.depth(), &facing).share(&mut shares);
+    let shares = shares(body, &facing);
     let all = nodes.iter().map(|&node| shares[node as usize]);
     all.map(|area| if area > 0.0 { area } else { 1.0 })
         .collect()
+}
+
+/// The share that each node of the mesh has of the area of facets.
+pub(super) fn shares<const D: usize>(body: &Body<D>, facets: &[Facet<D>]) -> Vec<f64>
+where
+    ElementKind: Topology<D>,
+{
+    let mut shares = vec![0.0; body.mesh.nodes.len()];
+    body.integrate_on_boundary(facets, &|_| 1.0, &mut shares);
+    super::transformed::Transformed::new(body.depth(), facets).share(&mut shares);
+    shares
 }
 
 /// The point of facets that is nearest to x, within a distance along its normal; none beyond their rim.

@@ -51,7 +51,7 @@ const PASSED_OVER: [&str; 42] = [
 ];
 
 /// Why keywords are refused that decks often have.
-const REASONS: [(&str, &str); 39] = [
+const REASONS: [(&str, &str); 38] = [
     ("BEAM SECTION", "there are no beams"),
     ("BUCKLE", "there is no buckling analysis"),
     (
@@ -74,10 +74,6 @@ const REASONS: [(&str, &str); 39] = [
         "nodes cannot be coupled to a reference node",
     ),
     ("DYNAMIC", "inertia is not taken into account"),
-    (
-        "EQUATION",
-        "displacements of nodes cannot be made to depend on each other",
-    ),
     ("FLUID SECTION", "there are no fluids"),
     ("FREQUENCY", "there is no modal analysis"),
     ("GAP", "there are no gap elements: use a contact pair"),
@@ -306,6 +302,15 @@ pub(super) struct Clearance {
     pub value: f64,
 }
 
+/// An equation that makes two displacements equal.
+pub(super) struct Equation<'a> {
+    pub line: usize,
+    /// Nodes, or sets of them.
+    pub sides: [&'a str; 2],
+    /// From 0.
+    pub component: usize,
+}
+
 /// `*TRANSFORM`.
 pub(super) struct Transform<'a> {
     pub set: &'a str,
@@ -330,6 +335,7 @@ pub(super) struct Said<'a> {
     pub ties: Vec<TieCard<'a>>,
     pub clearances: Vec<Clearance>,
     pub transforms: Vec<Transform<'a>>,
+    pub equations: Vec<Equation<'a>>,
     /// The types of the elements of bodies, in capitals.
     pub types: BTreeSet<String>,
     pub refusals: Vec<Refusal>,
@@ -523,6 +529,7 @@ impl<'a> Said<'a> {
             "FRICTION" => self.friction(card)?,
             "CONTACT PAIR" => self.pairs(card)?,
             "TIE" => self.ties(card)?,
+            "EQUATION" => self.equations(card)?,
             "CLEARANCE" => {
                 let option = |name| {
                     k.option(name)
@@ -825,6 +832,51 @@ impl<'a> Said<'a> {
                 master,
                 tolerance,
             });
+        }
+        Ok(())
+    }
+
+    /// The equations of a keyword: a line with the number of terms, and terms in lines below it.
+    fn equations(&mut self, card: &Card<'a>) -> Result<()> {
+        self.only(&card.keyword, &[]);
+        let mut lines = card.data.iter();
+        while let Some(&(line, text)) = lines.next() {
+            let count = entries(text).next().unwrap_or_default();
+            let Some(count) = count.parse().ok().filter(|&count: &usize| count > 0) else {
+                let text = format!("*EQUATION: \"{count}\" is not a number of terms");
+                return Err((line, text));
+            };
+            let mut terms: Vec<(&str, u64, f64)> = Vec::new();
+            while terms.len() < count {
+                let few = || (line, "*EQUATION has fewer terms than it says".to_owned());
+                let &(line, text) = lines.next().ok_or_else(few)?;
+                let mut all: Vec<&str> = entries(text).map(plain).collect();
+                while all.last().is_some_and(|last| last.is_empty()) {
+                    all.pop();
+                }
+                for term in all.chunks(3) {
+                    let [target, direction, factor] = *term else {
+                        let text =
+                            "*EQUATION has a node or set, a direction and a factor for each term";
+                        return Err((line, text.to_owned()));
+                    };
+                    terms.push((target, component(line, direction)?, value(line, factor)?));
+                }
+            }
+            match terms[..] {
+                [(first, c, a), (second, d, b)] if c == d && c <= 3 && a == -b && a != 0.0 => {
+                    self.equations.push(Equation {
+                        line,
+                        sides: [first, second],
+                        component: c as usize - 1,
+                    });
+                }
+                _ => self.refuse(
+                    line,
+                    "EQUATION",
+                    "*EQUATION: displacements can only be made equal: two terms in one direction, with factors a and −a",
+                ),
+            }
         }
         Ok(())
     }

@@ -75,6 +75,9 @@ struct Translation<'a, 'i> {
     section: Vec<Option<usize>>,
     /// The regions of the sections: section, name, elements.
     regions: Vec<(usize, String, Vec<u32>)>,
+    /// Displacements that are equal, by direction and node, as numbers of `equal`.
+    equal_of: BTreeMap<(usize, u32), usize>,
+    equal: Vec<Equal>,
     /// Numbers of the sets that are made here, by what they are called.
     made: BTreeMap<&'static str, usize>,
 }
@@ -101,14 +104,18 @@ pub(super) fn case(
         used: index.used_nodes(),
         section: vec![None; index.n_elements()],
         regions: Vec::new(),
+        equal_of: BTreeMap::new(),
+        equal: Vec::new(),
         made: BTreeMap::new(),
         index,
     };
     translation.head(mesh);
     translation.materials()?;
+    translation.equations()?;
     translation.nodes(Kind::Boundary)?;
     translation.distributed()?;
     translation.nodes(Kind::Force)?;
+    translation.put_equal();
     translation.temperatures()?;
     translation.contacts()?;
     translation.steps();
@@ -117,6 +124,16 @@ pub(super) fn case(
         notes: translation.notes,
     };
     Ok((made, translation.refusals))
+}
+
+/// Nodes of bodies whose displacements along an axis are equal.
+struct Equal {
+    line: usize,
+    component: usize,
+    /// Sorted.
+    nodes: Vec<u32>,
+    /// Whether a support says what these displacements are: then it does so for all of them.
+    held: bool,
 }
 
 /// Nodes with the same values of one component.
@@ -298,6 +315,115 @@ impl Translation<'_, '_> {
         Ok(of_node)
     }
 
+    /// Which displacements are equal.
+    fn equations(&mut self) -> Result<()> {
+        let transforms = self.transforms()?;
+        // The groups so far, and which one a displacement is in.
+        let mut groups: Vec<(usize, Vec<(usize, u32)>)> = Vec::new();
+        for equation in &self.said.equations {
+            let (line, component) = (equation.line, equation.component);
+            let [first, second] = equation.sides;
+            let (first, second) = (
+                self.index.nodes(line, first)?,
+                self.index.nodes(line, second)?,
+            );
+            if second.len() != 1 && second.len() != first.len() {
+                let text =
+                    "*EQUATION: both sets have as many nodes as each other, or the second has one";
+                return Err((line, text.to_owned()));
+            }
+            if component >= self.dimension {
+                continue;
+            }
+            let mut all = first.iter().chain(&second);
+            if all.any(|node| transforms.contains_key(node)) {
+                let text = "*EQUATION: displacements are equal along the axes, and not in directions of a *TRANSFORM";
+                self.refuse(line, "EQUATION", text);
+                continue;
+            }
+            for (node, other) in first.iter().zip(second.iter().cycle()) {
+                let ends = [(component, *node), (component, *other)];
+                let [a, b] = ends.map(|end| {
+                    *self.equal_of.entry(end).or_insert_with(|| {
+                        groups.push((line, vec![end]));
+                        groups.len() - 1
+                    })
+                });
+                if a != b {
+                    let moved = std::mem::take(&mut groups[a.max(b)].1);
+                    for &end in &moved {
+                        self.equal_of.insert(end, a.min(b));
+                    }
+                    groups[a.min(b)].1.extend(moved);
+                }
+            }
+        }
+        self.equal = (groups.into_iter())
+            .map(|(line, ends)| {
+                let of_bodies = ends.iter().map(|end| end.1);
+                let mut nodes: Vec<u32> =
+                    of_bodies.filter(|&node| self.used[node as usize]).collect();
+                nodes.sort_unstable();
+                Equal {
+                    line,
+                    component: ends.first().map_or(0, |end| end.0),
+                    nodes,
+                    held: false,
+                }
+            })
+            .collect();
+        Ok(())
+    }
+
+    /// The nodes that something said of a node is about: it is equal to others, or no node of a body at all.
+    fn meant(&mut self, kind: Kind, node: u32, component: usize) -> Vec<u32> {
+        let own = self.used[node as usize];
+        match self.equal_of.get(&(component, node)) {
+            Some(&number) if kind == Kind::Boundary => {
+                self.equal[number].held = true;
+                self.equal[number].nodes.clone()
+            }
+            // A force moves all of them, wherever it acts.
+            Some(&number) if !own && self.equal[number].nodes.is_empty() => Vec::new(),
+            Some(_) => vec![node],
+            None if own => vec![node],
+            _ => Vec::new(),
+        }
+    }
+
+    /// The nodes that move alike, as far as no support says how they move: a table for each choice of axes.
+    fn put_equal(&mut self) {
+        let mut axes: BTreeMap<Vec<u32>, (usize, BTreeSet<usize>)> = BTreeMap::new();
+        for one in std::mem::take(&mut self.equal) {
+            if one.nodes.len() > 1 && !one.held {
+                let here = axes.entry(one.nodes).or_insert((one.line, BTreeSet::new()));
+                here.0 = here.0.min(one.line);
+                here.1.insert(one.component);
+            }
+        }
+        let mut tables: BTreeMap<BTreeSet<usize>, (usize, Vec<Vec<u32>>)> = BTreeMap::new();
+        for (nodes, (line, axes)) in axes {
+            let here = tables.entry(axes).or_insert((line, Vec::new()));
+            here.0 = here.0.min(line);
+            here.1.push(nodes);
+        }
+        for (axes, (line, sets)) in tables {
+            let names: Vec<String> = (sets.into_iter())
+                .map(|nodes| {
+                    let name = self.name("equal");
+                    self.index.add_nodes(&name, &nodes);
+                    quoted(&name)
+                })
+                .collect();
+            self.table(line, "[[equal]]");
+            self.put(format_args!("sets = [{}]", names.join(", ")));
+            if axes.len() < self.dimension {
+                let axes: Vec<String> = axes.iter().map(|&axis| quoted(AXES[axis])).collect();
+                self.put(format_args!("directions = [{}]", axes.join(", ")));
+            }
+        }
+    }
+
     /// Supports or forces of nodes, a table for each set of nodes that have the same.
     fn nodes(&mut self, kind: Kind) -> Result<()> {
         let transforms = self.transforms()?;
@@ -325,10 +451,6 @@ impl Translation<'_, '_> {
             let origin = self.index.set_name(true, target).map_or("", |_| target);
             for node in self.index.nodes(load.line, target)? {
                 let transform = transforms.get(&node).copied();
-                if !self.used[node as usize] {
-                    self.unused(kind, load.line, &mut reported);
-                    continue;
-                }
                 if kind == Kind::Force && transform.is_some() && value != 0.0 {
                     let text =
                         "*CLOAD: a force has the directions of the axes, and none of a *TRANSFORM";
@@ -345,12 +467,19 @@ impl Translation<'_, '_> {
                         }
                         continue;
                     }
-                    let key = (node, component);
-                    tracks.set(key, load.line, origin, step, value, load.amplitude);
+                    let meant = self.meant(kind, node, component);
+                    if meant.is_empty() {
+                        self.unused(kind, load.line, &mut reported);
+                    }
+                    for node in meant {
+                        let key = (node, component);
+                        tracks.set(key, load.line, origin, step, value, load.amplitude);
+                    }
                 }
             }
         }
-        let mut alike: BTreeMap<(String, usize, Option<usize>, Vec<u64>), Alike> = BTreeMap::new();
+        type Same = (String, usize, Option<usize>, Vec<u64>, Option<u32>);
+        let mut alike: BTreeMap<Same, Alike> = BTreeMap::new();
         for ((node, component), track) in &tracks.all {
             if kind == Kind::Boundary && (track.begins() > 0 || track.ends()) {
                 if reported.insert(track.line) {
@@ -366,17 +495,27 @@ impl Translation<'_, '_> {
             let transform = transforms.get(node).copied();
             let transform = transform.filter(|_| kind == Kind::Boundary);
             let bits = values.iter().map(|v| v.to_bits()).collect();
-            let key = (track.origin.clone(), *component, transform, bits);
+            // A node of no body has its force on one that moves as it does, beside what that one has itself.
+            let bare = Some(*node).filter(|&node| !self.used[node as usize]);
+            let origin = match bare {
+                None => track.origin.clone(),
+                Some(_) => String::new(),
+            };
+            let node = match (bare, self.equal_of.get(&(*component, *node))) {
+                (Some(_), Some(&number)) => self.equal[number].nodes[0],
+                _ => *node,
+            };
+            let key = (origin.clone(), *component, transform, bits, bare);
             let here = alike.entry(key).or_insert_with(|| Alike {
                 line: track.line,
                 component: *component,
                 values,
                 nodes: Vec::new(),
                 transform,
-                origin: track.origin.clone(),
+                origin,
             });
             here.line = here.line.min(track.line);
-            here.nodes.push(*node);
+            here.nodes.push(node);
         }
         let mut alike: Vec<Alike> = alike.into_values().collect();
         alike.sort_by_key(|one| (one.line, one.component));

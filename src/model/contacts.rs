@@ -5,10 +5,10 @@ use super::entities::{Against, Law};
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::outer_facets;
 use super::supports::{Prescriptions, nodes_of_sets};
-use super::{Definition, Pair, Units};
+use super::{Definition, Equal, Pair, Units};
 use crate::contact::{
     ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Friction, Met, Obstacle, PairOptions,
-    Space, Unmet, mortar_contact, node_contact, obstacle_contact,
+    Space, Unmet, equal_nodes, mortar_contact, node_contact, obstacle_contact,
 };
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{length, minus};
@@ -37,7 +37,7 @@ where
     pub friction: String,
     /// Whether that is Tresca's.
     pub tresca: bool,
-    /// Whether it is a tie.
+    /// Whether it is a tie, or nodes that move alike.
     pub tied: bool,
     /// The stiffness of the contact itself; None where it is hard.
     pub stiffness: Option<String>,
@@ -63,10 +63,16 @@ impl<const D: usize> PairData<D>
 where
     ElementKind: Topology<D>,
 {
+    /// Whether it is nodes that move alike: with no other side.
+    pub fn is_equal(&self) -> bool {
+        self.tied && self.others.is_empty()
+    }
+
     /// What results call it: its name or, where it has none, both sides.
     pub fn title(&self) -> String {
         match &self.name {
             Some(name) => name.clone(),
+            None if self.is_equal() => self.boundary.clone(),
             None => format!("{} / {}", self.boundary, self.against),
         }
     }
@@ -249,6 +255,46 @@ where
     }
 }
 
+impl<const D: usize> Equal<D>
+where
+    ElementKind: Space<D>,
+{
+    /// Its places.
+    fn find(&self, body: &Body<D>) -> Result<Found<D>, Fault> {
+        let mut sets = Vec::new();
+        for name in self.sets.all() {
+            let nodes = nodes_of_sets(body.mesh, &name.clone().into())?;
+            if nodes.len() < 2 {
+                let text =
+                    format!("the set of nodes \"{name}\" has one node: it needs two at least");
+                return Err(Fault::Stated(text));
+            }
+            sets.push(nodes);
+        }
+        let data = PairData {
+            name: self.name.clone(),
+            boundary: self.title(),
+            facets: Vec::new(),
+            others: Vec::new(),
+            against: "each other".to_owned(),
+            obstacle: None,
+            friction: format!("equal along {}", self.directions()),
+            tresca: false,
+            tied: true,
+            stiffness: None,
+            search_distance: 0.0,
+            unmet: None,
+            arcs: None,
+            within: 0,
+            kept: 0,
+            places: 0,
+            area: 0.0,
+            gap: [f64::INFINITY, f64::NEG_INFINITY],
+        };
+        Ok((equal_nodes(body, &sets, self.bound), data))
+    }
+}
+
 impl<const D: usize> Definition<D>
 where
     ElementKind: Space<D>,
@@ -262,8 +308,10 @@ where
             pair_of: Vec::new(),
             pairs: Vec::new(),
         };
-        for (number, pair) in self.pairs.iter().chain(&self.ties).enumerate() {
-            let found = pair.find(body, &units, &symmetry);
+        let pairs = self.pairs.iter().chain(&self.ties);
+        let pairs = pairs.map(|pair| pair.find(body, &units, &symmetry));
+        let equals = self.equals.iter().map(|equal| equal.find(body));
+        for (number, found) in pairs.chain(equals).enumerate() {
             let (mut places, data) =
                 found.map_err(|fault| self.pair_entity(number).error(fault))?;
             let before = all.places.len() as u32;
@@ -327,11 +375,14 @@ where
         }
     }
 
-    /// A contact or, of numbers beyond these, a tie.
+    /// A contact or, of numbers beyond these, a tie or nodes that move alike.
     fn pair_entity(&self, number: usize) -> Entity {
-        match number.checked_sub(self.pairs.len()) {
-            None => self.pairs[number].entity(number),
-            Some(tie) => self.ties[tie].entity(tie),
+        let Some(tie) = number.checked_sub(self.pairs.len()) else {
+            return self.pairs[number].entity(number);
+        };
+        match tie.checked_sub(self.ties.len()) {
+            None => self.ties[tie].entity(tie),
+            Some(equal) => self.equals[equal].entity(equal),
         }
     }
 

@@ -60,7 +60,7 @@ impl fmt::Display for Names {
 }
 
 /// What the components of a vector are called.
-pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
+pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// What parts that results speak of have in common: a name.
 macro_rules! with_a_name {
@@ -88,6 +88,7 @@ with_a_name!(Traction);
 with_a_name!(BodyForce);
 with_a_name!(Force);
 with_a_name!(Temperature);
+with_a_name!(Equal);
 with_a_name!(Pair);
 
 /// What supports, tractions, forces and body forces have in common: a quantity along each axis, and load factors.
@@ -542,6 +543,59 @@ impl<const D: usize> Force<D> {
             2 => "a force needs x or y",
             _ => "a force needs x, y or z",
         }))
+    }
+}
+
+/// Sets of nodes that move alike: all nodes of a set have the same displacement. Each set moves by itself.
+#[derive(Clone, Debug)]
+pub struct Equal<const D: usize = 2> {
+    pub(super) sets: Names,
+    /// Along which axes.
+    pub(super) bound: [bool; D],
+    pub(super) name: Option<String>,
+}
+
+impl<const D: usize> Equal<D> {
+    /// The nodes of a set ([`Mesh::node_sets`](crate::mesh::Mesh::node_sets)), or those of each of several, along all axes.
+    pub fn of(sets: impl Into<Names>) -> Self {
+        Self {
+            sets: sets.into(),
+            bound: [true; D],
+            name: None,
+        }
+    }
+
+    /// Only along these axes.
+    pub fn along(mut self, bound: [bool; D]) -> Self {
+        self.bound = bound;
+        self
+    }
+
+    pub(super) fn entity(&self, number: usize) -> Entity {
+        let place = format!("of \"{}\"", self.title());
+        Entity::one(EntityKind::Equal, number, self.place(place))
+    }
+
+    pub(super) fn fault(&self) -> Option<&'static str> {
+        if self.sets.all().is_empty() {
+            return Some("it needs at least one set of nodes");
+        }
+        (self.bound == [false; D]).then_some("directions needs at least one axis")
+    }
+
+    /// Its sets, as far as they are few.
+    pub(super) fn title(&self) -> String {
+        match self.sets.all() {
+            [first, .., last] if self.sets.all().len() > 3 => format!("{first} … {last}"),
+            _ => self.sets.to_string(),
+        }
+    }
+
+    /// Its axes, in words.
+    pub(super) fn directions(&self) -> String {
+        let bound = AXES.iter().zip(self.bound).filter(|axis| axis.1);
+        let names: Vec<&str> = bound.map(|(name, _)| *name).collect();
+        names.join(", ")
     }
 }
 

@@ -50,6 +50,8 @@ pub enum EntityKind {
     Contact,
     /// A tie.
     Tie,
+    /// Nodes that move alike.
+    Equal,
     /// The thickness.
     Thickness,
     /// Gravity.
@@ -162,6 +164,7 @@ impl fmt::Display for Entity {
             EntityKind::Rotation => ("rotation", "rotation"),
             EntityKind::Contact => ("contact", "contacts"),
             EntityKind::Tie => ("tie", "ties"),
+            EntityKind::Equal => ("equal nodes", "equal nodes"),
             EntityKind::Thickness => ("thickness", "thickness"),
             EntityKind::Gravity => ("gravity", "gravity"),
             EntityKind::Steps => ("load steps", "load steps"),

@@ -84,8 +84,13 @@ where
             let (svg, view) = Self::deformed(&format!("{title}{of_step}"), &bodies);
             picture("deformed", usual, svg, view)
         };
-        let contacts = pairs.par_iter().enumerate().map(|(number, pair)| {
-            let name = match pairs.len() {
+        // Nodes that move alike are no surface.
+        let drawn = pairs.par_iter().filter(|pair| !pair.is_equal());
+        let n_drawn = drawn.count();
+        let all = pairs.par_iter().enumerate();
+        let contacts = all.filter(|(_, pair)| !pair.is_equal());
+        let contacts = contacts.map(|(number, pair)| {
+            let name = match n_drawn {
                 1 => "contact".to_owned(),
                 _ => format!("contact-{}", number + 1),
             };

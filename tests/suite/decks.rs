@@ -229,6 +229,87 @@ fn transforms_turn_supports() {
     }
 }
 
+/// Equations that make displacements equal: of nodes, sets and chains, and by a node that no element has, which is pulled or driven.
+#[test]
+fn equations_make_displacements_equal() {
+    let load = format!("{STATIC}*CLOAD\n5,1,10.\n*END STEP\n");
+    let on_bare = format!("{STATIC}*CLOAD\n99,1,10.\n*END STEP\n");
+    let driven = format!("{STATIC}*BOUNDARY\n99,1,1,0.4\n*END STEP\n");
+    let shared = format!("{STATIC}*CLOAD\n99,1,7.\n15,1,3.\n*END STEP\n");
+    for (equation, steps) in [
+        ("2\n15,1,1.,5,1,-1.\n", &load),
+        // Two lines for the terms, and two equations.
+        (
+            "2\n15,1,-2.,\n14,1,2.,\n2\n13,2,1.,15,2,-1.\n",
+            &String::new(),
+        ),
+        ("2\nNright,1,1.,99,1,-1.\n", &on_bare),
+        ("2\n15,1,1.,5,1,-1.\n2\n99,1,-0.5,15,1,0.5\n", &on_bare),
+        ("2\n99,1,1.,15,1,-1.\n2\n5,1,1.,99,1,-1.\n", &driven),
+        ("2\nNright,1,1.,99,1,-1.\n", &shared),
+    ] {
+        if steps.is_empty() {
+            let deck = read(&strip(&format!("*EQUATION\n{equation}{load}")), &[], &[]).or_panic();
+            for table in [
+                "\n[[equal]]\nsets = [\"equal-1\"]\ndirections = [\"x\"]\n",
+                "\n[[equal]]\nsets = [\"equal-2\"]\ndirections = [\"y\"]\n",
+            ] {
+                assert!(deck.case.contains(table), "{}", deck.case);
+            }
+            continue;
+        }
+        let deck = read(&strip(&format!("*EQUATION\n{equation}{steps}")), &[], &[]).or_panic();
+        let u = displacements(&built(&deck)).remove(0);
+        for (&number, u) in deck.node_numbers.iter().zip(u) {
+            let expected = 0.1 * ((number - 1) % 10) as f64;
+            assert!((u[0] - expected).abs() < 1e-9, "{equation}: {number} {u:?}");
+        }
+    }
+    for (equation, what) in [
+        (
+            "2\n15,1,1.,5,1,1.\n",
+            "displacements can only be made equal",
+        ),
+        (
+            "2\n15,1,1.,5,2,-1.\n",
+            "displacements can only be made equal",
+        ),
+        (
+            "3\n15,1,1.,5,1,-1.,4,1,1.\n",
+            "displacements can only be made equal",
+        ),
+    ] {
+        let error = read(&strip(&format!("*EQUATION\n{equation}{load}")), &[], &[]);
+        let error = error.expect_err(equation);
+        assert!(error.contains(what) && error.contains("line 39"), "{error}");
+    }
+    let turned = format!(
+        "*TRANSFORM,NSET=Nright,TYPE=C\n0,0,0,0,0,1\n*EQUATION\n2\n15,1,1.,5,1,-1.\n{load}"
+    );
+    let error = read(&strip(&turned), &[], &[]).expect_err("directions of a transform");
+    assert!(
+        error.contains("not in directions of a *TRANSFORM"),
+        "{error}"
+    );
+    for (equation, what) in [
+        ("2\n15,1,1.\n", "fewer terms than it says"),
+        ("two\n15,1,1.\n", "\"two\" is not a number of terms"),
+        (
+            "2\n15,1\n5,1,-1.\n",
+            "a node or set, a direction and a factor",
+        ),
+        ("2\nNall,1,1.,Nright,1,-1.\n", "as many nodes as each other"),
+    ] {
+        let error = read(
+            &strip(&format!("*EQUATION\n{equation}{STATIC}*END STEP\n")),
+            &[],
+            &[],
+        );
+        let error = error.expect_err(equation);
+        assert!(error.contains(what), "{error}");
+    }
+}
+
 /// Data in other files, of nodes and of loads; none from outside of the folder, none in circles.
 #[test]
 fn files_that_a_deck_names_are_read() {
@@ -379,6 +460,12 @@ const DECKS: &[&str] = &[
     "plate",
     "contact4",
     "cubespring",
+    "contact3",
+    "contact6",
+    "fricloop",
+    "achtel2",
+    "beampdepmpc",
+    "oneel",
 ];
 
 /// The displacements of the last step in an .frd file, by the numbers of nodes.

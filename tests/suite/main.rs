@@ -16,6 +16,7 @@ mod coulomb_space;
 mod counts;
 mod decks;
 mod elastic;
+mod equal;
 mod export;
 mod gmsh;
 mod gpu;
