@@ -4,6 +4,7 @@
 //! it: [`read`]. What changes the result and cannot be said in a case is refused, all of it in one message; what does not is
 //! passed over. `docs/decks.md` says what is understood.
 
+mod adjust;
 mod cards;
 mod history;
 mod translate;
@@ -148,10 +149,18 @@ pub fn read(path: &Path, mesh: &str, ignored: &[String]) -> Result<Deck, DeckErr
         let note = format!("{}: *{keyword} is passed over", place(*line));
         translated.notes.push(note);
     }
+    let node_numbers = index.node_numbers();
+    let mesh =
+        adjust::adjusted(index.finish()?, &translated.adjustments).map_err(|(line, error)| {
+            let text = format!(
+                "ADJUST= moves nodes of the slave surface onto the master surface, and {error}"
+            );
+            deck.error((line, text))
+        })?;
     Ok(Deck {
         path: path.to_owned(),
-        node_numbers: index.node_numbers(),
-        mesh: index.finish()?,
+        node_numbers,
+        mesh,
         case: translated.text,
         notes: translated.notes,
     })

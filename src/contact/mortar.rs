@@ -416,6 +416,8 @@ struct Share<const D: usize> {
     bound: f64,
     /// ∫ ψᵢ gap.
     gap: f64,
+    /// Whether the sides overlap anywhere there.
+    overlaps: bool,
     /// ∫ βᵢ n of the slave boundary and of the master boundary.
     normals: [[f64; D]; 2],
     /// ∫ ψᵢ φₖ over the nodes of the facet; none where it is wholly covered: there ∫ ψᵢ Ñₖ are δᵢₖ ∫ βᵢ.
@@ -474,6 +476,7 @@ where
                 area,
                 bound: 0.0,
                 gap: 0.0,
+                overlaps: false,
                 normals: [[0.0; D]; 2],
                 own: (!cover.is_whole).then_some([0.0; 9]),
                 partners: Vec::new(),
@@ -509,6 +512,7 @@ where
                     sum + dual[(i, k)] * beta[k]
                 });
                 share.gap += w * psi * gap;
+                share.overlaps |= gap < 0.0;
                 share.bound += w * beta[i] * bound;
                 for (sum, normal) in share.normals.iter_mut().zip(&point.normals) {
                     (0..D).for_each(|c| sum[c] += w * beta[i] * normal[c]);

@@ -1,5 +1,6 @@
 //! From what a deck says to the tables of a case.
 
+use super::adjust::{Adjustment, Moved};
 use super::cards::{Adjust, Kind, MaterialCard, Refusal, Said, What};
 use super::history::{Times, Tracks};
 use super::write::{Number, factors, list, quoted};
@@ -15,6 +16,7 @@ type Result<T> = std::result::Result<T, Wrong>;
 pub(super) struct Translated {
     pub text: String,
     pub notes: Vec<String>,
+    pub adjustments: Vec<Adjustment>,
 }
 
 /// Refuses what shows without the mesh.
@@ -66,6 +68,7 @@ struct Translation<'a, 'i> {
     place: &'a dyn Fn(usize) -> String,
     text: String,
     notes: Vec<String>,
+    adjustments: Vec<Adjustment>,
     refusals: Vec<Refusal>,
     /// 2 or 3.
     dimension: usize,
@@ -99,6 +102,7 @@ pub(super) fn case(
         place,
         text: String::new(),
         notes: Vec::new(),
+        adjustments: Vec::new(),
         refusals: Vec::new(),
         dimension,
         used: index.used_nodes(),
@@ -122,6 +126,7 @@ pub(super) fn case(
     let made = Translated {
         text: translation.text,
         notes: translation.notes,
+        adjustments: translation.adjustments,
     };
     Ok((made, translation.refusals))
 }
@@ -909,21 +914,38 @@ impl Translation<'_, '_> {
                 (Some(clearance), _) => {
                     self.put(format_args!("interference = {}", Number(-clearance.value)));
                 }
-                (None, None) => {}
+                // What is drawn overlapping is pressed apart.
+                (None, None) => self.put("overlap = \"interference\""),
                 (None, Some(Adjust::Distance(distance))) => {
                     self.put(format_args!("adjust = {}", Number(distance)));
+                    self.put("overlap = \"interference\"");
+                    self.adjustments.push(Adjustment {
+                        line: pair.line,
+                        slave: slave.name,
+                        master: master.name,
+                        moved: Moved::Within(distance),
+                    });
                 }
                 (None, Some(Adjust::Set(set))) => {
                     let nodes = self.index.nodes(pair.line, set)?;
-                    let corners = match slave.nodes {
-                        Some(nodes) => nodes,
+                    let corners = match &slave.nodes {
+                        Some(nodes) => nodes.clone(),
                         None => self.index.corners_of(&slave.name),
                     };
-                    if !corners.iter().all(|node| nodes.binary_search(node).is_ok()) {
-                        let text = "*CONTACT PAIR, ADJUST=: it has to name all nodes of the slave surface, or a distance";
-                        self.refuse(pair.line, "ADJUST", text);
-                    }
-                    self.put("gap = 0.0");
+                    let all = corners.iter().all(|node| nodes.binary_search(node).is_ok());
+                    self.put(match all {
+                        true => "gap = 0.0",
+                        false => "overlap = \"interference\"",
+                    });
+                    let of_bodies = nodes.into_iter().filter(|&node| self.used[node as usize]);
+                    let nodes: Vec<u32> = of_bodies.collect();
+                    let set = self.set_of(pair.line, set, &nodes, "adjusted")?;
+                    self.adjustments.push(Adjustment {
+                        line: pair.line,
+                        slave: slave.name,
+                        master: master.name,
+                        moved: Moved::Set(set),
+                    });
                 }
             }
         }

@@ -4,8 +4,9 @@
 use crate::common::or_panic::OrPanic as _;
 use signorini::case::{Case, CaseProblem};
 use signorini::deck::{self, Deck, DeckError};
-use signorini::mesh::{ElementKind, Topology, msh};
+use signorini::mesh::{AnyMesh, ElementKind, Topology, msh};
 use signorini::model::{AnyBuilt, Built};
+use signorini::output::ContactFields;
 use std::collections::HashMap;
 use std::path::Path;
 use std::process::Command;
@@ -310,6 +311,56 @@ fn equations_make_displacements_equal() {
     }
 }
 
+/// Two squares above each other: the lower side of the upper one goes from (0, 1.01) to (1, 1.03).
+fn squares(low: [f64; 2], pair: &str) -> String {
+    let [a, b] = low;
+    format!(
+        "*NODE, NSET=Nall\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n11,0,{a}\n12,1,{b}\n13,1,2\n14,0,2\n\
+         *ELEMENT, TYPE=CPS4, ELSET=Eall\n1,1,2,3,4\n2,11,12,13,14\n*NSET, NSET=Nright\n12,13\n\
+         *SURFACE, NAME=Supper\n2,S1\n*SURFACE, NAME=Slower\n1,S3\n{}\
+         *SURFACE INTERACTION, NAME=hard\n*CONTACT PAIR, INTERACTION=hard{pair}\nSupper,Slower\n\
+         *BOUNDARY\n1,1,2\n2,2\n13,2\n14,1,2\n{STATIC}*END STEP\n",
+        material(0.0)
+    )
+}
+
+/// ADJUST= moves nodes of the slave surface onto the master surface: those within a distance, those of a set; what overlaps without it is
+/// pressed apart, as a press fit is: p = E δ / (the height of both).
+#[test]
+fn nodes_are_adjusted_as_the_deck_says() {
+    for (low, pair, expected) in [
+        ([1.01, 1.03], ", ADJUST=0.02", [1.0, 1.03]),
+        ([1.01, 1.03], ", ADJUST=0.05", [1.0, 1.0]),
+        ([1.01, 1.03], ", ADJUST=Nright", [1.01, 1.0]),
+        ([0.99, 0.99], ", ADJUST=0.0", [1.0, 1.0]),
+        ([0.99, 0.99], "", [0.99, 0.99]),
+        ([1.01, 1.03], "", [1.01, 1.03]),
+    ] {
+        let deck = read(&squares(low, pair), &[], &[]).or_panic();
+        let AnyMesh::Plane(mesh) = &deck.mesh else {
+            panic!("none of the plane");
+        };
+        for (number, y) in [(11, expected[0]), (12, expected[1])] {
+            let place = deck.node_numbers.iter().position(|&one| one == number);
+            let [x, found] = mesh.nodes[place.expect("one of the mesh")];
+            let is_there = (found - y).abs() < 1e-12 && (x - (number - 11) as f64).abs() < 1e-12;
+            assert!(is_there, "{pair}: {number} at {x}, {found}");
+        }
+        let u = displacements(&built(&deck)).remove(0);
+        let pressed = match (low, pair) {
+            ([0.99, _], "") => -0.01 / (1.0 + 1.01),
+            _ => 0.0,
+        };
+        assert!((u[2][1] - pressed).abs() < 1e-9, "{pair}: {:?}", u[2]);
+    }
+    let error = read(&squares([1.01, 1.03], ", ADJUST=Nowhere"), &[], &[]);
+    let error = error.expect_err("no such set");
+    assert!(
+        error.contains("there is no node set \"NOWHERE\""),
+        "{error}"
+    );
+}
+
 /// Data in other files, of nodes and of loads; none from outside of the folder, none in circles.
 #[test]
 fn files_that_a_deck_names_are_read() {
@@ -427,6 +478,30 @@ fn a_converted_deck_is_the_same_problem() {
     }
 }
 
+/// The contact pressures at nodes at the end of the last load step, with the numbers of the nodes.
+fn pressures(problem: &CaseProblem) -> Vec<(usize, f64)> {
+    fn of<const D: usize>(built: &Built<D>) -> Vec<(usize, f64)>
+    where
+        ElementKind: Topology<D> + signorini::contact::Space<D>,
+    {
+        let solution = built.solve(&Default::default()).or_panic();
+        let solution = solution.last().expect("a step");
+        let data = built.step(built.n_steps() - 1).or_panic();
+        let fields = ContactFields::new(&built.problem, &built.elastic, &data, solution);
+        let places = built.elastic.contact.places.iter().zip(&fields.pressure);
+        places
+            .filter_map(|(place, &p)| Some((place.node? as usize, p)))
+            .collect()
+    }
+    let CaseProblem::Elastic(built) = problem else {
+        panic!("no bodies");
+    };
+    match &**built {
+        AnyBuilt::Plane(built) => of(built),
+        AnyBuilt::Space(built) => of(built),
+    }
+}
+
 /// The linear static decks of CalculiX's own tests that run here, and those with contact.
 const DECKS: &[&str] = &[
     "achtelc",
@@ -466,16 +541,25 @@ const DECKS: &[&str] = &[
     "achtel2",
     "beampdepmpc",
     "oneel",
+    "cubef2f1",
+    "hueeber1",
+    "hueeber2",
+    "hueeber3",
+    "hueeber4",
 ];
 
-/// The displacements of the last step in an .frd file, by the numbers of nodes.
-fn last_displacements(frd: &str) -> HashMap<u64, [f64; 3]> {
+/// Those of them whose contact pressures are compared, too: with hard contact, or nearly, and no border of it within a facet, where CalculiX
+/// shows nodes what it extrapolates from points.
+const PRESSED: &[&str] = &["contactenergy", "cubespring", "hueeber3"];
+
+/// The values of a field of the last step in an .frd file, by the numbers of nodes.
+fn last<const N: usize>(frd: &str, field: &str) -> HashMap<u64, [f64; N]> {
     let mut all = HashMap::new();
     let mut inside = false;
     for line in frd.lines() {
         match line.get(..3) {
             Some(" -4") => {
-                inside = line.get(5..9) == Some("DISP");
+                inside = line.get(5..13).map(str::trim) == Some(field);
                 if inside {
                     all.clear();
                 }
@@ -494,6 +578,7 @@ fn last_displacements(frd: &str) -> HashMap<u64, [f64; 3]> {
 
 /// A deck that writes displacements alone, with elements of second order that are fully integrated, as those here are.
 fn for_ccx(text: &str) -> String {
+    let pair = text.to_uppercase().contains("*CONTACT PAIR");
     let mut kept = String::new();
     let mut skips = false;
     for line in text.lines() {
@@ -510,6 +595,9 @@ fn for_ccx(text: &str) -> String {
             skips = output.iter().any(|keyword| upper.starts_with(keyword));
             if upper.starts_with("*END STEP") {
                 kept += "*NODE FILE\nU\n";
+                if pair {
+                    kept += "*CONTACT FILE\nCDIS,CSTR\n";
+                }
             }
         }
         if skips {
@@ -563,14 +651,15 @@ fn decks_of_calculix_are_solved_as_it_solves_them() {
             .output();
         let run = run.expect("ccx runs");
         let frd = std::fs::read_to_string(path.with_extension("frd")).or_panic();
-        let theirs = last_displacements(&frd);
+        let theirs = last::<3>(&frd, "DISP");
         assert!(
             !theirs.is_empty(),
             "{name}: {}",
             String::from_utf8_lossy(&run.stdout)
         );
         let deck = deck::read(&path, "deck.msh", &[]).or_panic();
-        let ours = displacements(&built(&deck)).pop().expect("a step");
+        let problem = built(&deck);
+        let ours = displacements(&problem).pop().expect("a step");
         let size = |u: [f64; 3]| u.iter().fold(0.0_f64, |size, v| size.hypot(*v));
         let largest = theirs.values().map(|&u| size(u)).fold(0.0, f64::max);
         let mut worst = 0.0_f64;
@@ -582,6 +671,25 @@ fn decks_of_calculix_are_solved_as_it_solves_them() {
         }
         println!("{name:<14} largest displacement {largest:.4e}, differs by {worst:.1e} of it");
         assert!(worst < 0.01, "{name}: {worst:e}");
+        if PRESSED.contains(&name) {
+            // Opening, slip (two), pressure, shear (two).
+            let theirs = last::<6>(&frd, "CONTACT");
+            let largest = theirs.values().map(|v| v[3]).fold(0.0, f64::max);
+            let ours = pressures(&problem);
+            let node = |number: u64| theirs.get(&number).map(|v| v[3]);
+            let both = (ours.iter())
+                .filter_map(|&(node_of, p)| Some((p, node(deck.node_numbers[node_of])?)));
+            let both: Vec<(f64, f64)> = both.collect();
+            assert!(both.len() > 3, "{name}");
+            let off = both.iter().map(|(p, q)| (p - q).abs()).fold(0.0, f64::max);
+            println!(
+                "{:<14} largest pressure {largest:.4e}, differs by {:.1e} of it at {} nodes",
+                "",
+                off / largest,
+                both.len()
+            );
+            assert!(off < 0.01 * largest, "{name}: {off:e}");
+        }
         if worst > 1e-3 {
             worse_than_a_thousandth.push(name);
         }

@@ -260,6 +260,7 @@ struct Sums<const D: usize> {
     area: f64,
     bound: f64,
     gap: f64,
+    overlaps: bool,
     normals: [[f64; D]; 2],
     own: Vec<(u32, f64)>,
     partners: Vec<(u32, f64)>,
@@ -277,6 +278,7 @@ impl<const D: usize> Sums<D> {
             area: 0.0,
             bound: 0.0,
             gap: 0.0,
+            overlaps: false,
             normals: [[0.0; D]; 2],
             own: Vec::new(),
             partners: Vec::new(),
@@ -293,6 +295,7 @@ impl<const D: usize> Sums<D> {
         self.area += other.area;
         self.bound += other.bound;
         self.gap += other.gap;
+        self.overlaps |= other.overlaps;
         self.add_normals(&other.normals);
         for &(node, weight) in &other.own {
             add_to(&mut self.own, node, weight);
@@ -315,6 +318,7 @@ impl<const D: usize> Sums<D> {
         self.area += share.area;
         self.bound += share.bound;
         self.gap += share.gap;
+        self.overlaps |= share.overlaps;
         self.add_normals(&share.normals);
         match (share.own, share.site) {
             (None, Site::Node(k)) => {
@@ -416,7 +420,7 @@ impl<const D: usize> Sums<D> {
             partners,
             frame,
             // ψ has negative parts, so that the mean of a gap that is nowhere negative may be, by O(h²).
-            gap: if options.may_overlap() {
+            gap: if self.overlaps && options.may_overlap() {
                 gap
             } else {
                 gap.max(0.0)
