@@ -11,6 +11,7 @@ mod convert;
 mod export;
 mod launcher;
 mod man;
+mod mesh;
 mod solve;
 mod table1;
 

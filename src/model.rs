@@ -42,6 +42,7 @@ mod entities;
 mod error;
 mod loads;
 mod nodal;
+mod pair;
 mod quantity;
 mod revolution;
 #[cfg(feature = "mpi")]
@@ -58,9 +59,10 @@ pub use build::Draft;
 pub use build::{AnyBuilt, Built};
 pub use contacts::PairData;
 pub use elastic::Elastic;
-pub use entities::{BodyForce, Equal, Force, Names, Pair, Support, Temperature, Traction};
+pub use entities::{BodyForce, Equal, Force, Names, Support, Temperature, Traction};
 pub use error::{Entity, EntityKind, Fault, ModelError};
 pub use loads::{StepData, TemperatureField};
+pub use pair::Pair;
 pub use quantity::Quantity;
 pub use units::Units;
 

@@ -1,6 +1,7 @@
 //! `signorini check`.
 
 use super::advice::message_of;
+use super::mesh;
 #[cfg(feature = "mpi")]
 use signorini::case::CaseDraft;
 use signorini::case::{Case, ForceTable};
@@ -8,19 +9,18 @@ use signorini::contact::Space;
 use signorini::deck;
 use signorini::elasticity::Plane;
 use signorini::engine::factor_bytes;
-use signorini::mesh::{self, ElementKind, FaultKind, Mesh, Topology};
+use signorini::mesh::{ElementKind, FaultKind, Mesh, Topology};
 use signorini::model::{Analysis, AnyAnalysis, Elastic, PairData};
 #[cfg(feature = "mpi")]
 use signorini::mpi::foreseen;
 use signorini::problem::ContactProblem;
-use std::collections::BTreeSet;
 use std::path::Path;
 use toml::Spanned;
 
 pub fn run(path: &Path, ignored: &[String], settings: &[String]) -> Result<u8, String> {
     if is_mesh(path)? {
-        let mesh = mesh::read(path, 1.0, None).map_err(|e| message_of(&e))?;
-        super::print(&(super::convert::describe(&mesh).join("\n") + "\n"))?;
+        let mesh = signorini::mesh::read(path, 1.0, None).map_err(|e| message_of(&e))?;
+        super::print(&(mesh::described(&mesh).join("\n") + "\n"))?;
         return Ok(0);
     }
     let (case, notes) = super::read_case(path, ignored, settings)?;
@@ -31,7 +31,7 @@ pub fn run(path: &Path, ignored: &[String], settings: &[String]) -> Result<u8, S
             if case.tables.mesh.is_some()
                 && let Ok(mesh) = case.mesh()
             {
-                super::print(&(super::convert::describe(&mesh).join("\n") + "\n"))?;
+                super::print(&(mesh::described(&mesh).join("\n") + "\n"))?;
             }
             return Err(message_of(&error));
         }
@@ -94,7 +94,7 @@ where
         Some(elastic) => {
             bodies(&mut lines, case, elastic);
             boundaries(&mut lines, case, &elastic.mesh);
-            lines.extend(node_sets(&elastic.mesh));
+            lines.extend(mesh::node_sets(&elastic.mesh));
             loads(&mut lines, case, analysis, elastic)?;
             for pair in &elastic.pairs {
                 contact(&mut lines, case, pair);
@@ -117,77 +117,6 @@ where
     Ok(lines)
 }
 
-/// How many elements of each kind a mesh has, and of which order where that is not the first; in the plane triangles and
-/// quadrilaterals of first order even where there are none.
-fn elements<const D: usize>(mesh: &Mesh<D>) -> String
-where
-    ElementKind: Topology<D>,
-{
-    let mut kinds = mesh.kinds();
-    let orders: BTreeSet<usize> = kinds.iter().map(|(kind, _)| kind.order()).collect();
-    if D == 2 && !orders.contains(&2) {
-        kinds = [ElementKind::Triangle, ElementKind::Quad]
-            .map(|kind| {
-                (
-                    kind,
-                    mesh.elements.iter().filter(|e| e.kind() == kind).count(),
-                )
-            })
-            .to_vec();
-    }
-    let counted: Vec<String> = (kinds.into_iter())
-        .map(|(kind, count)| {
-            let name = match kind.linear() {
-                ElementKind::Triangle => "triangles",
-                ElementKind::Quad => "quadrilaterals",
-                ElementKind::Tetrahedron => "tetrahedra",
-                ElementKind::Hexahedron => "hexahedra",
-                ElementKind::Wedge => "wedges",
-                _ => "pyramids",
-            };
-            match kind.order() {
-                1 => format!("{count} {name}"),
-                _ => format!("{count} {name} with {} nodes", kind.n_nodes()),
-            }
-        })
-        .collect();
-    let order = match (orders.contains(&1), orders.contains(&2)) {
-        (_, false) => "",
-        (false, true) => " (order 2)",
-        (true, true) => " (orders 1 and 2)",
-    };
-    counted.join(", ") + order
-}
-
-/// How large a mesh is: nodes, elements, bodies, the box around it.
-pub(super) fn mesh<const D: usize>(mesh: &Mesh<D>) -> String
-where
-    ElementKind: Topology<D>,
-{
-    let (low, high) = mesh.bounding_box();
-    let sides: Vec<String> = (low.iter().zip(high))
-        .map(|(low, high)| format!("[{low:.4e}, {high:.4e}]"))
-        .collect();
-    let (bodies, _) = mesh.bodies();
-    format!(
-        "mesh          {} nodes, {}, {bodies} {}; {}",
-        mesh.nodes.len(),
-        elements(mesh),
-        if bodies == 1 { "body" } else { "bodies" },
-        sides.join(" × "),
-    )
-}
-
-/// What the file of a mesh says and is not done.
-pub(super) fn notes<const D: usize>(mesh: &Mesh<D>) -> impl Iterator<Item = String>
-where
-    ElementKind: Topology<D>,
-{
-    mesh.notes
-        .iter()
-        .map(|note| format!("              {note}"))
-}
-
 /// The mesh, its regions with their materials, its groups.
 fn bodies<const D: usize>(lines: &mut Vec<String>, case: &Case, elastic: &Elastic<D>)
 where
@@ -195,8 +124,8 @@ where
 {
     let (units, mesh) = (case.units(), &elastic.mesh);
     let (length, stress) = (&units.length, units.stress());
-    lines.push(format!("{} {length}", self::mesh(mesh)));
-    lines.extend(notes(mesh));
+    lines.push(format!("{} {length}", mesh::size(mesh)));
+    lines.extend(mesh::notes(mesh));
     let (measure, power) = match D {
         2 => ("area", "²"),
         _ => ("volume", "³"),
@@ -248,17 +177,6 @@ where
             facets.len()
         ));
     }
-}
-
-/// The sets of nodes.
-pub(super) fn node_sets<const D: usize>(mesh: &Mesh<D>) -> impl Iterator<Item = String>
-where
-    ElementKind: Topology<D>,
-{
-    (mesh.node_sets.iter()).map(|(name, nodes)| match nodes.len() {
-        1 => format!("nodes         \"{name}\": 1 node"),
-        n => format!("nodes         \"{name}\": {n} nodes"),
-    })
 }
 
 /// The analysis, the loads of each step, the supports, the bodies without enough of them.

@@ -1,9 +1,10 @@
 //! `signorini convert`.
 
 use super::advice::message_of;
+use super::mesh::described;
 use signorini::case::Case;
 use signorini::deck;
-use signorini::mesh::{self, AnyMesh, ElementKind, Mesh, Topology};
+use signorini::mesh;
 use signorini::output::write_whole;
 use std::path::Path;
 
@@ -45,7 +46,7 @@ pub fn run(
     }
     let read = mesh::read(input, scale, cell_data).map_err(|e| message_of(&e))?;
     write_whole(output, mesh::msh(&read).as_bytes()).map_err(|e| message_of(&e))?;
-    let lines = describe(&read);
+    let lines = described(&read);
     super::print(&format!("{}\n{}\n", lines.join("\n"), output.display()))?;
     Ok(0)
 }
@@ -77,45 +78,9 @@ fn whole(
     Case::of_deck(deck.clone(), &[]).map_err(|e| message_of(&e))?;
     write_whole(&mesh, mesh::msh(&deck.mesh).as_bytes()).map_err(|e| message_of(&e))?;
     write_whole(output, deck.case.as_bytes()).map_err(|e| message_of(&e))?;
-    let mut lines = describe(&deck.mesh);
+    let mut lines = described(&deck.mesh);
     lines.extend(deck.notes);
     lines.extend([&mesh, output].map(|path| path.display().to_string()));
     super::print(&(lines.join("\n") + "\n"))?;
     Ok(0)
-}
-
-/// The mesh, and the names that a case calls its parts by.
-pub(super) fn describe(mesh: &AnyMesh) -> Vec<String> {
-    match mesh {
-        AnyMesh::Plane(mesh) => parts(mesh),
-        AnyMesh::Space(mesh) => parts(mesh),
-    }
-}
-
-fn parts<const D: usize>(mesh: &Mesh<D>) -> Vec<String>
-where
-    ElementKind: Topology<D>,
-{
-    let mut lines = vec![super::check::mesh(mesh)];
-    lines.extend(super::check::notes(mesh));
-    let (measure, facets) = match D {
-        2 => ("area", "edges"),
-        _ => ("volume", "faces"),
-    };
-    let measures = mesh.measures();
-    for (name, regions) in &mesh.groups {
-        let size: f64 = (regions.iter())
-            .map(|&region| measures[region as usize])
-            .sum();
-        lines.push(format!("region        \"{name}\": {measure} {size:.4e}"));
-    }
-    for (name, all) in &mesh.boundaries {
-        let fault = (mesh.faults.get(name)).map_or(String::new(), |fault| format!("; {fault}"));
-        lines.push(format!(
-            "boundary      \"{name}\": {} {facets}{fault}",
-            all.len()
-        ));
-    }
-    lines.extend(super::check::node_sets(mesh));
-    lines
 }

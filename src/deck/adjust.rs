@@ -3,8 +3,8 @@
 use crate::mesh::foot::on_facet;
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{AnyMesh, ElementKind, Facet, Mesh, MeshError, Topology, bounds, facet_nodes};
-use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::RTree;
+use rstar::primitives::{GeomWithData, Rectangle};
 
 /// Which nodes of the slave surface are moved.
 #[derive(Clone, Debug)]

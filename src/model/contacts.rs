@@ -1,9 +1,9 @@
 //! The contacts of a model: their nodes, and what is said of them.
 
 use super::arcs::between_arcs;
-use super::entities::{Against, Law};
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::outer_facets;
+use super::pair::{Against, Law};
 use super::supports::{Prescriptions, nodes_of_sets};
 use super::{Definition, Equal, Pair, Units};
 use crate::contact::{

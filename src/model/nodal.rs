@@ -1,8 +1,9 @@
 //! Quantities that have values at nodes, as functions of the place on what they are stated for.
 
-use super::entities::{Law, Target};
+use super::entities::Target;
 use super::error::{Fault, ModelError};
 use super::loads::region;
+use super::pair::Law;
 use super::quantity::NODAL;
 use super::{Definition, Quantity};
 use crate::mesh::foot::{Foot, in_element, on_facet};
