@@ -339,31 +339,73 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// Solves in this process, or on all ranks where a launcher has started several.
-#[cfg(feature = "mpi")]
-fn on_ranks(arguments: &SolveArguments) -> Result<u8, String> {
+/// The process as a launcher has started it.
+enum Started {
+    /// On its own.
+    Alone,
+    /// With others that it can talk to.
+    #[cfg(feature = "mpi")]
+    Together(signorini::mpi::World),
+    /// With others, and they cannot work together: the first of them says why, the others only have its exit code.
+    Apart(Result<u8, String>),
+}
+
+/// What a launcher (`mpirun`, `srun`) has made of this process. One that it has started alone needs no MPI.
+fn started() -> Result<Started, String> {
     let Some(place) = launcher::place() else {
-        return solve::run(arguments);
+        return Ok(Started::Alone);
     };
-    let world = signorini::mpi::World::start()?;
-    let group = world.group();
-    if group.size() > 1 {
-        let made = solve::distributed::run(arguments, group);
-        return Ok(said_first(group, made));
-    }
-    if place.size > 1 {
-        let text = format!(
+    #[cfg(feature = "mpi")]
+    let why = {
+        let world = signorini::mpi::World::start()?;
+        if world.group().size() > 1 {
+            return Ok(Started::Together(world));
+        }
+        format!(
             "{} programs were started that do not know of each other, each alone: the launcher and the MPI of this program do \
              not fit together; with Slurm try srun --mpi=pmix, or mpirun",
             place.size
-        );
-        return if place.rank == 0 {
-            Err(text)
-        } else {
-            Ok(ERROR)
-        };
+        )
+    };
+    #[cfg(not(feature = "mpi"))]
+    let why = "this program was built without support for several ranks: start it without mpirun or srun, or build it with its \
+               feature `mpi` (docs/mpi.md): cargo build --release --features mpi"
+        .to_owned();
+    Ok(Started::Apart(match place.rank {
+        0 => Err(why),
+        _ => Ok(ERROR),
+    }))
+}
+
+/// Solves in this process, or on all ranks where a launcher has started several.
+fn on_ranks(arguments: &SolveArguments) -> Result<u8, String> {
+    match started()? {
+        Started::Alone => solve::run(arguments),
+        #[cfg(feature = "mpi")]
+        Started::Together(world) => {
+            let made = solve::distributed::run(arguments, world.group());
+            Ok(said_first(world.group(), made))
+        }
+        Started::Apart(outcome) => outcome,
     }
-    solve::run(arguments)
+}
+
+/// Checks in this process; where a launcher has started several, rank 0 does, and tells how they would share the work.
+fn check_on_ranks(case: &Path, ignored: &[String], settings: &[String]) -> Result<u8, String> {
+    match started()? {
+        Started::Alone => check::run(case, ignored, settings),
+        #[cfg(feature = "mpi")]
+        Started::Together(world) => {
+            let group = world.group();
+            let made = match group.rank() {
+                0 => check::on_ranks(case, ignored, settings, group.size()),
+                _ => Ok(0),
+            };
+            let code = group.broadcast(Some(*made.as_ref().unwrap_or(&ERROR)));
+            Ok(said_first(group, made.and(Ok(code))))
+        }
+        Started::Apart(outcome) => outcome,
+    }
 }
 
 /// The exit code of a rank. Launchers end all ranks as soon as one ends with an error: who has one to tell does so first.
@@ -375,44 +417,6 @@ fn said_first(group: &signorini::mpi::Group, made: Result<u8, String>) -> u8 {
     });
     group.wait();
     code
-}
-
-/// Checks in this process; where a launcher has started several, rank 0 does, and tells how they would share the work.
-#[cfg(feature = "mpi")]
-fn check_on_ranks(case: &Path, ignored: &[String], settings: &[String]) -> Result<u8, String> {
-    if launcher::place().is_none() {
-        return check::run(case, ignored, settings);
-    }
-    let world = signorini::mpi::World::start()?;
-    let group = world.group();
-    let made = match group.rank() {
-        0 => check::run(case, ignored, settings)
-            .and_then(|code| Ok((code, check::ranks(case, ignored, settings, group.size())?)))
-            .map(|(code, ())| code),
-        _ => Ok(0),
-    };
-    let code = group.broadcast(Some(*made.as_ref().unwrap_or(&ERROR)));
-    said_first(group, made.and(Ok(code)));
-    Ok(code)
-}
-
-#[cfg(not(feature = "mpi"))]
-fn check_on_ranks(case: &Path, ignored: &[String], settings: &[String]) -> Result<u8, String> {
-    check::run(case, ignored, settings)
-}
-
-/// Solves in this process: it cannot do so on several ranks.
-#[cfg(not(feature = "mpi"))]
-fn on_ranks(arguments: &SolveArguments) -> Result<u8, String> {
-    match launcher::place() {
-        Some(launcher::Place { rank: 0, size: 2.. }) => Err(
-            "this program was built without support for several ranks: start it without mpirun or srun, or build it with its \
-             feature `mpi` (docs/mpi.md): cargo build --release --features mpi"
-                .to_owned(),
-        ),
-        Some(launcher::Place { size: 2.., .. }) => Ok(ERROR),
-        _ => solve::run(arguments),
-    }
 }
 
 /// Reads a case file, or a deck as a case: with what the deck says and has no effect.

@@ -9,6 +9,7 @@
 //! ([`Share::of_rows`]). An error of PETSc's on one rank leaves the others waiting: whoever gets one has to end all of them
 //! ([`Group::abort`]).
 
+mod foreseen;
 mod matrices;
 mod operator;
 mod partition;
@@ -18,12 +19,13 @@ mod results;
 mod share;
 
 pub use crate::ranks::Group;
+pub use foreseen::Foreseen;
 pub use matrices::OwnMatrices;
 pub use mpi;
 pub use petsc::PetscError;
 #[cfg(feature = "files")]
 pub use results::{RanksReport, Results, ResultsError};
-pub use share::{AnyShare, Imbalance, MpiError, Share, foreseen};
+pub use share::{AnyShare, Imbalance, MpiError, Share};
 
 use mpi::environment::Universe;
 use mpi::traits::Communicator;

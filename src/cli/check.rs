@@ -10,36 +10,56 @@ use signorini::deck;
 use signorini::elasticity::Plane;
 use signorini::engine::factor_bytes;
 use signorini::mesh::{ElementKind, FaultKind, Mesh, Topology};
+#[cfg(feature = "mpi")]
+use signorini::model::Draft;
 use signorini::model::{Analysis, AnyAnalysis, Elastic, PairData};
 #[cfg(feature = "mpi")]
-use signorini::mpi::foreseen;
+use signorini::mpi::{Foreseen, MpiError};
+#[cfg(feature = "mpi")]
+use signorini::problem::AnyProblem;
 use signorini::problem::ContactProblem;
 use std::path::Path;
 use toml::Spanned;
 
 pub fn run(path: &Path, ignored: &[String], settings: &[String]) -> Result<u8, String> {
-    if is_mesh(path)? {
-        let mesh = signorini::mesh::read(path, 1.0, None).map_err(|e| message_of(&e))?;
-        super::print(&(mesh::described(&mesh).join("\n") + "\n"))?;
-        return Ok(0);
+    if let Some(code) = mesh_alone(path)? {
+        return Ok(code);
     }
     let (case, notes) = super::read_case(path, ignored, settings)?;
-    let made = match case.build() {
-        Ok(made) => made,
-        Err(error) => {
-            // What its mesh has shows what may have been meant.
-            if case.tables.mesh.is_some()
-                && let Ok(mesh) = case.mesh()
-            {
-                super::print(&(mesh::described(&mesh).join("\n") + "\n"))?;
-            }
-            return Err(message_of(&error));
-        }
-    };
+    let made = case
+        .build()
+        .map_err(|error| with_mesh(&case, message_of(&error)))?;
     let lines = match made.analysis() {
         AnyAnalysis::Plane(analysis) => describe(&case, analysis)?,
         AnyAnalysis::Space(analysis) => describe(&case, analysis)?,
     };
+    tell(lines, &notes)
+}
+
+/// What there is to say of a mesh, if the file is one.
+fn mesh_alone(path: &Path) -> Result<Option<u8>, String> {
+    if !is_mesh(path)? {
+        return Ok(None);
+    }
+    let mesh = signorini::mesh::read(path, 1.0, None).map_err(|e| message_of(&e))?;
+    super::print(&(mesh::described(&mesh).join("\n") + "\n"))?;
+    Ok(Some(0))
+}
+
+/// Tells what the mesh of a case has, which shows what may have been meant; what is wrong is told by the caller.
+fn with_mesh(case: &Case, error: String) -> String {
+    if case.tables.mesh.is_some()
+        && let Ok(mesh) = case.mesh()
+    {
+        let lines = mesh::described(&mesh).join("\n");
+        if let Err(unsaid) = super::print(&(lines + "\n")) {
+            return unsaid;
+        }
+    }
+    error
+}
+
+fn tell(lines: Vec<String>, notes: &[String]) -> Result<u8, String> {
     let notes = notes.iter().map(|note| format!("deck          {note}"));
     let lines: Vec<String> = lines.into_iter().chain(notes).collect();
     super::print(&(lines.join("\n") + "\n"))?;
@@ -59,26 +79,81 @@ fn is_mesh(path: &Path) -> Result<bool, String> {
         .any(|known| extension.eq_ignore_ascii_case(known)))
 }
 
-/// How so many ranks would share an elastic case, and the memory of each.
+/// The same on rank 0 of so many, which has no K either, with how they would share the work and the memory of each.
 #[cfg(feature = "mpi")]
-pub fn ranks(
+pub fn on_ranks(
     path: &Path,
     ignored: &[String],
     settings: &[String],
-    count: usize,
-) -> Result<(), String> {
-    let (case, _) = super::read_case(path, ignored, settings)?;
-    let shares = match case.draft().map_err(|e| message_of(&e))? {
-        CaseDraft::Plane(draft) => foreseen(&draft, count),
-        CaseDraft::Space(draft) => foreseen(&draft, count),
-        CaseDraft::Algebraic(_) => return Ok(()),
+    ranks: usize,
+) -> Result<u8, String> {
+    if let Some(code) = mesh_alone(path)? {
+        return Ok(code);
+    }
+    let (case, notes) = super::read_case(path, ignored, settings)?;
+    let draft = case.draft();
+    let lines = match draft.map_err(|error| with_mesh(&case, message_of(&error)))? {
+        CaseDraft::Plane(draft) => describe_draft(&case, &draft, ranks)?,
+        CaseDraft::Space(draft) => describe_draft(&case, &draft, ranks)?,
+        CaseDraft::Algebraic(problem) => {
+            let (mut lines, shares) = match &*problem {
+                AnyProblem::Plane(problem) => (
+                    describe(&case, problem.into())?,
+                    Foreseen::of_problem(problem, ranks),
+                ),
+                AnyProblem::Space(problem) => (
+                    describe(&case, problem.into())?,
+                    Foreseen::of_problem(problem, ranks),
+                ),
+            };
+            lines.extend(shares_of(&shares.map_err(|e| message_of(&e))?));
+            lines
+        }
     };
-    let lines = (shares.map_err(|e| message_of(&e))?.into_iter().enumerate()).map(
-        |(rank, (unknowns, mebibytes))| {
-            format!("rank {rank:<8} {unknowns} unknowns, about {mebibytes:.0} MiB\n")
-        },
-    );
-    super::print(&lines.collect::<String>())
+    tell(lines, &notes)
+}
+
+/// What was understood of a model, of which there is no K.
+#[cfg(feature = "mpi")]
+fn describe_draft<const D: usize>(
+    case: &Case,
+    draft: &Draft<D>,
+    ranks: usize,
+) -> Result<Vec<String>, String>
+where
+    ElementKind: Space<D>,
+{
+    let shares = Foreseen::of_model(draft, ranks).map_err(|error| match error {
+        MpiError::Model(error) => message_of(&case.at_line(error)),
+        error => message_of(&error),
+    })?;
+    let elastic = draft.elastic();
+    let mut lines = titled(case);
+    describe_bodies(&mut lines, case, elastic, shares.floating_bodies.clone())?;
+    lines.push(format!(
+        "size          {} unknowns, {} contact places",
+        elastic.unknowns.n_free(),
+        elastic.contact.places.len(),
+    ));
+    lines.extend(shares_of(&shares));
+    Ok(lines)
+}
+
+/// How the ranks would share the work.
+#[cfg(feature = "mpi")]
+fn shares_of(shares: &Foreseen) -> impl Iterator<Item = String> {
+    let line = |(rank, &(unknowns, mebibytes)): (usize, &(usize, f64))| {
+        format!("rank {rank:<8} {unknowns} unknowns, about {mebibytes:.0} MiB")
+    };
+    shares.ranks.iter().enumerate().map(line)
+}
+
+fn titled(case: &Case) -> Vec<String> {
+    let title = &case.tables.title;
+    (!title.is_empty())
+        .then(|| title.clone())
+        .into_iter()
+        .collect()
 }
 
 /// What was understood of a case.
@@ -86,22 +161,10 @@ fn describe<const D: usize>(case: &Case, analysis: Analysis<D>) -> Result<Vec<St
 where
     ElementKind: Space<D>,
 {
-    let mut lines = Vec::new();
-    if !case.tables.title.is_empty() {
-        lines.push(case.tables.title.clone());
-    }
+    let mut lines = titled(case);
     match analysis.elastic {
         Some(elastic) => {
-            bodies(&mut lines, case, elastic);
-            boundaries(&mut lines, case, &elastic.mesh);
-            lines.extend(mesh::node_sets(&elastic.mesh));
-            loads(&mut lines, case, analysis, elastic)?;
-            for pair in &elastic.pairs {
-                contact(&mut lines, case, pair);
-            }
-            if elastic.pairs.is_empty() {
-                lines.push("contact       none: this is a linear problem".to_owned());
-            }
+            describe_bodies(&mut lines, case, elastic, analysis.floating_bodies())?;
         }
         None => lines.push(format!(
             "algebraic     n = {}, m = {}, {} coordinates",
@@ -115,6 +178,32 @@ where
     }
     lines.push(size(analysis.problem));
     Ok(lines)
+}
+
+/// The bodies with all that acts on them, and their contacts.
+fn describe_bodies<const D: usize>(
+    lines: &mut Vec<String>,
+    case: &Case,
+    elastic: &Elastic<D>,
+    floating: Vec<String>,
+) -> Result<(), String>
+where
+    ElementKind: Space<D>,
+{
+    bodies(lines, case, elastic);
+    boundaries(lines, case, &elastic.mesh);
+    lines.extend(mesh::node_sets(&elastic.mesh));
+    loads(lines, case, elastic)?;
+    for body in floating {
+        lines.push(format!("supports      {body}: only contact holds it"));
+    }
+    for pair in &elastic.pairs {
+        contact(lines, case, pair);
+    }
+    if elastic.pairs.is_empty() {
+        lines.push("contact       none: this is a linear problem".to_owned());
+    }
+    Ok(())
 }
 
 /// The mesh, its regions with their materials, its groups.
@@ -179,11 +268,10 @@ where
     }
 }
 
-/// The analysis, the loads of each step, the supports, the bodies without enough of them.
+/// The analysis, the loads of each step, the supports.
 fn loads<const D: usize>(
     lines: &mut Vec<String>,
     case: &Case,
-    analysis: Analysis<D>,
     elastic: &Elastic<D>,
 ) -> Result<(), String>
 where
@@ -259,9 +347,6 @@ where
     if let Some(steps) = &case.tables.steps {
         let factors = &steps.get_ref().factors;
         lines.push(format!("steps         factors {factors:?}"));
-    }
-    for body in analysis.floating_bodies() {
-        lines.push(format!("supports      {body}: only contact holds it"));
     }
     Ok(())
 }

@@ -2,7 +2,9 @@
 
 use std::env;
 
-/// Where launchers say it: the number of a process, and how many there are. That of Slurm is about the processes of one `srun`.
+/// Where launchers say it: the number of a process, and how many there are; mpirun of Open MPI, then MPICH, Intel MPI and `srun
+/// --mpi=pmi2`, MVAPICH, and any `srun`. Slurm says more, such as `SLURM_NTASKS`, in the shell of `salloc` and in the script of `sbatch`
+/// as well, where a program runs alone: only `srun` counts the processes of its step.
 const LAUNCHERS: [[&str; 2]; 4] = [
     ["OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"],
     ["PMI_RANK", "PMI_SIZE"],
@@ -15,17 +17,19 @@ const LAUNCHERS: [[&str; 2]; 4] = [
 pub struct Place {
     /// Its number.
     pub rank: usize,
-    /// How many there are.
+    /// How many there are; more than one.
+    #[cfg_attr(not(feature = "mpi"), allow(dead_code))]
     pub size: usize,
 }
 
-/// What a launcher says; None without one.
+/// What a launcher says; None without one, and for a process that it has started alone.
 pub fn place() -> Option<Place> {
     let number = |name: &str| env::var(name).ok()?.parse().ok();
-    LAUNCHERS.iter().find_map(|[rank, size]| {
+    let place = LAUNCHERS.iter().find_map(|[rank, size]| {
         Some(Place {
             rank: number(rank)?,
             size: number(size)?,
         })
-    })
+    });
+    place.filter(|place| place.size > 1)
 }

@@ -75,6 +75,17 @@ pub struct Draft<const D: usize = 2>(pub(crate) Box<Elastic<D>>)
 where
     ElementKind: Topology<D>;
 
+#[cfg(feature = "mpi")]
+impl<const D: usize> Draft<D>
+where
+    ElementKind: Topology<D>,
+{
+    /// The bodies with their contacts.
+    pub fn elastic(&self) -> &Elastic<D> {
+        &self.0
+    }
+}
+
 impl<const D: usize> Model<D>
 where
     ElementKind: Space<D>,

@@ -561,6 +561,19 @@ where
     touched
 }
 
+/// The bodies that only contact holds, and how they can move as a whole, in words.
+///
+/// # Errors
+/// If one has no contact to hold it.
+pub(crate) fn freedoms<const D: usize>(elastic: &Elastic<D>) -> Result<Vec<String>, ModelError>
+where
+    ElementKind: Topology<D>,
+{
+    let (count, part) = parts(elastic);
+    let (bodies, _) = floating(elastic, count, &part, &touched(elastic))?;
+    Ok(bodies.into_iter().map(|body| body.freedom).collect())
+}
+
 /// The bodies that can move as a whole, by what their supports leave them, and the unknowns to tie them by.
 fn floating<const D: usize>(
     elastic: &Elastic<D>,

@@ -517,43 +517,6 @@ fn give_back_freed() {
     }
 }
 
-/// What a model takes on so many ranks, before it is divided: the unknowns of each, and the mebibytes of its part of K with the
-/// preconditioner, about.
-///
-/// # Errors
-/// If METIS fails.
-pub fn foreseen<const D: usize>(
-    draft: &Draft<D>,
-    ranks: usize,
-) -> Result<Vec<(usize, f64)>, MpiError>
-where
-    ElementKind: Space<D>,
-{
-    let too_large =
-        || MpiError::Partition("the mesh is too large for METIS's 32-bit numbers".to_owned());
-    let mut graph = Graph::new(&draft.0).ok_or_else(too_large)?;
-    let owners = partition::owners(&mut graph, ranks).map_err(MpiError::Partition)?;
-    let mut all = vec![(0, 0); ranks];
-    for ((&owner, &work), node) in owners.iter().zip(&graph.work).zip(0u32..) {
-        if draft.0.unknowns.block(node).is_some() {
-            let (unknowns, blocks) = &mut all[owner as usize];
-            *unknowns += D;
-            *blocks += work as usize;
-        }
-    }
-    let mebibytes = |blocks: usize| BYTES * (D * D * blocks) as f64 / f64::from(1 << 20);
-    Ok(all
-        .into_iter()
-        .map(|(unknowns, blocks)| (unknowns, ALONE + mebibytes(blocks)))
-        .collect())
-}
-
-/// Bytes of a rank for each entry of its rows of K, all levels of multigrid and what it takes to make them included: reference
-/// case C with n = 313 632 has 81 entries a row and takes 2.44 kB an unknown on two ranks.
-const BYTES: f64 = 30.0;
-/// Mebibytes of a rank that has no unknowns: MPI, PETSc, and the program.
-const ALONE: f64 = 54.0;
-
 impl AnyShare {
     /// A problem from matrices, in whichever dimension: [`Share::of_problem`].
     ///

@@ -13,6 +13,8 @@ mod decks;
 mod examples;
 #[cfg(unix)]
 mod faults;
+#[cfg(not(feature = "mpi"))]
+mod launchers;
 mod reports;
 mod run;
 mod solid_files;
