@@ -37,4 +37,4 @@ tests "$@"
 echo "The same with 64-bit indices:"
 PETSC_DIR="$(ls -d /usr/lib/petscdir/petsc64*/*-real | head -n 1)"
 export PETSC_DIR
-tests more_ranks matrices own_rows
+tests kinds matrices own_rows

@@ -1,5 +1,7 @@
 //! The bodies of a model that is ready to be solved.
 
+#[cfg(feature = "mpi")]
+use super::Quantity;
 use super::contacts::PairData;
 use super::supports::Prescriptions;
 use super::{Definition, Units};
@@ -66,5 +68,12 @@ where
     /// Number of load steps.
     pub fn n_steps(&self) -> usize {
         self.definition.n_steps()
+    }
+
+    /// What each temperature is at the factor 1.
+    #[cfg(feature = "mpi")]
+    pub(crate) fn temperatures(&self) -> Vec<Quantity<D>> {
+        let all = self.definition.temperatures.iter();
+        all.map(|temperature| temperature.value.clone()).collect()
     }
 }

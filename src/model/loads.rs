@@ -30,10 +30,10 @@ pub struct StepData<const D: usize = 2> {
 
 /// How much warmer bodies are than when they were free of stress, in a load step.
 #[derive(Clone, Debug, Default)]
-pub struct TemperatureField<const D: usize = 2>(Vec<Warmth<D>>);
+pub struct TemperatureField<const D: usize = 2>(pub(super) Vec<Warmth<D>>);
 
 /// A part of a temperature: regions (None: all), factor and value.
-type Warmth<const D: usize> = (Option<Vec<u32>>, f64, Quantity<D>);
+pub(super) type Warmth<const D: usize> = (Option<Vec<u32>>, f64, Quantity<D>);
 
 impl<const D: usize> TemperatureField<D> {
     /// Whether nothing is said of it.

@@ -8,19 +8,20 @@ use super::analysis::named_by;
 use super::build::loose;
 use super::elastic::Elastic;
 use super::error::ModelError;
-use super::loads::{StepData, acting};
+use super::loads::{StepData, TemperatureField, acting};
 use super::supports::Prescriptions;
-use super::{Definition, Units};
+use super::{Definition, Quantity, Units};
 use crate::constraint::TIED;
 use crate::contact::{ContactPlace, ContactRows, SlipBound, Space};
-use crate::elasticity::{Material, Plane, Unknowns, load_vector};
+use crate::elasticity::{Material, Plane, Unknowns, load_vector, stresses_at};
 use crate::mesh::{Element, ElementKind, Groups, Mesh, Topology, facet_nodes};
 use crate::problem::{FloatingBodies, Motions};
 use crate::quasistatic::Load;
-use crate::ranks::Ranks;
+use crate::ranks::{Group, Ranks};
 use crate::sparse::{BlockCsr, Csr};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashSet};
+use std::sync::{Arc, Mutex};
 
 /// No block, or no node.
 const NONE: u32 = u32::MAX;
@@ -47,6 +48,8 @@ pub(crate) struct Common {
     compliance: Vec<f64>,
     pub areas: Vec<f64>,
     pub bodies: Vec<Body>,
+    /// The regions of each temperature; None: all.
+    warm_regions: Vec<Option<Vec<u32>>>,
     pub steps: Vec<Step>,
     /// The box around the mesh.
     pub corners: [Vec<f64>; 2],
@@ -64,6 +67,7 @@ struct Place {
     bound: f64,
     is_coulomb: bool,
     compliance: [f64; 2],
+    is_node: bool,
 }
 
 /// A body that can move as a whole.
@@ -85,6 +89,8 @@ pub(crate) struct Step {
     acting: f64,
     gap: Vec<f64>,
     slide: Vec<f64>,
+    /// The factor of each temperature.
+    warmth: Vec<f64>,
 }
 
 /// What a rank gets for itself.
@@ -126,7 +132,7 @@ pub(crate) struct Part {
 }
 
 /// The graph of the nodes of a mesh: for each the others of its elements, one after the other, and how much work it is: the blocks
-/// of K in its row, and the entries of B in its columns.
+/// of K in its row, and as many as have the numbers that B has in its columns.
 pub(crate) struct Graph {
     pub starts: Vec<i32>,
     pub others: Vec<i32>,
@@ -163,10 +169,15 @@ impl Graph {
                 None => 0,
             });
         }
+        // An entry of B is one number, a block of K D² of them.
+        let mut entries = vec![0; mesh.nodes.len()];
         for rows in [&elastic.contact.normal, &elastic.contact.tangential] {
             for &column in rows.col_idx() {
-                work[unknowns.node(column as usize / D) as usize] += 1;
+                entries[unknowns.node(column as usize / D) as usize] += 1;
             }
+        }
+        for (work, entries) in work.iter_mut().zip(entries) {
+            *work += entries / (D * D) as i32;
         }
         Some(Self {
             starts,
@@ -300,13 +311,15 @@ where
                     .map(move |c| (node, c))
             })
             .collect();
-        if let Some(first) = definition.temperatures.first() {
-            return Err(first.entity(0).error(
-                "temperatures are not divided among several ranks: solve this case on one",
-            ));
-        }
         let (mut values, mut forces, mut steps) = (Vec::new(), Vec::new(), Vec::new());
+        let mut warm_regions = Vec::new();
         for step in 0..definition.n_steps() {
+            let temperature = definition.temperature(mesh, step)?.0;
+            let warmth = temperature.iter().map(|(_, factor, _)| *factor).collect();
+            warm_regions = temperature
+                .into_iter()
+                .map(|(regions, ..)| regions)
+                .collect();
             let unknowns = definition.unknowns(mesh, &elastic.prescriptions, step)?;
             let acts = definition.forces(&elastic.body(), step)?;
             let mut total_load = vec![0.0; D];
@@ -320,6 +333,7 @@ where
                 acting: acting(&acts),
                 gap: elastic.contact.gap(&unknowns),
                 slide,
+                warmth,
             });
             let value = |&(node, c): &(u32, usize)| unknowns.prescribed(node)[c].unwrap_or(0.0);
             values.push(held.iter().map(value).collect());
@@ -352,6 +366,7 @@ where
             compliance: contact.compliance.clone(),
             areas: contact.pooled_areas(),
             bodies,
+            warm_regions,
             steps,
             corners: [low.to_vec(), high.to_vec()],
         };
@@ -672,14 +687,15 @@ impl Place {
             bound,
             is_coulomb,
             compliance: place.compliance,
+            is_node: place.node.is_some(),
         }
     }
 
-    /// As it was, with none of its nodes.
+    /// As it was, with none of its nodes: where it is one, that is none of this rank's.
     fn made<const D: usize>(&self) -> ContactPlace<D> {
         ContactPlace {
             place: fixed(&self.place),
-            node: None,
+            node: self.is_node.then_some(NONE),
             own: Vec::new(),
             partners: Vec::new(),
             frame: rows(&self.frame),
@@ -712,6 +728,8 @@ where
     pub elastic: Elastic<D>,
     pub common: Common,
     pub part: Part,
+    /// Each temperature, where stresses are asked for.
+    warmth: Vec<Quantity<D>>,
 }
 
 impl<const D: usize> Received<D>
@@ -793,7 +811,56 @@ where
             elastic,
             common,
             part,
+            warmth: Vec::new(),
         }
+    }
+
+    /// Learns the temperatures of the model, which rank 0 has, at the points that the stresses of this rank's elements are looked at
+    /// in: they may be functions of the place, or have values at the nodes of the whole mesh. Collective.
+    pub fn learn_temperatures(&mut self, group: &Group, of_model: &[Quantity<D>]) {
+        if self.common.warm_regions.is_empty() {
+            return;
+        }
+        let body = self.elastic.body();
+        let asked = Mutex::new(Vec::new());
+        let ask = |_: u32, x: [f64; D]| {
+            asked.lock().expect("nobody panics here").push(x);
+            0.0
+        };
+        stresses_at(&body, &vec![[0.0; D]; body.mesh.nodes.len()], Some(&ask));
+        let mut points = asked.into_inner().expect("nobody panics here");
+        points.sort_unstable_by_key(|x| x.map(f64::to_bits));
+        points.dedup_by_key(|x| x.map(f64::to_bits));
+        let values = |points: &[f64]| -> Vec<Vec<f64>> {
+            let points = points.chunks(D);
+            (of_model.iter())
+                .map(|value| points.clone().map(|x| value.at(fixed(x))).collect())
+                .collect()
+        };
+        let here: Vec<Vec<f64>> = match group.rank() {
+            0 => {
+                for rank in 1..group.size() {
+                    let points: Vec<f64> = group.receive(rank);
+                    group.send(rank, &values(&points));
+                }
+                values(points.as_flattened())
+            }
+            _ => {
+                group.send(0, &points.as_flattened().to_vec());
+                group.receive(0)
+            }
+        };
+        let points = Arc::new(points);
+        self.warmth = (here.into_iter())
+            .map(|values| {
+                let points = Arc::clone(&points);
+                let bits = |x: [f64; D]| x.map(f64::to_bits);
+                Quantity::from(move |x: [f64; D]| {
+                    let found = points.binary_search_by_key(&bits(x), |&point| bits(point));
+                    found.map_or(f64::NAN, |place| values[place])
+                })
+            })
+            .collect();
     }
 
     /// What this rank has of the bodies that can move as a whole.
@@ -830,7 +897,13 @@ where
             },
             unknowns,
             forces,
-            temperature: Default::default(),
+            temperature: TemperatureField(
+                (self.common.warm_regions.iter().cloned())
+                    .zip(&of_all.warmth)
+                    .zip(&self.warmth)
+                    .map(|((regions, &factor), value)| (regions, factor, value.clone()))
+                    .collect(),
+            ),
         }
     }
 }

@@ -186,8 +186,9 @@ where
         };
         drop(cut);
         // Here the mesh goes.
-        let (mut pairs, mut seconds) = (Vec::new(), [0.0; 2]);
+        let (mut pairs, mut seconds, mut temperatures) = (Vec::new(), [0.0; 2], Vec::new());
         if let Some(elastic) = elastic {
+            temperatures = elastic.temperatures();
             seconds = [elastic.assembly_seconds, elastic.pairing_seconds];
             pairs = elastic.pairs;
             for pair in &mut pairs {
@@ -199,6 +200,8 @@ where
         let mut received = Received::new(common, part);
         // On rank 0, without their facets.
         received.elastic.pairs = pairs;
+        received.learn_temperatures(group, &temperatures);
+        drop(temperatures);
         group.any(false);
         division.distribution = start.elapsed().as_secs_f64();
 

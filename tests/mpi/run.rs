@@ -5,6 +5,73 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+/// ε of a case file, where it says nothing.
+pub const TOLERANCE: f64 = 1e-6;
+/// Pressures of single places are less accurate than what they add up to: those of the factor are measured so, too.
+pub const NODAL: f64 = 3000.0 * TOLERANCE;
+
+/// Solves a case on ranks, as many as each of these, and compares it with the factor, and its counts with those of conjugate gradients in
+/// one process.
+pub fn compare(case: &Path, ranks: &[usize]) {
+    let name = case.file_name().expect("a file").to_string_lossy();
+    let place = tempfile::tempdir().expect("a directory");
+    let place = place.path();
+    let alone = |stiffness: &str| {
+        let more = ["--stiffness", stiffness, "--backend", "cpu"];
+        solved(None, case, &more, &place.join(stiffness))
+    };
+    let (direct, nested) = (alone("cholesky"), alone("pcg"));
+    let off = |found: &[f64], expected: &[f64], scale: f64| {
+        assert_eq!(found.len(), expected.len(), "{name}");
+        let pairs = found.iter().zip(expected);
+        pairs.fold(0.0_f64, |max, (a, b)| max.max((a - b).abs())) / scale
+    };
+    let size = |values: &[f64]| values.iter().fold(1e-300_f64, |max, v| max.max(v.abs()));
+    // Slips and gaps may be nothing but rounding: beside what moves.
+    let fields = std::fs::read_dir(&direct.directory)
+        .expect("a directory")
+        .map(|entry| entry.expect("an entry").path())
+        .filter(|path| path.extension().is_some_and(|ending| ending == "vtu"));
+    let moved = fields.fold(0.0_f64, |most, path| most.max(Grid::read(&path).largest(0)));
+    for &ranks in ranks {
+        let shared = solved(Some(ranks), case, &[], &place.join("ranks"));
+        assert_eq!(shared.report["ranks"]["count"], ranks);
+        // Forces that are the rounding of those that act are none.
+        let forces = off(
+            &shared.forces(),
+            &direct.forces(),
+            size(&direct.normal_forces()),
+        );
+        let of =
+            |column: &str, scale: f64| off(&shared.column(column), &direct.column(column), scale);
+        let pressures = of("normal_pressure", size(&direct.column("normal_pressure")));
+        let [slip, gap] = ["slip", "gap"].map(|column| of(column, moved));
+        let counts = ["iter", "n_A"]
+            .map(|key| [&shared, &nested].map(|run| run.report[key].as_f64().expect(key)));
+        let [[iter, alone], [products, _]] = counts;
+        println!(
+            "  {name} on {ranks}: forces {forces:.1e}, pressures {pressures:.1e}, slip {slip:.1e}, gap {gap:.1e}; {iter} steps, \
+             {products} products, {alone} steps in one process"
+        );
+        for column in ["contact", "place"] {
+            assert_eq!(
+                shared.words(column),
+                direct.words(column),
+                "{name} on {ranks}: {column}"
+            );
+        }
+        assert!(forces <= 10.0 * TOLERANCE, "{name} on {ranks}: forces");
+        assert!(pressures <= NODAL, "{name} on {ranks}: pressures");
+        assert!(slip.max(gap) <= NODAL, "{name} on {ranks}: slip or gap");
+        for [found, expected] in counts {
+            assert!(
+                (found - expected).abs() <= (0.2 * expected).max(2.0),
+                "{name} on {ranks}: {found} steps or products instead of {expected}"
+            );
+        }
+    }
+}
+
 /// The program with a command.
 pub fn signorini(command: &str) -> Command {
     let mut program = Command::new(env!("CARGO_BIN_EXE_signorini"));
@@ -20,6 +87,8 @@ pub fn mpirun(ranks: usize, command: &mut Command) -> Output {
     for (name, value) in command.get_envs() {
         launcher.env(name, value.unwrap_or_default());
     }
+    // Ranks that wait leave the cores to those that work, and to other programs.
+    launcher.env("OMPI_MCA_mpi_yield_when_idle", "1");
     // Open MPI does not let root start anything, which it is in containers; MPICH does not mind.
     launcher
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
@@ -106,8 +175,8 @@ impl Solved {
         self.of_steps(&["contacts"], "normal_force")
     }
 
-    /// The columns of the table whose names begin so, in all its rows.
-    pub fn column(&self, name: &str) -> Vec<f64> {
+    /// What stands in the columns of the table whose names begin so, in all its rows.
+    fn words(&self, name: &str) -> Vec<&str> {
         let mut lines = self.table.lines();
         let head: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
         let wanted: Vec<usize> = (0..head.len())
@@ -116,12 +185,15 @@ impl Solved {
         lines
             .flat_map(|line| {
                 let fields: Vec<&str> = line.split(',').collect();
-                wanted
-                    .iter()
-                    .map(|&i| fields[i].parse().expect("a number"))
-                    .collect::<Vec<f64>>()
+                wanted.iter().map(|&i| fields[i]).collect::<Vec<&str>>()
             })
             .collect()
+    }
+
+    /// The numbers there.
+    fn column(&self, name: &str) -> Vec<f64> {
+        let words = self.words(name).into_iter();
+        words.map(|word| word.parse().expect("a number")).collect()
     }
 }
 
