@@ -22,6 +22,10 @@ use std::time::Instant;
 /// Times that a displacement is made more accurate for the sake of its ties, as on one machine.
 const MOST_PASSES: usize = 4;
 
+/// ‖r − αq‖² is known from sums that are made with pᵀq, up to the rounding of ‖r‖²: below this part of what was last added up it is
+/// added up again, so that it has ten digits.
+const FAITHFUL: f64 = 1e-6;
+
 /// What stands before the options of the preconditioner, and before those of the one that is taken where it fails.
 const PREFIX: &str = "signorini_";
 const FALLBACK: &str = "signorini_fallback_";
@@ -89,8 +93,9 @@ pub(super) struct Distributed {
     group: Arc<Group>,
     ranks: Ranks,
     b: Arc<Csr>,
-    /// The f of the last load case.
+    /// The f of the last load case, and its norm over all ranks.
     load: Arc<Vec<f64>>,
+    load_norm: f64,
     matrix: Rc<Matrix>,
     preconditioner: petsc::Preconditioner,
     /// What it is, for a log, and why it is no multigrid where that was asked for.
@@ -205,6 +210,7 @@ impl Distributed {
         Ok(Self {
             b: Arc::clone(problem.contact_matrix()),
             load: Arc::clone(problem.load_case().force()),
+            load_norm: ranks.norm(problem.load_case().force()),
             preconditioner: made,
             about,
             fallback,
@@ -262,14 +268,16 @@ impl Distributed {
         Ok(self.sum(here))
     }
 
-    /// q = K p; pᵀq, and why to stop, if the caller may be stopped.
-    fn multiply(&mut self, stop: &Stop) -> Result<(f64, Option<Stopped>), PetscError> {
+    /// q = K p; pᵀq, rᵀq and qᵀq, and why to stop, if the caller may be stopped: all in one sum.
+    fn multiply(&mut self, stop: &Stop) -> Result<([f64; 3], Option<Stopped>), PetscError> {
         self.matrix.multiply(&self.p, &mut self.q)?;
-        let here = self.p.read(|p| self.q.read(|q| dot(p, q)))??;
-        let mut sums = [here, 0.0, 0.0];
+        let (p, q, r) = (&self.p, &self.q, &self.r);
+        let here = p.read(|p| q.read(|q| r.read(|r| [dot(p, q), dot(r, q), dot(q, q)])))???;
+        let [pq, rq, qq] = here;
+        let mut sums = [pq, rq, qq, 0.0, 0.0];
         if stop.deadline.is_some() || stop.interrupt.is_some() {
             let interrupt = self.limits.interrupt.as_ref();
-            sums[1] = f64::from(u8::from(
+            sums[3] = f64::from(u8::from(
                 interrupt.is_some_and(|flag| flag.load(Ordering::Relaxed)),
             ));
             // Clocks differ: that of rank 0 counts.
@@ -277,22 +285,25 @@ impl Distributed {
                 .limits
                 .deadline
                 .is_some_and(|end| Instant::now() >= end);
-            sums[2] = f64::from(u8::from(self.group.rank() == 0 && is_late));
+            sums[4] = f64::from(u8::from(self.group.rank() == 0 && is_late));
         }
         self.ranks.sum(&mut sums);
         let stopped = match sums {
-            [_, interrupts, _] if interrupts > 0.0 => Some(Stopped::Interrupted),
-            [_, _, late] if late > 0.0 => Some(Stopped::TimeLimit),
+            [.., interrupts, _] if interrupts > 0.0 => Some(Stopped::Interrupted),
+            [.., late] if late > 0.0 => Some(Stopped::TimeLimit),
             _ => None,
         };
-        Ok((sums[0], stopped))
+        let [pq, rq, qq, ..] = sums;
+        Ok(([pq, rq, qq], stopped))
     }
 
-    /// CG for K x = b from `x`, where `r` is b − K x; both as long as this rank has unknowns. What it has reached is in x, also
-    /// where it has failed. The same steps and the same decisions as those of `stiffness::pcg`, looked at after each iteration.
+    /// CG for K x = b from `x`, where `r` is b − K x; both as long as this rank has unknowns, and `rr` is ‖r‖² over all ranks. What
+    /// it has reached is in x, also where it has failed. The same steps and the same decisions as those of `stiffness::pcg`,
+    /// looked at after each iteration.
     fn run(
         &mut self,
         r: &[f64],
+        rr: f64,
         x: &mut [f64],
         goals: Run,
         stop: &Stop,
@@ -300,7 +311,6 @@ impl Distributed {
         self.counts.solves += 1;
         self.r.write(|to| to.copy_from_slice(r))?;
         self.x.write(|to| to.copy_from_slice(x))?;
-        let rr = self.sum(dot(r, r));
         let mut state = State::started(rr, goals);
         let outcome = self.iterate(&mut state, stop);
         self.x.read(|from| x.copy_from_slice(from))?;
@@ -318,6 +328,8 @@ impl Distributed {
         let mut watch = Watch::new(f64::EPSILON / 2.0);
         let limit = most_iterations(self.n);
         let mut first_energy = None;
+        // ‖r‖² where it was last added up.
+        let mut summed = state.progress().rr;
         while !state.progress().done {
             let rz = self.precondition()?;
             let beta = state.turned(rz);
@@ -329,7 +341,8 @@ impl Distributed {
                     }
                 })
             })??;
-            let (curvature, stopped) = self.multiply(stop)?;
+            let rr = state.progress().rr;
+            let ([curvature, rq, qq], stopped) = self.multiply(stop)?;
             if let Some(stopped) = stopped {
                 return Err(DualError::Stopped(stopped));
             }
@@ -339,13 +352,14 @@ impl Distributed {
             };
             let (p, q) = (&self.p, &self.q);
             p.read(|p| self.x.write(|x| add_times(alpha, p, x)))??;
-            let rr = q.read(|q| {
-                self.r.write(|r| {
-                    add_times(-alpha, q, r);
-                    dot(r, r)
-                })
-            })??;
-            state.stepped(self.sum(rr));
+            q.read(|q| self.r.write(|r| add_times(-alpha, q, r)))??;
+            let mut rr = rr - alpha * (2.0 * rq - alpha * qq);
+            if !(rr > FAITHFUL * summed) {
+                let here = self.r.read(|r| dot(r, r))?;
+                rr = self.sum(here);
+                summed = rr;
+            }
+            state.stepped(rr);
             let progress = state.progress();
             let first_energy = *first_energy.get_or_insert(progress.energy);
             if progress.energy > ENERGY_GROWTH * first_energy || !progress.rr.is_finite() {
@@ -376,16 +390,25 @@ impl Distributed {
         stop: &Stop,
     ) -> Result<Correction, DualError> {
         let contact = self.forces(lambda);
-        let terms = (self.ranks.norm(&self.load)).max(self.ranks.norm(&contact));
-        if terms == 0.0 {
-            // What CG leaves of a u that ought to vanish would shrink for ever.
-            self.u.fill(0.0);
-            y.fill(0.0);
-            return Ok(Correction::default());
-        }
         let mut u = std::mem::take(&mut self.u);
         if along != 0.0 {
             add_times(-along, &self.product, &mut u);
+        }
+        self.x.write(|x| x.copy_from_slice(&u))?;
+        self.matrix.multiply(&self.x, &mut self.q)?;
+        let inner = self.q.read(<[f64]>::to_vec)?;
+        let mut r = difference(&self.load, &contact);
+        add_times(-1.0, &inner, &mut r);
+        let mut sums = [dot(&r, &r), dot(&contact, &contact)];
+        self.ranks.sum(&mut sums);
+        let [rr, contact] = sums;
+        let terms = self.load_norm.max(contact.sqrt());
+        if terms == 0.0 {
+            // What CG leaves of a u that ought to vanish would shrink for ever.
+            u.fill(0.0);
+            self.u = u;
+            y.fill(0.0);
+            return Ok(Correction::default());
         }
         let run = match accuracy {
             Accuracy::Residual(residual) => Run {
@@ -399,12 +422,7 @@ impl Distributed {
                 ..self.falls.run_to(accuracy, 1.0)
             },
         };
-        self.x.write(|x| x.copy_from_slice(&u))?;
-        self.matrix.multiply(&self.x, &mut self.q)?;
-        let inner = self.q.read(<[f64]>::to_vec)?;
-        let mut r = difference(&self.load, &contact);
-        add_times(-1.0, &inner, &mut r);
-        let outcome = self.run(&r, &mut u, run, stop);
+        let outcome = self.run(&r, rr, &mut u, run, stop);
         self.u = u;
         self.seen(&self.u, y);
         outcome
@@ -449,7 +467,8 @@ impl DualOperator for Distributed {
         let mut product = std::mem::take(&mut self.product);
         product.fill(0.0);
         let run = self.falls.run_to(accuracy, 1.0);
-        let outcome = self.run(&forces, &mut product, run, stop);
+        let rr = self.sum(dot(&forces, &forces));
+        let outcome = self.run(&forces, rr, &mut product, run, stop);
         self.product = product;
         self.seen(&self.product, y);
         outcome.map(|_| ())
@@ -532,7 +551,8 @@ impl DualOperator for Distributed {
             residual_part: tolerance,
             ..Run::default()
         };
-        self.run(&load, &mut x, run, &Stop::default())?;
+        let rr = self.load_norm.powi(2);
+        self.run(&load, rr, &mut x, run, &Stop::default())?;
         let iterations = self.counts.iterations - before.iterations;
         self.counts = before;
         Ok(Some(iterations))
@@ -547,11 +567,15 @@ impl DualOperator for Distributed {
 }
 
 impl Distributed {
-    /// Goes on with the f of a load case; that it is another one has to show on all ranks.
+    /// Goes on with the f of a load case: all ranks are handed another one at the same time, if its own part has changed or not.
     fn take(&mut self, load: &LoadCase) {
+        if Arc::ptr_eq(&self.load, load.force()) {
+            return;
+        }
         let is_other = load.take_force(&mut self.load);
         if self.group.any(is_other) {
             self.u.fill(0.0);
+            self.load_norm = self.ranks.norm(&self.load);
         }
     }
 }
