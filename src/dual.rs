@@ -200,6 +200,20 @@ pub trait DualOperator {
     }
 }
 
+/// b = −r at λ = 0, of an operator whose u follows λ.
+pub(crate) fn followed_right_hand_side(
+    dual: &mut impl DualOperator,
+    load: &LoadCase,
+    b: &mut [f64],
+    accuracy: Accuracy,
+    stop: &Stop,
+) -> Result<(), DualError> {
+    let zero = vec![0.0; b.len()];
+    dual.gradient(load, &zero, b, 0.0, accuracy, stop)?;
+    b.iter_mut().for_each(|b| *b = -*b);
+    Ok(())
+}
+
 /// The optimality conditions (1)–(3) of a problem at (u, λ) against the K of its operator.
 pub(crate) fn conditions<const D: usize, K>(
     problem: &ContactProblem<D, K>,

@@ -14,10 +14,8 @@ use signorini::input::is_reading;
 use signorini::mesh::ElementKind;
 use signorini::model::{Analysis, AnyAnalysis};
 use signorini::output::{Draw, Results, prepare, withdraw};
-use signorini::quasistatic;
-use signorini::solve::{self, Event};
+use signorini::solve;
 use signorini::ssnm::Status;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock};
@@ -214,29 +212,11 @@ impl Run<'_> {
         settings.ssnm.interrupt = Some(Arc::clone(&INTERRUPTED));
         let limit = settings.ssnm.time_limit;
         settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(self.start.elapsed()));
+        let mut written = Ok(());
         let tolerance = settings.ssnm.tolerance;
-        let (mut outer, mut written) = (Vec::new(), Ok(()));
-        let observer = |event: Event<D>| {
-            match event {
-                Event::Begins { number, factor } if n_steps > 1 => {
-                    log.tell(&format!("load step {number} of {n_steps}, factor {factor}"));
-                }
-                Event::Begins { .. } => {}
-                Event::Within(quasistatic::Event::Newton(step)) => {
-                    log.step(step);
-                    outer.push(*step);
-                }
-                Event::Within(quasistatic::Event::Round(round)) => log.round(round),
-                Event::Ends(solved) => {
-                    log.finish(&std::mem::take(&mut outer), tolerance);
-                    written = results.add(&solved);
-                }
-            }
-            match written {
-                Ok(()) => ControlFlow::Continue(()),
-                Err(_) => ControlFlow::Break(()),
-            }
-        };
+        let observer = log.observer(n_steps, tolerance, &mut written, |solved| {
+            results.add(solved)
+        });
         (analysis.solve_on(engine, &settings, observer)).map_err(|error| self.failed(error))?;
         written.map_err(|error| message_of(&error))
     }

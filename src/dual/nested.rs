@@ -1,6 +1,6 @@
 //! The nested path: A p = B K⁻¹ Bᵀ p with K⁻¹ applied by preconditioned conjugate gradients.
 
-use super::{Correction, Costs, DualError, DualOperator, Stop};
+use super::{Correction, Costs, DualError, DualOperator, Stop, followed_right_hand_side};
 use crate::backend::{Backend, Run};
 use crate::control::Accuracy;
 use crate::problem::{ContactProblem, LoadCase};
@@ -286,10 +286,7 @@ impl<B: Backend> DualOperator for NestedDual<B> {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
-        let zero = vec![0.0; self.b.n_rows()];
-        self.gradient(load, &zero, b, 0.0, accuracy, stop)?;
-        b.iter_mut().for_each(|b| *b = -*b);
-        Ok(())
+        followed_right_hand_side(self, load, b, accuracy, stop)
     }
 
     fn gradient(

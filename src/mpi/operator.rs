@@ -7,7 +7,7 @@ use super::petsc::{self, Ghosts, Matrix, PetscError, Vector};
 use crate::backend::Run;
 use crate::backend::cpu::State;
 use crate::control::{Accuracy, Correction, Costs, SolveCounts, Stop, Stopped};
-use crate::dual::{DualError, DualOperator};
+use crate::dual::{DualError, DualOperator, followed_right_hand_side};
 use crate::problem::{ContactProblem, Elsewhere, LoadCase};
 use crate::ranks::{Group, Ranks};
 use crate::sparse::{BlockCsr, Csr, add_times, difference, dot};
@@ -481,10 +481,7 @@ impl DualOperator for Distributed {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
-        let zero = vec![0.0; self.b.n_rows()];
-        self.gradient(load, &zero, b, 0.0, accuracy, stop)?;
-        b.iter_mut().for_each(|b| *b = -*b);
-        Ok(())
+        followed_right_hand_side(self, load, b, accuracy, stop)
     }
 
     fn gradient(

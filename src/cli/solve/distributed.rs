@@ -10,10 +10,7 @@ use signorini::mesh::ElementKind;
 use signorini::model::Draft;
 use signorini::mpi::{AnyShare, Group, MpiError, Results, ResultsError, Share};
 use signorini::output::withdraw;
-use signorini::quasistatic;
-use signorini::solve::Event;
 use signorini::ssnm::Status;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -271,29 +268,11 @@ impl Run<'_> {
         let mut settings = self.case.settings();
         let limit = settings.ssnm.time_limit;
         settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(self.start.elapsed()));
+        let mut written = Ok(());
         let tolerance = settings.ssnm.tolerance;
-        let (mut outer, mut written) = (Vec::new(), Ok(()));
-        let observer = |event: Event<D>| {
-            match event {
-                Event::Begins { number, factor } if n_steps > 1 => {
-                    log.tell(&format!("load step {number} of {n_steps}, factor {factor}"));
-                }
-                Event::Begins { .. } => {}
-                Event::Within(quasistatic::Event::Newton(step)) => {
-                    log.step(step);
-                    outer.push(*step);
-                }
-                Event::Within(quasistatic::Event::Round(round)) => log.round(round),
-                Event::Ends(solved) => {
-                    log.finish(&std::mem::take(&mut outer), tolerance);
-                    written = results.add(&solved);
-                }
-            }
-            match written {
-                Ok(()) => ControlFlow::Continue(()),
-                Err(_) => ControlFlow::Break(()),
-            }
-        };
+        let observer = log.observer(n_steps, tolerance, &mut written, |solved| {
+            results.add(solved)
+        });
         (share.solve(&settings, Some(Arc::clone(&INTERRUPTED)), observer)).map_err(Ended::Solve)?;
         written.map_err(Ended::Results)
     }

@@ -4,9 +4,11 @@ use super::SolveArguments;
 use signorini::control::Costs;
 use signorini::dual::DualOperator as _;
 use signorini::engine::Engine;
-use signorini::quasistatic::Round;
+use signorini::quasistatic::{self, Round};
+use signorini::solve::{Event, Solved};
 use signorini::ssnm::{SlipSizes, Step};
 use std::io::{IsTerminal as _, Write as _};
+use std::ops::ControlFlow;
 
 /// Who hears how much.
 #[derive(Clone, Copy)]
@@ -112,8 +114,40 @@ impl Log {
         }
     }
 
+    /// Tells of load steps as they are made, and hands on what has ended; they go on until that fails.
+    pub fn observer<const D: usize, E>(
+        self,
+        n_steps: usize,
+        tolerance: f64,
+        written: &mut Result<(), E>,
+        mut add: impl FnMut(&Solved<D>) -> Result<(), E>,
+    ) -> impl FnMut(Event<D>) -> ControlFlow<()> {
+        let mut outer = Vec::new();
+        move |event| {
+            match event {
+                Event::Begins { number, factor } if n_steps > 1 => {
+                    self.tell(&format!("load step {number} of {n_steps}, factor {factor}"));
+                }
+                Event::Begins { .. } => {}
+                Event::Within(quasistatic::Event::Newton(step)) => {
+                    self.step(step);
+                    outer.push(*step);
+                }
+                Event::Within(quasistatic::Event::Round(round)) => self.round(round),
+                Event::Ends(solved) => {
+                    self.finish(&std::mem::take(&mut outer), tolerance);
+                    *written = add(&solved);
+                }
+            }
+            match written {
+                Ok(()) => ControlFlow::Continue(()),
+                Err(_) => ControlFlow::Break(()),
+            }
+        }
+    }
+
     /// One line that is written over on a terminal, and one after the other elsewhere.
-    pub fn step(&self, step: &Step) {
+    fn step(&self, step: &Step) {
         if self.quiet {
             return;
         }
@@ -132,7 +166,7 @@ impl Log {
     }
 
     /// The end of a solve that may not be the last of its step.
-    pub fn round(&self, round: &Round) {
+    fn round(&self, round: &Round) {
         if self.quiet {
             return;
         }
@@ -155,7 +189,7 @@ impl Log {
     }
 
     /// The table of all steps.
-    pub fn finish(&self, history: &[Step], tolerance: f64) {
+    fn finish(&self, history: &[Step], tolerance: f64) {
         if self.quiet {
             return;
         }
