@@ -157,6 +157,16 @@ pub fn read(path: &Path, mesh: &str, ignored: &[String]) -> Result<Deck, DeckErr
             );
             deck.error((line, text))
         })?;
+    let n_nodes = match &mesh {
+        AnyMesh::Plane(mesh) => mesh.nodes.len(),
+        AnyMesh::Space(mesh) => mesh.nodes.len(),
+    };
+    if translated.has_nodal_values && n_nodes != node_numbers.len() {
+        let text = "*TEMPERATURE: temperatures that differ from node to node, and elements that get nodes in the middle of their faces \
+                    from their neighbours: there are no temperatures for these"
+            .to_owned();
+        return Err(deck.error((1, text)).into());
+    }
     Ok(Deck {
         path: path.to_owned(),
         node_numbers,

@@ -263,6 +263,8 @@ pub(super) struct Interaction {
     pub name: String,
     /// Pressure per overlap; None: hard.
     pub stiffness: Option<f64>,
+    /// The overlap, below 0 a gap, from which on there is pressure.
+    pub begins: f64,
     pub tied: bool,
     pub friction: Option<f64>,
     pub stick_slope: Option<f64>,
@@ -706,6 +708,9 @@ impl<'a> Said<'a> {
             Some(&(line, text)) => numbers(line, text)?.first().copied(),
             None => None,
         };
+        if kind == "TABULAR" {
+            return self.table(card, interaction);
+        }
         let here = &mut self.interactions[interaction];
         match (kind.as_str(), first) {
             ("HARD", _) => {}
@@ -722,11 +727,53 @@ impl<'a> Said<'a> {
             }
             _ => {
                 let text = format!(
-                    "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE={kind}: contact is hard, or linear"
+                    "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE={kind}: contact is hard, linear, or a table that is one straight line"
                 );
                 self.refuse(k.line, "SURFACE BEHAVIOR", text);
             }
         }
+        Ok(())
+    }
+
+    /// A law of pressures and overlaps, line by line.
+    fn table(&mut self, card: &Card<'a>, interaction: usize) -> Result<()> {
+        let line = card.keyword.line;
+        let mut points = Vec::new();
+        for &(line, text) in &card.data {
+            match numbers(line, text)?[..] {
+                [pressure, overlap, ..] => points.push([pressure, overlap]),
+                _ => {
+                    return Err((
+                        line,
+                        "a table has a pressure and an overclosure in a line".to_owned(),
+                    ));
+                }
+            }
+        }
+        let grows = |pair: &[[f64; 2]]| pair[0][0] <= pair[1][0] && pair[0][1] < pair[1][1];
+        let zeros = points.iter().take_while(|point| point[0] == 0.0).count();
+        if !points.windows(2).all(grows) || zeros == 0 || zeros == points.len() {
+            let text =
+                "*SURFACE BEHAVIOR: pressures of a table grow with the overclosure, from 0 on";
+            return Err((line, text.to_owned()));
+        }
+        let points = &points[zeros - 1..];
+        let [_, begins] = points[0];
+        let slope = |point: &[f64; 2]| point[0] / (point[1] - begins);
+        let slopes = || points[1..].iter().map(slope);
+        let (least, largest) = (
+            slopes().fold(f64::INFINITY, f64::min),
+            slopes().fold(0.0, f64::max),
+        );
+        // Numbers of tables are rounded.
+        if largest - least > 1e-4 * largest {
+            let text = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR: only a table that is one straight line is understood, \
+                        as the stiffness of a contact does not depend on its pressure";
+            self.refuse(line, "SURFACE BEHAVIOR", text);
+            return Ok(());
+        }
+        let here = &mut self.interactions[interaction];
+        (here.stiffness, here.begins) = (Some(largest), begins);
         Ok(())
     }
 

@@ -1,12 +1,12 @@
 //! From what a deck says to the tables of a case.
 
 use super::adjust::{Adjustment, Moved};
-use super::cards::{Adjust, Kind, MaterialCard, Refusal, Said, What};
+use super::cards::{Adjust, Kind, MaterialCard, Refusal, Said, Transform, What};
 use super::history::{Times, Tracks};
 use super::write::{Number, factors, list, quoted};
 use crate::mesh::abaqus::index::{Index, Wrong};
 use crate::mesh::abaqus::keyword::key;
-use crate::mesh::vector::{minus, unit};
+use crate::mesh::vector::{cross, minus, unit};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{Display, Write as _};
 
@@ -17,6 +17,8 @@ pub(super) struct Translated {
     pub text: String,
     pub notes: Vec<String>,
     pub adjustments: Vec<Adjustment>,
+    /// Whether there is a quantity with a value for each node.
+    pub has_nodal_values: bool,
 }
 
 /// Refuses what shows without the mesh.
@@ -69,6 +71,7 @@ struct Translation<'a, 'i> {
     text: String,
     notes: Vec<String>,
     adjustments: Vec<Adjustment>,
+    has_nodal_values: bool,
     refusals: Vec<Refusal>,
     /// 2 or 3.
     dimension: usize,
@@ -103,6 +106,7 @@ pub(super) fn case(
         text: String::new(),
         notes: Vec::new(),
         adjustments: Vec::new(),
+        has_nodal_values: false,
         refusals: Vec::new(),
         dimension,
         used: index.used_nodes(),
@@ -127,6 +131,7 @@ pub(super) fn case(
         text: translation.text,
         notes: translation.notes,
         adjustments: translation.adjustments,
+        has_nodal_values: translation.has_nodal_values,
     };
     Ok((made, translation.refusals))
 }
@@ -301,20 +306,11 @@ impl Translation<'_, '_> {
     fn transforms(&mut self) -> Result<BTreeMap<u32, usize>> {
         let mut of_node = BTreeMap::new();
         for (number, transform) in self.said.transforms.iter().enumerate() {
-            if !transform.cylindrical {
-                let [a, b] = [[0, 1, 2], [3, 4, 5]].map(|of| of.map(|at| transform.points[at]));
-                let as_they_are = a[0] > 0.0 && b[1] > 0.0 && [a[1], a[2], b[2]] == [0.0; 3];
-                if !as_they_are {
-                    self.refuse(
-                        transform.line,
-                        "TRANSFORM",
-                        "*TRANSFORM: directions are those of the axes, or cylindrical (TYPE=C)",
-                    );
-                }
-                continue;
-            }
             for node in self.index.nodes(transform.line, transform.set)? {
-                of_node.insert(node, number);
+                match transform.axes() {
+                    Some(axes) if axes == IDENTITY => of_node.remove(&node),
+                    _ => of_node.insert(node, number),
+                };
             }
         }
         Ok(of_node)
@@ -456,11 +452,11 @@ impl Translation<'_, '_> {
             let origin = self.index.set_name(true, target).map_or("", |_| target);
             for node in self.index.nodes(load.line, target)? {
                 let transform = transforms.get(&node).copied();
-                if kind == Kind::Force && transform.is_some() && value != 0.0 {
-                    let text =
-                        "*CLOAD: a force has the directions of the axes, and none of a *TRANSFORM";
+                let axes = transform.and_then(|number| self.said.transforms[number].axes());
+                if kind == Kind::Boundary && axes.is_some() {
+                    let text = "*BOUNDARY: directions are those of the axes, or those of a cylindrical *TRANSFORM (TYPE=C)";
                     if reported.insert(load.line) {
-                        self.refuse(load.line, "CLOAD", text);
+                        self.refuse(load.line, "TRANSFORM", text);
                     }
                     continue;
                 }
@@ -498,7 +494,6 @@ impl Translation<'_, '_> {
                 continue;
             }
             let transform = transforms.get(node).copied();
-            let transform = transform.filter(|_| kind == Kind::Boundary);
             let bits = values.iter().map(|v| v.to_bits()).collect();
             // A node of no body has its force on one that moves as it does, beside what that one has itself.
             let bare = Some(*node).filter(|&node| !self.used[node as usize]);
@@ -587,11 +582,21 @@ impl Translation<'_, '_> {
         let set = self.set_of(table.line, &table.origin, &table.nodes, what)?;
         self.table(table.line, name);
         self.put(format_args!("nodes = {}", quoted(&set)));
+        table.components.sort_by_key(|component| component.0);
+        if let (Kind::Force, Some(number)) = (kind, table.transform) {
+            let turned = self.said.transforms[number].turned(&table.components);
+            for (axis, component) in AXES.iter().zip(turned).take(self.dimension) {
+                if !component.is_empty() {
+                    self.put(format_args!("{axis} = {component}"));
+                }
+            }
+            self.put_factors(&table.factors);
+            return Ok(());
+        }
         let words = match table.transform {
             None => AXES,
             Some(_) => AROUND,
         };
-        table.components.sort_by_key(|component| component.0);
         for (component, value) in table.components {
             self.put(format_args!("{} = {}", words[component], Number(value)));
         }
@@ -810,6 +815,8 @@ impl Translation<'_, '_> {
             let values: Vec<f64> = values.into_iter().map(|value| value - start).collect();
             warmer[*node as usize] = Some((track.line, values));
         }
+        // A region that becomes warmer by the same everywhere has a number; if there is any other, all nodes have one each.
+        let mut tables = Vec::new();
         for (section, name, elements) in self.regions.clone() {
             if self.material(section).expansion == 0.0 {
                 continue;
@@ -821,18 +828,15 @@ impl Translation<'_, '_> {
             let values = first.map(|first| &first.1);
             let differs =
                 |&&node: &&u32| warmer[node as usize].as_ref().map(|one| &one.1) != values;
-            if let Some(&node) = nodes.iter().find(differs) {
-                let known = warmer[node as usize].as_ref().or(first);
-                let line = known.map_or(1, |one| one.0);
-                let text = format!(
-                    "*TEMPERATURE: all nodes of elements \"{name}\" have to become warmer by the same"
-                );
-                self.refuse(line, "TEMPERATURE", text);
-                continue;
+            if nodes.iter().any(|node| differs(&node)) {
+                self.temperatures_of_nodes(&warmer);
+                return Ok(());
             }
-            let Some((line, values)) = first.cloned() else {
-                continue;
-            };
+            if let Some((line, values)) = first.cloned() {
+                tables.push((line, name, values));
+            }
+        }
+        for (line, name, values) in tables {
             let (value, factors) = factors(&values);
             if value != 0.0 {
                 self.table(line, "[[temperature]]");
@@ -842,6 +846,55 @@ impl Translation<'_, '_> {
             }
         }
         Ok(())
+    }
+
+    /// How much warmer each node becomes: one table if the load steps have multiples of the same, else one for each.
+    fn temperatures_of_nodes(&mut self, warmer: &[Option<(usize, Vec<f64>)>]) {
+        self.has_nodal_values = true;
+        let lines = warmer.iter().flatten().map(|one| one.0);
+        let line = lines.min().unwrap_or(1);
+        let n_steps = self.times.ends.len();
+        let at_end: Vec<Vec<f64>> = (0..n_steps)
+            .map(|step| {
+                let of_bodies = warmer.iter().zip(&self.used).filter(|one| *one.1);
+                let value =
+                    |one: &Option<(usize, Vec<f64>)>| one.as_ref().map_or(0.0, |one| one.1[step]);
+                of_bodies.map(|one| value(one.0)).collect()
+            })
+            .collect();
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let size = |values: &[f64]| product(values, values);
+        let Some(largest) = at_end.iter().max_by(|a, b| size(a).total_cmp(&size(b))) else {
+            return;
+        };
+        let scale = size(largest);
+        if scale == 0.0 {
+            return;
+        }
+        let multiples: Vec<f64> = at_end
+            .iter()
+            .map(|values| product(values, largest) / scale)
+            .collect();
+        let off = |(values, factor): (&Vec<f64>, &f64)| {
+            let mut both = values.iter().zip(largest);
+            both.any(|(v, w)| (v - factor * w).abs() > 1e-12 * scale.sqrt())
+        };
+        let tables: Vec<(Vec<f64>, Vec<f64>)> = match at_end.iter().zip(&multiples).any(off) {
+            false => vec![(largest.clone(), multiples)],
+            true => (at_end.iter().enumerate())
+                .filter(|(_, values)| size(values) > 0.0)
+                .map(|(step, values)| {
+                    let only = (0..n_steps).map(|other| f64::from(u8::from(other == step)));
+                    (values.clone(), only.collect())
+                })
+                .collect(),
+        };
+        for (values, factors) in tables {
+            self.table(line, "[[temperature]]");
+            self.put(format_args!("value = {}", list(&values)));
+            let all = factors.iter().all(|&factor| factor == 1.0);
+            self.put_factors(&Some(factors).filter(|_| !all));
+        }
     }
 
     fn contacts(&mut self) -> Result<()> {
@@ -907,13 +960,20 @@ impl Translation<'_, '_> {
                 .clearances
                 .iter()
                 .find(|one| one.surfaces == wanted);
+            // A law that begins at an overlap acts as if the gap were larger.
+            let begins = interaction.begins;
+            let is_drawn = clearance.is_none() && !matches!(pair.adjust, Some(Adjust::Set(_)));
+            if begins != 0.0 && is_drawn {
+                let text = "*SURFACE BEHAVIOR: a table that begins at an overclosure other than 0 is understood where the gap is stated, by \
+                            *CLEARANCE or ADJUST= a set";
+                self.refuse(pair.line, "SURFACE BEHAVIOR", text);
+            }
+            let stated = |gap: f64| match gap >= 0.0 {
+                true => format!("gap = {}", Number(gap)),
+                false => format!("interference = {}", Number(-gap)),
+            };
             match (clearance, pair.adjust) {
-                (Some(clearance), _) if clearance.value >= 0.0 => {
-                    self.put(format_args!("gap = {}", Number(clearance.value)));
-                }
-                (Some(clearance), _) => {
-                    self.put(format_args!("interference = {}", Number(-clearance.value)));
-                }
+                (Some(clearance), _) => self.put(stated(clearance.value + begins)),
                 // What is drawn overlapping is pressed apart.
                 (None, None) => self.put("overlap = \"interference\""),
                 (None, Some(Adjust::Distance(distance))) => {
@@ -933,10 +993,15 @@ impl Translation<'_, '_> {
                         None => self.index.corners_of(&slave.name),
                     };
                     let all = corners.iter().all(|node| nodes.binary_search(node).is_ok());
-                    self.put(match all {
-                        true => "gap = 0.0",
-                        false => "overlap = \"interference\"",
-                    });
+                    if begins != 0.0 && !all {
+                        let text = "*CONTACT PAIR, ADJUST=: with a table that begins at an overclosure other than 0 it has to name all \
+                                    nodes of the slave surface";
+                        self.refuse(pair.line, "ADJUST", text);
+                    }
+                    match all {
+                        true => self.put(stated(begins)),
+                        false => self.put("overlap = \"interference\""),
+                    }
                     let of_bodies = nodes.into_iter().filter(|&node| self.used[node as usize]);
                     let nodes: Vec<u32> = of_bodies.collect();
                     let set = self.set_of(pair.line, set, &nodes, "adjusted")?;
@@ -1040,25 +1105,100 @@ fn merged(alike: Vec<Alike>) -> Vec<Table> {
     tables
 }
 
+/// The axes one by one.
+const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+impl Transform<'_> {
+    /// Its two points.
+    fn points(&self) -> [[f64; 3]; 2] {
+        [[0, 1, 2], [3, 4, 5]].map(|of| of.map(|at| self.points[at]))
+    }
+
+    /// The directions of a rectangular one: the first towards the first point, the second on the side of the second point.
+    fn axes(&self) -> Option<[[f64; 3]; 3]> {
+        let [a, b] = self.points();
+        let first = unit(a);
+        let third = unit(cross(first, b));
+        (!self.cylindrical).then(|| [first, cross(third, first), third])
+    }
+
+    /// A vector along its directions, as quantities along x, y and z; empty where there is none.
+    fn turned(&self, components: &[(usize, f64)]) -> [String; 3] {
+        let mut along = [0.0; 3];
+        components.iter().for_each(|&(c, value)| along[c] += value);
+        if let Some(axes) = self.axes() {
+            return std::array::from_fn(|g| {
+                // What is left of a cosine of a right angle is rounding.
+                let terms = (0..3).map(|c| along[c] * axes[c][g]);
+                let sum: f64 = terms.clone().sum();
+                match sum.abs() > 1e-14 * terms.fold(0.0, |most, term| f64::max(most, term.abs())) {
+                    true => Number(sum).to_string(),
+                    false => String::new(),
+                }
+            });
+        }
+        let [point, end] = self.points();
+        let d = unit(minus(end, point));
+        // Across the axis, and around it by the right-hand rule.
+        let across = |g: usize, k: usize| f64::from(u8::from(g == k)) - d[g] * d[k];
+        let around = |g: usize, k: usize| cross(d, IDENTITY[k])[g];
+        let matrix = |of: &dyn Fn(usize, usize) -> f64| -> [[f64; 3]; 3] {
+            std::array::from_fn(|g| std::array::from_fn(|k| of(g, k)))
+        };
+        let squares = linear(matrix(&across), point)
+            .into_iter()
+            .filter(|term| !term.is_empty());
+        let squares: Vec<String> = squares.map(|term| format!("({term})^2")).collect();
+        let radius = format!("sqrt({})", squares.join(" + "));
+        let turned = linear(
+            matrix(&|g, k| along[0] * across(g, k) + along[1] * around(g, k)),
+            point,
+        );
+        std::array::from_fn(|g| {
+            let mut terms = Vec::new();
+            if !turned[g].is_empty() {
+                terms.push(format!("({}) / {radius}", turned[g]));
+            }
+            if along[2] * d[g] != 0.0 {
+                terms.push(bracketed(along[2] * d[g]));
+            }
+            match terms.is_empty() {
+                true => String::new(),
+                false => format!("\"{}\"", terms.join(" + ")),
+            }
+        })
+    }
+}
+
 /// ρ ω² times the way from the axis, as quantities of x, y and z.
 fn centrifugal(size: f64, point: [f64; 3], direction: [f64; 3]) -> [String; 3] {
     // The part across a unit vector a of what is rotated is (1 − a aᵀ) (x − p).
     let square = |c: usize, d: usize| f64::from(u8::from(c == d)) - direction[c] * direction[d];
+    let matrix = std::array::from_fn(|c| std::array::from_fn(|d| size * square(c, d)));
+    linear(matrix, point).map(|component| match component.is_empty() {
+        true => component,
+        false => format!("\"{component}\""),
+    })
+}
+
+/// A matrix times the way from a point, in terms of x, y and z; empty where a row is zero.
+fn linear(matrix: [[f64; 3]; 3], point: [f64; 3]) -> [String; 3] {
+    let largest = matrix
+        .as_flattened()
+        .iter()
+        .fold(0.0, |most: f64, v| most.max(v.abs()));
     std::array::from_fn(|c| {
         let terms: Vec<String> = (0..3)
-            .filter(|&d| square(c, d).abs() > 1e-15)
+            .filter(|&d| matrix[c][d].abs() > 1e-15 * largest)
             .map(|d| {
-                let factor = Number(size * square(c, d));
+                let factor = Number(matrix[c][d]);
                 match point[d] {
                     0.0 => format!("{factor} * {}", AXES[d]),
                     p => format!("{factor} * ({} - {})", AXES[d], bracketed(p)),
                 }
             })
             .collect();
-        match terms.is_empty() {
-            true => String::new(),
-            false => format!("\"{}\"", terms.join(" + ")),
-        }
+        terms.join(" + ")
     })
 }
 

@@ -361,6 +361,154 @@ fn nodes_are_adjusted_as_the_deck_says() {
     );
 }
 
+/// A table of pressures that is one straight line is a linear law, with a gap where it begins elsewhere; against springs in a row:
+/// p = δ / (h / E + 1 / k).
+#[test]
+fn tables_that_are_straight_are_linear_laws() {
+    let table = |low: f64, points: &str, rest: &str| {
+        let law = format!("NAME=hard\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR\n{points}");
+        squares([low; 2], "")
+            .replace("NAME=hard\n", &law)
+            .replace("*BOUNDARY\n1,1,2\n", &format!("{rest}*BOUNDARY\n1,1,2\n"))
+    };
+    let clearance = "*CLEARANCE, SLAVE=Supper, MASTER=Slower, VALUE=-0.01\n";
+    for (low, points, rest, overlap) in [
+        (0.99, "0,0\n10,0.001\n20,0.002\n", "", 0.01),
+        (0.99, "0,-1\n0,0\n20,0.002\n", "", 0.01),
+        (1.0, "0,0.002\n10,0.003\n", clearance, 0.008),
+        (1.0, "0,-0.002\n10,-0.001\n", clearance, 0.012),
+    ] {
+        let deck = read(&table(low, points, rest), &[], &[]).or_panic();
+        let u = displacements(&built(&deck)).remove(0);
+        let pressure = overlap / ((1.0 + 2.0 - low) / 200.0 + 1e-4);
+        assert!(
+            (u[2][1] + pressure / 200.0).abs() < 1e-9,
+            "{points}: {:?}",
+            u[2]
+        );
+    }
+    for (points, what) in [
+        (
+            "0,0\n10,0.001\n30,0.002\n",
+            "only a table that is one straight line",
+        ),
+        ("0,0.002\n10,0.003\n", "where the gap is stated"),
+        ("1,0\n10,0.001\n", "grow with the overclosure, from 0 on"),
+        ("0,0\n", "grow with the overclosure, from 0 on"),
+        ("0,0\n10\n", "a pressure and an overclosure in a line"),
+    ] {
+        let error = read(&table(0.99, points, ""), &[], &[]).expect_err(points);
+        assert!(error.contains(what), "{error}");
+    }
+}
+
+/// Temperatures that are linear in the place make a free body grow without stress: of θ = 10 x, u = 5 α (x² − y², 2 x y), which elements
+/// of second order have exactly. In steps with multiples, and with others; from temperatures that differ at the beginning.
+#[test]
+fn temperatures_may_differ_from_node_to_node() {
+    let places = [
+        [0.0, 0.0],
+        [2.0, 0.0],
+        [2.0, 1.0],
+        [0.0, 1.0],
+        [1.0, 0.0],
+        [2.0, 0.5],
+        [1.0, 1.0],
+        [0.0, 0.5],
+    ];
+    let at_nodes = |value: &dyn Fn([f64; 2]) -> f64| -> String {
+        let lines = (1..)
+            .zip(places)
+            .map(|(number, x)| format!("{number},{:?}\n", value(x)));
+        lines.collect()
+    };
+    let nodes: String = (1..)
+        .zip(places)
+        .map(|(number, [x, y])| format!("{number},{x:?},{y:?}\n"))
+        .collect();
+    let first = at_nodes(&|[x, y]| 3.0 + y + 10.0 * x);
+    let half = at_nodes(&|[x, y]| 3.0 + y + 5.0 * x);
+    let other = at_nodes(&|[_, y]| 3.0 + y - 10.0 * y);
+    let start = at_nodes(&|[_, y]| 3.0 + y);
+    let text = |second: &str| {
+        format!(
+            "*NODE,NSET=Nall\n{nodes}*ELEMENT,TYPE=CPS8,ELSET=Eall\n1,1,2,3,4,5,6,7,8\n*MATERIAL,NAME=el\n*ELASTIC\n200.,0.3\n\
+             *EXPANSION\n1e-3\n*SOLID SECTION,ELSET=Eall,MATERIAL=el\n*INITIAL CONDITIONS,TYPE=TEMPERATURE\n{start}\
+             *BOUNDARY\n1,1,2\n8,1,1,-1.25e-3\n{STATIC}*TEMPERATURE\n{first}*END STEP\n\
+             {STATIC}*TEMPERATURE\n{second}*BOUNDARY\n8,1,1,{}\n*END STEP\n",
+            if second == half { "-6.25e-4" } else { "0" }
+        )
+    };
+    type Expected = fn([f64; 2]) -> [f64; 2];
+    let grown: Expected = |[x, y]| [5e-3 * (x * x - y * y), 1e-2 * x * y];
+    let halved: Expected = |[x, y]| [2.5e-3 * (x * x - y * y), 5e-3 * x * y];
+    // Of −10 y: u = 5 α (−2 x y, x² − y²), and no turn where the left side stays upright.
+    let across: Expected = |[x, y]| [-1e-2 * x * y, 5e-3 * (x * x - y * y)];
+    for (second, expected, tables) in [(&half, halved, 1), (&other, across, 2)] {
+        let deck = read(&text(second), &[], &[]).or_panic();
+        assert_eq!(
+            deck.case.matches("[[temperature]]").count(),
+            tables,
+            "{}",
+            deck.case
+        );
+        for (u, expected) in displacements(&built(&deck)).iter().zip([grown, expected]) {
+            for (x, u) in places.iter().zip(u) {
+                let [a, b] = expected(*x);
+                assert!(
+                    (u[0] - a).abs() < 1e-12 && (u[1] - b).abs() < 1e-12,
+                    "{x:?}: {u:?}"
+                );
+            }
+        }
+    }
+}
+
+/// Forces along directions of a transform: rectangular ones turn them all, cylindrical ones each by where its node is.
+#[test]
+fn transforms_turn_forces() {
+    // 5 N along x on each of the nodes at the end, in other words.
+    for (transform, load) in [
+        ("*TRANSFORM, NSET=Nright\n0,1,0,-1,0,0\n", "Nright,2,-5.\n"),
+        (
+            "*TRANSFORM, NSET=Nright, TYPE=R\n3,4,0,-1,1,0\n",
+            "Nright,1,3.\nNright,2,-4.\n",
+        ),
+        // From the axis at (4, 2) both nodes lie below, and around it is along x there.
+        (
+            "*TRANSFORM, NSET=Nright, TYPE=C\n4,2,0,4,2,1\n",
+            "Nright,2,5.\n",
+        ),
+        // From the axis at (5, 0) and (5, 1) they would differ: by numbers.
+        (
+            "*TRANSFORM, NSET=Nright, TYPE=C\n0,0,0,0,0,1\n",
+            "5,1,5.\n15,1,4.850712500726659\n15,2,-1.2126781251816647\n",
+        ),
+        // A transform of the axes themselves.
+        (
+            "*TRANSFORM, NSET=Nright, TYPE=R\n2,0,0,1,1,0\n",
+            "Nright,1,5.\n",
+        ),
+    ] {
+        let text = strip(&format!("{transform}{STATIC}*CLOAD\n{load}*END STEP\n"));
+        let deck = read(&text, &[], &[]).or_panic();
+        let u = displacements(&built(&deck)).remove(0);
+        for (&number, u) in deck.node_numbers.iter().zip(u) {
+            let expected = 0.1 * ((number - 1) % 10) as f64;
+            let is_there = (u[0] - expected).abs() < 1e-9 && u[1].abs() < 1e-9;
+            assert!(is_there, "{transform}: {number} {u:?}\n{}", deck.case);
+        }
+    }
+    let text = strip(&format!(
+        "*TRANSFORM, NSET=Nright\n1,1,0,-1,1,0\n*BOUNDARY\nNright,1\n{STATIC}*END STEP\n"
+    ));
+    let error = read(&text, &[], &[]).expect_err("a support across");
+    assert!(
+        error.contains("those of a cylindrical *TRANSFORM"),
+        "{error}"
+    );
+}
+
 /// Data in other files, of nodes and of loads; none from outside of the folder, none in circles.
 #[test]
 fn files_that_a_deck_names_are_read() {
