@@ -39,15 +39,13 @@ pub(super) fn check(said: &mut Said) {
     for line in none {
         said.refuse(line, "STEP", "*STEP: it has no *STATIC");
     }
-    let stress = said.types.iter().any(|name| name.starts_with("CPS"));
-    let strain = said.types.iter().any(|name| name.starts_with("CPE"));
-    if stress && strain {
-        said.refuse(
-            1,
-            "CPS",
-            "elements of plane stress and of plane strain in one deck",
-        );
+    let planes = PLANES.map(|(begin, _)| said.types.iter().any(|name| name.starts_with(begin)));
+    let [_, stress, revolution] = planes;
+    if planes.iter().filter(|&&is_there| is_there).count() > 1 {
+        let text = "elements of plane strain, of plane stress or of revolution in one deck";
+        said.refuse(1, if revolution { "CAX" } else { "CPS" }, text);
     }
+    let strain = planes[0];
     let mut thicknesses: Vec<(usize, f64)> = (said.sections.iter())
         .filter_map(|section| Some((section.line, section.thickness?)))
         .collect();
@@ -61,6 +59,13 @@ pub(super) fn check(said: &mut Said) {
         );
     }
 }
+
+/// How the types of elements in the plane begin, and what they are.
+const PLANES: [(&str, &str); 3] = [
+    ("CPE", "plane_strain"),
+    ("CPS", "plane_stress"),
+    ("CAX", "axisymmetric"),
+];
 
 /// What is known while a deck becomes a case.
 struct Translation<'a, 'i> {
@@ -224,13 +229,11 @@ impl Translation<'_, '_> {
             quoted(mesh)
         ));
         if self.dimension == 2 {
-            let stress = self.said.types.iter().any(|name| name.starts_with("CPS"));
-            let plane = if stress {
-                "plane_stress"
-            } else {
-                "plane_strain"
-            };
+            let plane = self.plane();
             self.put(format_args!("\n[analysis]\nplane = \"{plane}\""));
+            if self.is_of_revolution() {
+                return;
+            }
             let thickness = self
                 .said
                 .sections
@@ -240,6 +243,17 @@ impl Translation<'_, '_> {
                 self.put(format_args!("thickness = {}", Number(thickness)));
             }
         }
+    }
+
+    /// What the elements of a deck in the plane are.
+    fn plane(&self) -> &'static str {
+        let is_there = |begin: &str| self.said.types.iter().any(|name| name.starts_with(begin));
+        let known = PLANES.iter().rfind(|(begin, _)| is_there(begin));
+        known.map_or("plane_strain", |known| known.1)
+    }
+
+    fn is_of_revolution(&self) -> bool {
+        self.dimension == 2 && self.plane() == "axisymmetric"
     }
 
     /// The load steps, if there are several.
@@ -766,6 +780,18 @@ impl Translation<'_, '_> {
                     })
                     .collect(),
             };
+            // What acts around a body of revolution, or across its axis, would not leave it one.
+            let is_axial = b[0] == 0.0 && b[2] == 0.0 && a[0] == 0.0 && a[2] == 0.0;
+            if self.is_of_revolution() && bits[0] == 1 && !is_axial {
+                let text =
+                    "*DLOAD, CENTRIF: a body of revolution rotates about its axis, which is y";
+                self.refuse(line, "DLOAD", text);
+            }
+            if self.is_of_revolution() && bits[0] == 0 && a[0] * size != 0.0 {
+                let text =
+                    "*DLOAD, GRAV: gravity of a body of revolution acts along its axis, which is y";
+                self.refuse(line, "DLOAD", text);
+            }
             if self.dimension == 2 && bits[0] != 1 && a[2] * size != 0.0 {
                 self.refuse(line, "DLOAD", "*DLOAD: in the plane no load acts along z");
             }

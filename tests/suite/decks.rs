@@ -509,6 +509,63 @@ fn transforms_turn_forces() {
     );
 }
 
+/// A ring from r = 1 to 2, 1 high, of one element: forces are for the whole ring, pressures per area.
+#[test]
+fn decks_of_revolution() {
+    let text = |load: &str| {
+        format!(
+            "*NODE,NSET=Nall\n1,1,0\n2,2,0\n3,2,1\n4,1,1\n5,1.5,0\n6,2,.5\n7,1.5,1\n8,1,.5\n\
+             *ELEMENT,TYPE=CAX8R,ELSET=Eall\n1,1,2,3,4,5,6,7,8\n*MATERIAL,NAME=el\n*ELASTIC\n1000.,0.\n*DENSITY\n2.\n*EXPANSION\n1e-3\n\
+             *SOLID SECTION,ELSET=Eall,MATERIAL=el\n0.7\n*BOUNDARY\n1,2\n2,2\n5,2\n\
+             *EQUATION\n2\n3,2,1.,4,2,-1.\n2\n7,2,1.,4,2,-1.\n{STATIC}{load}*END STEP\n"
+        )
+    };
+    let area = std::f64::consts::PI * 3.0;
+    for (load, [radial, axial]) in [
+        (format!("*CLOAD\n4,2,{:?}\n", 10.0 * area), [0.0, 0.01]),
+        ("*DLOAD\n1,P3,-10.\n".to_owned(), [0.0, 0.01]),
+        // ∫ ρ g over the height.
+        ("*DLOAD\nEall,GRAV,10.,0.,-1.,0.\n".to_owned(), [0.0, -0.01]),
+        ("*TEMPERATURE\nNall,20.\n".to_owned(), [0.02, 0.02]),
+    ] {
+        let deck = read(&text(&load), &[], &[]).or_panic();
+        assert!(
+            deck.case.contains("plane = \"axisymmetric\""),
+            "{}",
+            deck.case
+        );
+        let u = displacements(&built(&deck)).remove(0);
+        for (x, u) in [(1.0, u[0]), (2.0, u[1]), (2.0, u[2]), (1.0, u[3])] {
+            assert!((u[0] - radial * x).abs() < 1e-9, "{load}: {u:?}");
+        }
+        for u in [u[2], u[3]] {
+            assert!((u[1] - axial).abs() < 1e-9, "{load}: {u:?}");
+        }
+    }
+    for (load, what) in [
+        (
+            "*DLOAD\nEall,CENTRIF,2.,0.,0.,0.,0.,0.,1.\n",
+            "rotates about its axis, which is y",
+        ),
+        (
+            "*DLOAD\nEall,GRAV,10.,1.,0.,0.\n",
+            "acts along its axis, which is y",
+        ),
+    ] {
+        let error = read(&text(load), &[], &[]).expect_err(load);
+        assert!(error.contains(what), "{error}");
+    }
+    let both = text("").replace(
+        "*MATERIAL",
+        "*ELEMENT,TYPE=CPS3,ELSET=Eall\n2,1,2,3\n*MATERIAL",
+    );
+    let error = read(&both, &[], &[]).expect_err("two kinds");
+    assert!(
+        error.contains("of plane stress or of revolution in one deck"),
+        "{error}"
+    );
+}
+
 /// Data in other files, of nodes and of loads; none from outside of the folder, none in circles.
 #[test]
 fn files_that_a_deck_names_are_read() {
@@ -689,6 +746,9 @@ const DECKS: &[&str] = &[
     "achtel2",
     "beampdepmpc",
     "oneel",
+    "axial",
+    "ring1",
+    "ring2",
     "cubef2f1",
     "hueeber1",
     "hueeber2",
@@ -753,7 +813,10 @@ fn for_ccx(text: &str) -> String {
         }
         let mut line = line.to_owned();
         if upper.starts_with("*ELEMENT") {
-            line = upper.replace("C3D20R", "C3D20").replace("CPS8R", "CPS8");
+            line = upper
+                .replace("C3D20R", "C3D20")
+                .replace("CPS8R", "CPS8")
+                .replace("CAX8R", "CAX8");
         }
         // Small displacements on both sides.
         if upper.starts_with("*STEP") {

@@ -4,11 +4,11 @@ use crate::mesh::ElementKind;
 use crate::mesh::file::raw::Cell;
 
 /// What to write instead of a type that is not known.
-pub(super) const KNOWN: &str = "CPE3, CPE4, CPE6, CPE8 (or CPS) in the plane, C3D4, C3D5, C3D6, C3D8, C3D10, C3D15 or \
+pub(super) const KNOWN: &str = "CPE3, CPE4, CPE6, CPE8 (or CPS, CAX) in the plane, C3D4, C3D5, C3D6, C3D8, C3D10, C3D15 or \
                                 C3D20 in space";
 
 /// The cells of the types of bodies, without their variants.
-const BODIES: [(&str, ElementKind); 17] = [
+const BODIES: [(&str, ElementKind); 21] = [
     ("C3D4", ElementKind::Tetrahedron),
     ("C3D5", ElementKind::Pyramid),
     ("C3D6", ElementKind::Wedge),
@@ -26,6 +26,10 @@ const BODIES: [(&str, ElementKind); 17] = [
     ("CPS8", ElementKind::Quad8),
     ("CPE8", ElementKind::Quad8),
     ("CPE9", ElementKind::Quad9),
+    ("CAX3", ElementKind::Triangle),
+    ("CAX4", ElementKind::Quad),
+    ("CAX6", ElementKind::Triangle6),
+    ("CAX8", ElementKind::Quad8),
 ];
 
 /// Reduced integration, hybrid, modified and incompatible modes, temperatures: a matter of the element, not of its nodes.
@@ -86,10 +90,9 @@ pub(super) fn cell(name: &str) -> Result<Cell, String> {
     if let Some(&(.., cell)) = BOUNDS.iter().find(bounds) {
         return Ok(cell);
     }
-    Err(if name.starts_with("CAX") || name.starts_with("CGAX") {
+    Err(if name.starts_with("CGAX") {
         format!(
-            "{name} is an axisymmetric element: a body of revolution is a sector of a solid here (C3D4, C3D6, C3D8) \
-             between planes of symmetry"
+            "{name} is an axisymmetric element that twists: a body of revolution moves in planes through its axis here (CAX3, CAX4 …)"
         )
     } else {
         format!("elements of type {name} are not supported: use {KNOWN}")
@@ -180,6 +183,8 @@ mod tests {
             ("C3D20RH", ElementKind::Hexahedron20),
             ("C3D20RT", ElementKind::Hexahedron20),
             ("CPE8R", ElementKind::Quad8),
+            ("CAX4RH", ElementKind::Quad),
+            ("CAX6M", ElementKind::Triangle6),
             ("CPS6M", ElementKind::Triangle6),
             ("S8R5", ElementKind::Quad8),
             ("STRI65", ElementKind::Triangle6),
@@ -196,8 +201,7 @@ mod tests {
         );
         assert_eq!(cell("B32R"), Ok(Cell::Line3));
         for (name, expected) in [
-            ("CAX4R", "axisymmetric"),
-            ("CAX8", "axisymmetric"),
+            ("CGAX4R", "axisymmetric element that twists"),
             ("C3D15V", "are not supported: use CPE3"),
             ("SPRINGA", "are not supported: use CPE3"),
         ] {
