@@ -5,13 +5,14 @@ use crate::or_panic::OrPanic as _;
 use crate::run::{command, report};
 use std::path::{Path, PathBuf};
 
-const TEMPLATES: [&str; 12] = [
+const TEMPLATES: [&str; 13] = [
     "stack",
     "press",
     "cylinder",
     "shear",
     "dovetail",
     "roller",
+    "collar",
     "bracket-3d",
     "ball",
     "shrink-fit",
