@@ -193,6 +193,34 @@ fn without_an_adapter_a_gpu_is_an_error_and_an_open_choice_is_not() {
     assert!(text(&run.stdout).contains("no adapter"));
 }
 
+/// Over ssh and in containers there is no screen to ask for its device: drivers write nothing about that into a run.
+#[test]
+fn a_run_without_a_screen_has_no_lines_of_drivers() {
+    let out = directory();
+    let path = out.path().to_string_lossy().into_owned();
+    let case = "examples/press.toml";
+    for backend in ["gpu", "auto"] {
+        let arguments = [
+            "solve",
+            case,
+            "--backend",
+            backend,
+            "--stiffness",
+            "pcg",
+            "--quiet",
+            "--output",
+            &path,
+        ];
+        let run = command(&arguments)
+            .env_remove("XDG_RUNTIME_DIR")
+            .env_remove("NODEVICE_SELECT")
+            .output()
+            .expect("the program starts");
+        assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+        assert_eq!(text(&run.stderr), "", "{backend}");
+    }
+}
+
 #[test]
 fn cholesky_on_a_gpu_is_refused() {
     let run = signorini(&[

@@ -195,8 +195,8 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
             "a.inp, line 6: elements of type C3D15V are not supported: use CPE3",
         ),
         (
-            flat.replace("C3D4", "CAX3"),
-            "line 6: CAX3 is an axisymmetric element",
+            flat.replace("C3D4", "CGAX3"),
+            "line 6: CGAX3 is an axisymmetric element that twists",
         ),
         (
             flat.replace("C3D4", "SPRINGA"),
