@@ -729,6 +729,7 @@ const DECKS: &[&str] = &[
     "planestress",
     "segment1",
     "segment2",
+    "segmentf",
     "beam8t",
     "beamt",
     "beamt2",
