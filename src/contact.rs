@@ -84,6 +84,8 @@ pub struct PairOptions<'a, const D: usize = 2> {
     pub overlap: bool,
     /// Gaps and overlaps up to this distance count as touching.
     pub adjust: f64,
+    /// What is added to the gap that the meshes have: below 0 for coatings, above 0 for a law that begins with an overlap; in m.
+    pub offset: f64,
     /// Stiffnesses per area of the contact itself, normal and tangential, in Pa/m, as functions of the place: the gap may close by
     /// pressure / stiffness, and slip begins after traction / stiffness. None: hard.
     pub stiffness: [Option<Field<'a, D>>; 2],
@@ -105,6 +107,7 @@ impl<const D: usize> Default for PairOptions<'_, D> {
             interference: None,
             overlap: false,
             adjust: 0.0,
+            offset: 0.0,
             stiffness: [None; 2],
             edge_angle: EDGE_ANGLE,
             symmetry: None,
@@ -120,11 +123,8 @@ impl<const D: usize> PairOptions<'_, D> {
             return -interference(x);
         }
         let gap = self.gap.map_or(distance, |gap| gap(x));
-        if gap.abs() <= rounding.max(self.adjust) {
-            0.0
-        } else {
-            gap
-        }
+        let counts = gap.abs() <= rounding.max(self.adjust);
+        (if counts { 0.0 } else { gap }) + self.offset
     }
 
     /// How far a place gives way per force, normal and along its tangents: 1/(k a).

@@ -335,6 +335,7 @@ impl ContactTable {
             pair = with_quantity(pair, &stiffness.tangential, Pair::tangential_stiffness)?;
         }
         pair = with(pair, &self.adjust, Pair::adjust);
+        pair = with(pair, &self.offset, Pair::offset);
         pair = with(pair, &self.edge_angle, Pair::edge_angle);
         pair = with(pair, &self.name, Pair::named);
         Ok(with(pair, &self.search_distance, Pair::search_distance))

@@ -411,6 +411,8 @@ pub struct ContactTable {
     pub stiffness: Option<StiffnessTable>,
     /// Gaps and overlaps up to this distance in m count as touching.
     pub adjust: Option<f64>,
+    /// What is added to the gap of the meshes, in m.
+    pub offset: Option<f64>,
     /// Edges of the boundaries that are sharper, in degrees between the normals of neighbours, cut them into smooth parts.
     pub edge_angle: Option<f64>,
     /// What is farther apart is no candidate with `against`, and not rubbed by Tresca's bound on an obstacle; in m.

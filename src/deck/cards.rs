@@ -261,10 +261,8 @@ pub(super) struct Load<'a> {
 pub(super) struct Interaction {
     /// In capitals.
     pub name: String,
-    /// Pressure per overlap; None: hard.
-    pub stiffness: Option<f64>,
-    /// The overlap, below 0 a gap, from which on there is pressure.
-    pub begins: f64,
+    /// Pressures per overlap, each from an overlap on (below 0 a gap), that add up; none: hard.
+    pub springs: Vec<[f64; 2]>,
     pub tied: bool,
     pub friction: Option<f64>,
     pub stick_slope: Option<f64>,
@@ -714,10 +712,14 @@ impl<'a> Said<'a> {
         let here = &mut self.interactions[interaction];
         match (kind.as_str(), first) {
             ("HARD", _) => {}
-            ("LINEAR", Some(stiffness)) if stiffness > 0.0 => here.stiffness = Some(stiffness),
+            ("LINEAR", Some(stiffness)) if stiffness > 0.0 => here.springs = vec![[stiffness, 0.0]],
             ("TIED", stiffness) => {
                 here.tied = true;
-                here.stiffness = stiffness.filter(|&stiffness| stiffness > 0.0);
+                let stiffness = stiffness.filter(|&stiffness| stiffness > 0.0);
+                here.springs = stiffness
+                    .map(|stiffness| [stiffness, 0.0])
+                    .into_iter()
+                    .collect();
             }
             ("LINEAR", _) => {
                 return Err((
@@ -727,7 +729,7 @@ impl<'a> Said<'a> {
             }
             _ => {
                 let text = format!(
-                    "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE={kind}: contact is hard, linear, or a table that is one straight line"
+                    "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE={kind}: contact is hard, linear, or a table"
                 );
                 self.refuse(k.line, "SURFACE BEHAVIOR", text);
             }
@@ -758,22 +760,25 @@ impl<'a> Said<'a> {
             return Err((line, text.to_owned()));
         }
         let points = &points[zeros - 1..];
-        let [_, begins] = points[0];
-        let slope = |point: &[f64; 2]| point[0] / (point[1] - begins);
-        let slopes = || points[1..].iter().map(slope);
-        let (least, largest) = (
-            slopes().fold(f64::INFINITY, f64::min),
-            slopes().fold(0.0, f64::max),
-        );
-        // Numbers of tables are rounded.
-        if largest - least > 1e-4 * largest {
-            let text = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR: only a table that is one straight line is understood, \
-                        as the stiffness of a contact does not depend on its pressure";
-            self.refuse(line, "SURFACE BEHAVIOR", text);
-            return Ok(());
+        // A law that grows stiffer is the sum of linear ones, each from one of its corners on.
+        let mut springs: Vec<[f64; 2]> = Vec::new();
+        let mut before = 0.0;
+        for pair in points.windows(2) {
+            let slope = (pair[1][0] - pair[0][0]) / (pair[1][1] - pair[0][1]);
+            let more = slope - before;
+            // Numbers of tables are rounded.
+            if more.abs() <= 1e-4 * slope.max(before) {
+                continue;
+            }
+            if more < 0.0 {
+                let text = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR: a table must not grow softer with the overclosure";
+                self.refuse(line, "SURFACE BEHAVIOR", text);
+                return Ok(());
+            }
+            springs.push([more, pair[0][1]]);
+            before = slope;
         }
-        let here = &mut self.interactions[interaction];
-        (here.stiffness, here.begins) = (Some(largest), begins);
+        self.interactions[interaction].springs = springs;
         Ok(())
     }
 

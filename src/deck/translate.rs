@@ -934,7 +934,7 @@ impl Translation<'_, '_> {
                 return Err((pair.line, text));
             };
             if interaction.tied {
-                if let Some(stiffness) = interaction.stiffness {
+                if let Some([stiffness, _]) = interaction.springs.first() {
                     let place = (self.place)(pair.line);
                     self.notes.push(format!(
                         "{place}: a tie is rigid here: its stiffness of {stiffness:e} is passed over"
@@ -957,88 +957,81 @@ impl Translation<'_, '_> {
                 }
                 _ => "boundary",
             };
-            self.table(pair.line, "[[contact]]");
-            self.put(format_args!("{key_of} = {}", quoted(&slave.name)));
-            self.put(format_args!("against = {}", quoted(&master.name)));
-            if let Some(coefficient) = interaction.friction.filter(|&mu| mu > 0.0) {
-                self.put(format_args!(
-                    "friction = {{ coulomb = {} }}",
-                    Number(coefficient)
-                ));
-            }
-            let slope = interaction.stick_slope;
-            let stiffness = [
-                ("normal", interaction.stiffness),
-                (
-                    "tangential",
-                    slope.filter(|_| interaction.friction.is_some_and(|mu| mu > 0.0)),
-                ),
-            ];
-            let stiffness: Vec<String> = (stiffness.into_iter())
-                .filter_map(|(way, value)| Some(format!("{way} = {}", Number(value?))))
-                .collect();
-            if !stiffness.is_empty() {
-                self.put(format_args!("stiffness = {{ {} }}", stiffness.join(", ")));
+            let friction = interaction.friction.filter(|&mu| mu > 0.0);
+            let slope = interaction.stick_slope.filter(|_| friction.is_some());
+            if slope.is_some() && interaction.springs.len() > 1 {
+                let text = "*FRICTION: there is no stick slope beside a table of pressures in several pieces";
+                self.refuse(pair.line, "FRICTION", text);
             }
             let wanted = [&slave.name, &master.name].map(|name| key(name));
-            let clearance = self
-                .said
-                .clearances
-                .iter()
-                .find(|one| one.surfaces == wanted);
-            // A law that begins at an overlap acts as if the gap were larger.
-            let begins = interaction.begins;
-            let is_drawn = clearance.is_none() && !matches!(pair.adjust, Some(Adjust::Set(_)));
-            if begins != 0.0 && is_drawn {
-                let text = "*SURFACE BEHAVIOR: a table that begins at an overclosure other than 0 is understood where the gap is stated, by \
-                            *CLEARANCE or ADJUST= a set";
-                self.refuse(pair.line, "SURFACE BEHAVIOR", text);
-            }
-            let stated = |gap: f64| match gap >= 0.0 {
-                true => format!("gap = {}", Number(gap)),
-                false => format!("interference = {}", Number(-gap)),
-            };
-            match (clearance, pair.adjust) {
-                (Some(clearance), _) => self.put(stated(clearance.value + begins)),
-                // What is drawn overlapping is pressed apart.
-                (None, None) => self.put("overlap = \"interference\""),
-                (None, Some(Adjust::Distance(distance))) => {
-                    self.put(format_args!("adjust = {}", Number(distance)));
-                    self.put("overlap = \"interference\"");
-                    self.adjustments.push(Adjustment {
-                        line: pair.line,
-                        slave: slave.name,
-                        master: master.name,
-                        moved: Moved::Within(distance),
-                    });
-                }
-                (None, Some(Adjust::Set(set))) => {
+            let mut clearances = self.said.clearances.iter();
+            let clearance = clearances.find(|one| one.surfaces == wanted);
+            // The gap that is stated, if it is, and what is moved.
+            let (mut stated, mut moved) = (clearance.map(|clearance| clearance.value), None);
+            match pair.adjust.filter(|_| clearance.is_none()) {
+                None => {}
+                Some(Adjust::Distance(distance)) => moved = Some(Moved::Within(distance)),
+                Some(Adjust::Set(set)) => {
                     let nodes = self.index.nodes(pair.line, set)?;
                     let corners = match &slave.nodes {
                         Some(nodes) => nodes.clone(),
                         None => self.index.corners_of(&slave.name),
                     };
-                    let all = corners.iter().all(|node| nodes.binary_search(node).is_ok());
-                    if begins != 0.0 && !all {
-                        let text = "*CONTACT PAIR, ADJUST=: with a table that begins at an overclosure other than 0 it has to name all \
-                                    nodes of the slave surface";
-                        self.refuse(pair.line, "ADJUST", text);
-                    }
-                    match all {
-                        true => self.put(stated(begins)),
-                        false => self.put("overlap = \"interference\""),
-                    }
+                    let is_moved = |node: &u32| nodes.binary_search(node).is_ok();
+                    stated = corners.iter().all(is_moved).then_some(0.0);
                     let of_bodies = nodes.into_iter().filter(|&node| self.used[node as usize]);
                     let nodes: Vec<u32> = of_bodies.collect();
                     let set = self.set_of(pair.line, set, &nodes, "adjusted")?;
-                    self.adjustments.push(Adjustment {
-                        line: pair.line,
-                        slave: slave.name,
-                        master: master.name,
-                        moved: Moved::Set(set),
-                    });
+                    moved = Some(Moved::Set(set));
                 }
             }
+            // Contacts side by side, whose pressures add up, for a table in several pieces.
+            let springs: Vec<Option<[f64; 2]>> = match interaction.springs.is_empty() {
+                true => vec![None],
+                false => interaction.springs.iter().copied().map(Some).collect(),
+            };
+            for spring in springs {
+                let begins = spring.map_or(0.0, |spring| spring[1]);
+                self.table(pair.line, "[[contact]]");
+                self.put(format_args!("{key_of} = {}", quoted(&slave.name)));
+                self.put(format_args!("against = {}", quoted(&master.name)));
+                if let Some(coefficient) = friction {
+                    self.put(format_args!(
+                        "friction = {{ coulomb = {} }}",
+                        Number(coefficient)
+                    ));
+                }
+                let stiffness = [
+                    ("normal", spring.map(|spring| spring[0])),
+                    ("tangential", slope),
+                ];
+                let stiffness: Vec<String> = (stiffness.into_iter())
+                    .filter_map(|(way, value)| Some(format!("{way} = {}", Number(value?))))
+                    .collect();
+                if !stiffness.is_empty() {
+                    self.put(format_args!("stiffness = {{ {} }}", stiffness.join(", ")));
+                }
+                match stated.map(|gap| gap + begins) {
+                    Some(gap) if gap >= 0.0 => self.put(format_args!("gap = {}", Number(gap))),
+                    Some(gap) => self.put(format_args!("interference = {}", Number(-gap))),
+                    None => {
+                        if let Some(Moved::Within(distance)) = moved {
+                            self.put(format_args!("adjust = {}", Number(distance)));
+                        }
+                        if begins != 0.0 {
+                            self.put(format_args!("offset = {}", Number(begins)));
+                        }
+                        // What is drawn overlapping is pressed apart.
+                        self.put("overlap = \"interference\"");
+                    }
+                }
+            }
+            self.adjustments.extend(moved.map(|moved| Adjustment {
+                line: pair.line,
+                slave: slave.name,
+                master: master.name,
+                moved,
+            }));
         }
         for clearance in &self.said.clearances {
             let is_pair = |pair: &super::cards::PairCard| {

@@ -192,6 +192,7 @@ where
             ],
             overlap: self.overlap,
             adjust: self.adjust,
+            offset: self.offset,
             edge_angle: self.edge_angle.unwrap_or(EDGE_ANGLE),
             symmetry: Some(symmetry),
             search_distance: self.search_distance,

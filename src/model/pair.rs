@@ -20,6 +20,7 @@ pub struct Pair<const D: usize = 2> {
     /// Normal and tangential.
     pub(super) stiffness: [Option<Quantity<D>>; 2],
     pub(super) adjust: f64,
+    pub(super) offset: f64,
     pub(super) edge_angle: Option<f64>,
     pub(super) search_distance: Option<f64>,
     pub(super) name: Option<String>,
@@ -55,6 +56,7 @@ impl<const D: usize> Pair<D> {
             overlap: false,
             stiffness: [const { None }; 2],
             adjust: 0.0,
+            offset: 0.0,
             edge_angle: None,
             search_distance: None,
             name: None,
@@ -147,6 +149,13 @@ impl<const D: usize> Pair<D> {
         self
     }
 
+    /// What is added to the gap that the meshes have, in m: below 0 for coatings that are not drawn, above 0 for a contact that begins
+    /// with an overlap, as a part of a law in pieces does.
+    pub fn offset(mut self, distance: f64) -> Self {
+        self.offset = distance;
+        self
+    }
+
     /// Between boundaries: edges sharper than this between the outward normals of neighbouring facets, in degrees, cut them
     /// into parts with contact forces and normals of their own. Without it 50, so that a hexagon has edges and a circle of
     /// eight facets has none; 180: none.
@@ -209,6 +218,14 @@ impl<const D: usize> Pair<D> {
         }
         if self.gap.is_some() && self.interference.is_some() {
             return Some("gap and interference exclude each other: state one of them");
+        }
+        if !self.offset.is_finite() {
+            return Some("offset must be finite");
+        }
+        if self.offset != 0.0 && !self.has_gap_of_meshes() {
+            return Some(
+                "offset is added to the gap that the meshes have: state no gap and no interference beside it",
+            );
         }
         if self.overlap && (self.gap.is_some() || self.interference.is_some()) {
             return Some(

@@ -361,10 +361,10 @@ fn nodes_are_adjusted_as_the_deck_says() {
     );
 }
 
-/// A table of pressures that is one straight line is a linear law, with a gap where it begins elsewhere; against springs in a row:
+/// A table of pressures is a linear law, with a gap where it begins elsewhere, or a sum of such; against springs in a row:
 /// p = δ / (h / E + 1 / k).
 #[test]
-fn tables_that_are_straight_are_linear_laws() {
+fn tables_of_pressures_are_sums_of_linear_laws() {
     let table = |low: f64, points: &str, rest: &str| {
         let law = format!("NAME=hard\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR\n{points}");
         squares([low; 2], "")
@@ -377,6 +377,8 @@ fn tables_that_are_straight_are_linear_laws() {
         (0.99, "0,-1\n0,0\n20,0.002\n", "", 0.01),
         (1.0, "0,0.002\n10,0.003\n", clearance, 0.008),
         (1.0, "0,-0.002\n10,-0.001\n", clearance, 0.012),
+        (0.99, "0,0.002\n10,0.003\n", "", 0.008),
+        (0.99, "0,-0.002\n10,-0.001\n", "", 0.012),
     ] {
         let deck = read(&table(low, points, rest), &[], &[]).or_panic();
         let u = displacements(&built(&deck)).remove(0);
@@ -387,12 +389,38 @@ fn tables_that_are_straight_are_linear_laws() {
             u[2]
         );
     }
-    for (points, what) in [
+    // Two pieces: p = 100 h + 1000 (h − 0.004), and both squares give way by 0.02 − h.
+    for (low, points, rest, overlap, heights) in [
         (
-            "0,0\n10,0.001\n30,0.002\n",
-            "only a table that is one straight line",
+            0.98,
+            "0,0\n0.4,0.004\n12,0.014545454545454545\n",
+            "",
+            0.02,
+            2.02,
         ),
-        ("0,0.002\n10,0.003\n", "where the gap is stated"),
+        (
+            1.0,
+            "0,0\n0.4,0.004\n12,0.014545454545454545\n",
+            "*CLEARANCE, SLAVE=Supper, MASTER=Slower, VALUE=-0.02\n",
+            0.02,
+            2.0,
+        ),
+    ] {
+        let deck = read(&table(low, points, rest), &[], &[]).or_panic();
+        assert_eq!(deck.case.matches("[[contact]]").count(), 2, "{}", deck.case);
+        let u = displacements(&built(&deck)).remove(0);
+        // (1100 h − 4) heights / 200 = overlap − h.
+        let part: f64 = heights / 200.0;
+        let h = (overlap + 4.0 * part) / (1.0 + 1100.0 * part);
+        let pressure = 1100.0 * h - 4.0;
+        assert!(
+            (u[2][1] + pressure / 200.0).abs() < 1e-9,
+            "{points}: {:?}",
+            u[2]
+        );
+    }
+    for (points, what) in [
+        ("0,0\n10,0.001\n15,0.002\n", "must not grow softer"),
         ("1,0\n10,0.001\n", "grow with the overclosure, from 0 on"),
         ("0,0\n", "grow with the overclosure, from 0 on"),
         ("0,0\n10\n", "a pressure and an overclosure in a line"),
