@@ -612,9 +612,14 @@ where
             (mesh.nodes[node as usize], way)
         })
     };
+    let is_round = D == 2 && elastic.plane == Plane::Axisymmetric;
     for node in 0..mesh.nodes.len() as u32 {
         if part[node as usize] != NONE {
-            held[part[node as usize] as usize].extend(ways(node));
+            let held = &mut held[part[node as usize] as usize];
+            held.extend(ways(node));
+            // A ring moves as a whole along its axis alone: its hoops hold it in radius.
+            let radial = std::array::from_fn(|i| f64::from(u8::from(i == 0)));
+            held.extend(is_round.then_some((mesh.nodes[node as usize], radial)));
         }
     }
     // Nodes that are held altogether hold what the elements around them belong to.

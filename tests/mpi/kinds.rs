@@ -182,7 +182,37 @@ friction = { coulomb = 0.5 }
 stiffness = { normal = 2e9 }
 "#;
 
-/// Forces on a set of nodes, and a set that meets faces one by one.
+/// A ring shrunk on a shaft and pushed along it, of revolution: friction alone holds it.
+const ROUND: &str = r#"
+title = "ring on a shaft"
+[[mesh.part]]
+name = "shaft"
+rectangle = { size = [10, 60], cells = [4, 22] }
+[[mesh.part]]
+name = "ring"
+rectangle = { origin = [10, 20], size = [8, 20], cells = [4, 9] }
+[analysis]
+plane = "axisymmetric"
+[[material]]
+young = 2.1e5
+poisson = 0.3
+[[support]]
+boundary = "shaft-bottom"
+y = 0
+[[traction]]
+boundary = "ring-top"
+y = -8
+factors = [0, 1, -0.5]
+[[contact]]
+boundary = "ring-left"
+against = "shaft-right"
+interference = 0.005
+friction = { coulomb = 0.3 }
+[steps]
+factors = [1, 1, 1]
+"#;
+
+/// Forces on a set of nodes whose upper side stays level, and a set that meets faces one by one.
 const NODES: &str = r#"
 title = "node by node"
 [mesh]
@@ -197,6 +227,9 @@ y = 0
 [[support]]
 nodes = "handle"
 x = 1e-4
+[[equal]]
+sets = "handle"
+directions = ["y"]
 [[force]]
 nodes = "handle"
 y = -1e4
@@ -259,7 +292,7 @@ fn blocks() -> String {
 
 pub fn kinds() {
     let place = tempfile::tempdir().expect("a directory");
-    for text in [TIED, WARM, NODAL, WAVE, PADS, NODES] {
+    for text in [TIED, WARM, NODAL, WAVE, PADS, ROUND, NODES] {
         compare(&case(text, place.path()), &[2, 3, 4]);
     }
 }
