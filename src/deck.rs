@@ -7,12 +7,13 @@
 mod adjust;
 mod cards;
 mod history;
+mod said;
 mod translate;
 mod write;
 
 use crate::mesh::abaqus::index;
 use crate::mesh::{AnyMesh, FileError};
-use cards::{Refusal, Said};
+use said::{Refusal, Said};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
 //! What loads and supports are at the end of each load step.
 
-use super::cards::{Amplitude, Said};
+use super::said::{Amplitude, Said};
 use std::collections::HashMap;
 use std::hash::Hash;
 

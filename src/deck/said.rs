@@ -1,0 +1,232 @@
+//! What a deck says.
+
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+
+/// Something that changes the result and cannot be said here.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Refusal {
+    pub line: usize,
+    /// What `--ignore` calls it.
+    pub key: String,
+    pub text: String,
+}
+
+/// `*MATERIAL` with what follows it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct MaterialCard {
+    pub line: usize,
+    /// In capitals.
+    pub name: String,
+    pub elastic: Option<[f64; 2]>,
+    pub density: f64,
+    pub expansion: f64,
+    /// Whether its law has been refused.
+    pub is_refused: bool,
+}
+
+/// `*SOLID SECTION`.
+pub(super) struct Section<'a> {
+    pub line: usize,
+    pub set: &'a str,
+    pub part: Option<String>,
+    /// In capitals.
+    pub material: String,
+    pub thickness: Option<f64>,
+}
+
+/// `*AMPLITUDE`: times and factors.
+pub(super) struct Amplitude {
+    /// In capitals.
+    pub name: String,
+    /// Whether times count from the beginning of the first step.
+    pub total: bool,
+    pub points: Vec<[f64; 2]>,
+}
+
+impl Amplitude {
+    /// Between the points linear, constant before and behind them.
+    pub fn at(&self, time: f64) -> f64 {
+        let after = self.points.partition_point(|point| point[0] < time);
+        let Some(&[t, a]) = self.points.get(after) else {
+            return self.points.last().map_or(1.0, |point| point[1]);
+        };
+        match after.checked_sub(1) {
+            None => a,
+            Some(before) => {
+                let [s, b] = self.points[before];
+                b + (a - b) * (time - s) / (t - s)
+            }
+        }
+    }
+}
+
+/// `*STEP` with `*STATIC`.
+pub(super) struct StepCard {
+    pub line: usize,
+    pub period: f64,
+    /// Loads without an amplitude act at once, instead of growing over the step.
+    pub at_once: bool,
+    pub is_static: bool,
+}
+
+/// What OP=NEW begins afresh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) enum Kind {
+    Boundary,
+    Force,
+    Distributed,
+    Surface,
+    Temperature,
+}
+
+/// What a data line of a load says.
+#[derive(Clone, Debug)]
+pub(super) enum What<'a> {
+    /// All of the kind from before are gone.
+    Clear(Kind),
+    /// Components from 0.
+    Boundary {
+        target: &'a str,
+        components: Vec<usize>,
+        value: f64,
+    },
+    Force {
+        target: &'a str,
+        component: usize,
+        value: f64,
+    },
+    /// On a face of elements.
+    Face {
+        target: &'a str,
+        face: usize,
+        value: f64,
+    },
+    Pressure {
+        surface: &'a str,
+        value: f64,
+    },
+    Gravity {
+        target: &'a str,
+        size: f64,
+        direction: [f64; 3],
+    },
+    /// The square of an angular velocity, a point of the axis and its direction.
+    Centrifugal {
+        target: &'a str,
+        square: f64,
+        point: [f64; 3],
+        direction: [f64; 3],
+    },
+    /// Along an axis from 0.
+    Volume {
+        target: &'a str,
+        axis: usize,
+        value: f64,
+    },
+    Temperature {
+        target: &'a str,
+        value: f64,
+    },
+}
+
+/// A load or a support.
+pub(super) struct Load<'a> {
+    pub line: usize,
+    /// None: before the first one.
+    pub step: Option<usize>,
+    pub what: What<'a>,
+    /// The number of its amplitude.
+    pub amplitude: Option<usize>,
+}
+
+/// `*SURFACE INTERACTION` with what follows it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Interaction {
+    /// In capitals.
+    pub name: String,
+    /// Pressures per overlap, each from an overlap on (below 0 a gap), that add up; none: hard.
+    pub springs: Vec<[f64; 2]>,
+    pub tied: bool,
+    pub friction: Option<f64>,
+    pub stick_slope: Option<f64>,
+}
+
+/// What `ADJUST=` says.
+#[derive(Clone, Copy)]
+pub(super) enum Adjust<'a> {
+    Distance(f64),
+    Set(&'a str),
+}
+
+/// `*CONTACT PAIR`, a line of it.
+pub(super) struct PairCard<'a> {
+    pub line: usize,
+    pub slave: &'a str,
+    pub master: &'a str,
+    /// In capitals.
+    pub interaction: String,
+    pub adjust: Option<Adjust<'a>>,
+}
+
+/// `*TIE`, a line of it.
+pub(super) struct TieCard<'a> {
+    pub line: usize,
+    pub name: Option<&'a str>,
+    pub slave: &'a str,
+    pub master: &'a str,
+    pub tolerance: Option<f64>,
+}
+
+/// `*CLEARANCE`.
+pub(super) struct Clearance {
+    pub line: usize,
+    /// Slave and master, in capitals.
+    pub surfaces: [String; 2],
+    pub value: f64,
+}
+
+/// An equation that makes two displacements equal.
+pub(super) struct Equation<'a> {
+    pub line: usize,
+    /// Nodes, or sets of them.
+    pub sides: [&'a str; 2],
+    /// From 0.
+    pub component: usize,
+}
+
+/// `*TRANSFORM`.
+pub(super) struct Transform<'a> {
+    pub set: &'a str,
+    pub line: usize,
+    pub cylindrical: bool,
+    pub points: [f64; 6],
+}
+
+/// All that a deck says.
+#[derive(Default)]
+pub(super) struct Said<'a> {
+    pub title: String,
+    pub materials: Vec<MaterialCard>,
+    pub sections: Vec<Section<'a>>,
+    pub amplitudes: Vec<Amplitude>,
+    pub steps: Vec<StepCard>,
+    pub loads: Vec<Load<'a>>,
+    /// Node or set and value, with the line.
+    pub initial_temperatures: Vec<(usize, &'a str, f64)>,
+    pub interactions: Vec<Interaction>,
+    pub pairs: Vec<PairCard<'a>>,
+    pub ties: Vec<TieCard<'a>>,
+    pub clearances: Vec<Clearance>,
+    pub transforms: Vec<Transform<'a>>,
+    pub equations: Vec<Equation<'a>>,
+    /// The types of the elements of bodies, in capitals.
+    pub types: BTreeSet<String>,
+    pub refusals: Vec<Refusal>,
+    /// What was passed over, with the first line of each.
+    pub passed: BTreeMap<String, usize>,
+    /// What the user wants to go on without, in capitals.
+    pub ignored: HashSet<String>,
+    /// The material and the interaction that keywords are about.
+    pub material: Option<usize>,
+    pub interaction: Option<usize>,
+}

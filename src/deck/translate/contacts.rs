@@ -1,0 +1,164 @@
+//! Contacts and ties.
+
+use super::*;
+use crate::deck::said::PairCard;
+
+impl Translation<'_, '_> {
+    pub(super) fn contacts(&mut self) -> Result<()> {
+        for tie in &self.said.ties {
+            self.tie(tie.line, tie.name, [tie.slave, tie.master], tie.tolerance)?;
+        }
+        for pair in &self.said.pairs {
+            let found = (self.said.interactions.iter()).find(|one| one.name == pair.interaction);
+            let Some(interaction) = found else {
+                let text = format!("there is no *SURFACE INTERACTION \"{}\"", pair.interaction);
+                return Err((pair.line, text));
+            };
+            if interaction.tied {
+                if let Some([stiffness, _]) = interaction.springs.first() {
+                    let place = (self.place)(pair.line);
+                    self.notes.push(format!(
+                        "{place}: a tie is rigid here: its stiffness of {stiffness:e} is passed over"
+                    ));
+                }
+                self.tie(pair.line, None, [pair.slave, pair.master], None)?;
+                continue;
+            }
+            let slave = self.index.surface(pair.line, pair.slave)?;
+            let master = self.index.surface(pair.line, pair.master)?;
+            if master.nodes.is_some() {
+                let text = "*CONTACT PAIR: the master surface is one of element faces";
+                self.refuse(pair.line, "CONTACT PAIR", text);
+            }
+            // A surface of nodes that make up faces is one of faces.
+            let key_of = match &slave.nodes {
+                Some(nodes) if !self.index.covers(nodes) => {
+                    self.index.add_nodes(&slave.name, nodes);
+                    "nodes"
+                }
+                _ => "boundary",
+            };
+            let friction = interaction.friction.filter(|&mu| mu > 0.0);
+            let slope = interaction.stick_slope.filter(|_| friction.is_some());
+            if slope.is_some() && interaction.springs.len() > 1 {
+                let text = "*FRICTION: there is no stick slope beside a table of pressures in several pieces";
+                self.refuse(pair.line, "FRICTION", text);
+            }
+            let wanted = [&slave.name, &master.name].map(|name| key(name));
+            let mut clearances = self.said.clearances.iter();
+            let clearance = clearances.find(|one| one.surfaces == wanted);
+            // The gap that is stated, if it is, and what is moved.
+            let (mut stated, mut moved) = (clearance.map(|clearance| clearance.value), None);
+            match pair.adjust.filter(|_| clearance.is_none()) {
+                None => {}
+                Some(Adjust::Distance(distance)) => moved = Some(Moved::Within(distance)),
+                Some(Adjust::Set(set)) => {
+                    let nodes = self.index.nodes(pair.line, set)?;
+                    let corners = match &slave.nodes {
+                        Some(nodes) => nodes.clone(),
+                        None => self.index.corners_of(&slave.name),
+                    };
+                    let is_moved = |node: &u32| nodes.binary_search(node).is_ok();
+                    stated = corners.iter().all(is_moved).then_some(0.0);
+                    let of_bodies = nodes.into_iter().filter(|&node| self.used[node as usize]);
+                    let nodes: Vec<u32> = of_bodies.collect();
+                    let set = self.set_of(pair.line, set, &nodes, "adjusted")?;
+                    moved = Some(Moved::Set(set));
+                }
+            }
+            // Contacts side by side, whose pressures add up, for a table in several pieces.
+            let springs: Vec<Option<[f64; 2]>> = match interaction.springs.is_empty() {
+                true => vec![None],
+                false => interaction.springs.iter().copied().map(Some).collect(),
+            };
+            for spring in springs {
+                let begins = spring.map_or(0.0, |spring| spring[1]);
+                self.table(pair.line, "[[contact]]");
+                self.put(format_args!("{key_of} = {}", quoted(&slave.name)));
+                self.put(format_args!("against = {}", quoted(&master.name)));
+                if let Some(coefficient) = friction {
+                    self.put(format_args!(
+                        "friction = {{ coulomb = {} }}",
+                        Number(coefficient)
+                    ));
+                }
+                let stiffness = [
+                    ("normal", spring.map(|spring| spring[0])),
+                    ("tangential", slope),
+                ];
+                let stiffness: Vec<String> = (stiffness.into_iter())
+                    .filter_map(|(way, value)| Some(format!("{way} = {}", Number(value?))))
+                    .collect();
+                if !stiffness.is_empty() {
+                    self.put(format_args!("stiffness = {{ {} }}", stiffness.join(", ")));
+                }
+                match stated.map(|gap| gap + begins) {
+                    Some(gap) if gap >= 0.0 => self.put(format_args!("gap = {}", Number(gap))),
+                    Some(gap) => self.put(format_args!("interference = {}", Number(-gap))),
+                    None => {
+                        if let Some(Moved::Within(distance)) = moved {
+                            self.put(format_args!("adjust = {}", Number(distance)));
+                        }
+                        if begins != 0.0 {
+                            self.put(format_args!("offset = {}", Number(begins)));
+                        }
+                        // What is drawn overlapping is pressed apart.
+                        self.put("overlap = \"interference\"");
+                    }
+                }
+            }
+            self.adjustments.extend(moved.map(|moved| Adjustment {
+                line: pair.line,
+                slave: slave.name,
+                master: master.name,
+                moved,
+            }));
+        }
+        for clearance in &self.said.clearances {
+            let is_pair =
+                |pair: &PairCard| [pair.slave, pair.master].map(key) == clearance.surfaces;
+            if !self.said.pairs.iter().any(is_pair) {
+                return Err((
+                    clearance.line,
+                    "*CLEARANCE: there is no such *CONTACT PAIR".to_owned(),
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn tie(
+        &mut self,
+        line: usize,
+        name: Option<&str>,
+        sides: [&str; 2],
+        tolerance: Option<f64>,
+    ) -> Result<()> {
+        let mut called = Vec::new();
+        for (number, side) in sides.into_iter().enumerate() {
+            let surface = self.index.surface(line, side)?;
+            if surface
+                .nodes
+                .is_some_and(|nodes| number == 1 || !self.index.covers(&nodes))
+            {
+                let text = format!(
+                    "*TIE: surface \"{}\" is not one of whole faces",
+                    surface.name
+                );
+                self.refuse(line, "TIE", text);
+                return Ok(());
+            }
+            called.push(surface.name);
+        }
+        self.table(line, "[[tie]]");
+        if let Some(name) = name {
+            self.put(format_args!("name = {}", quoted(name)));
+        }
+        self.put(format_args!("boundary = {}", quoted(&called[0])));
+        self.put(format_args!("against = {}", quoted(&called[1])));
+        if let Some(tolerance) = tolerance {
+            self.put(format_args!("adjust = {}", Number(tolerance)));
+        }
+        Ok(())
+    }
+}

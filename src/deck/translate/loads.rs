@@ -1,0 +1,311 @@
+//! What acts on faces and in elements, and temperatures.
+
+use super::*;
+
+/// Faces with the same pressure: the line, the pressure at the end of each load step, elements and their faces.
+type Pressed = (usize, Vec<f64>, Vec<(u32, usize)>);
+
+impl Translation<'_, '_> {
+    /// Loads on faces, surfaces and volumes.
+    pub(super) fn distributed(&mut self) -> Result<()> {
+        // Faces by their elements and numbers; surfaces by names; volumes by sets, and where the load points.
+        let mut faces = Tracks::default();
+        let mut surfaces = Tracks::default();
+        let mut volumes: Tracks<(String, [u64; 7])> = Tracks::default();
+        for load in &self.said.loads {
+            let (line, step, amplitude) = (load.line, load.step.unwrap_or(0), load.amplitude);
+            let bits = |kind: u64, a: [f64; 3], b: [f64; 3]| {
+                let [a, b] = [a, b].map(|v| v.map(f64::to_bits));
+                [kind, a[0], a[1], a[2], b[0], b[1], b[2]]
+            };
+            match &load.what {
+                What::Clear(Kind::Distributed) => {
+                    faces.clear(step);
+                    volumes.clear(step);
+                }
+                What::Clear(Kind::Surface) => surfaces.clear(step),
+                What::Face {
+                    target,
+                    face,
+                    value,
+                } => {
+                    let origin = match self.index.set_name(false, target) {
+                        Some(name) => format!("{name}-P{face}"),
+                        None => String::new(),
+                    };
+                    let elements = self.index.elements(line, target)?;
+                    for element in elements {
+                        if !self.index.is_of_body(element) || !self.index.has_face(element, *face) {
+                            return Err((line, format!("P{face} is no face of such an element")));
+                        }
+                        faces.set((element, *face), line, &origin, step, *value, amplitude);
+                    }
+                }
+                What::Pressure { surface, value } => {
+                    let name = self.index.surface(line, surface)?.name;
+                    surfaces.set(name, line, "", step, *value, amplitude);
+                }
+                What::Gravity {
+                    target,
+                    size,
+                    direction,
+                } => {
+                    let key = ((*target).to_owned(), bits(0, unit(*direction), [0.0; 3]));
+                    volumes.set(key, line, target, step, *size, amplitude);
+                }
+                What::Centrifugal {
+                    target,
+                    square,
+                    point,
+                    direction,
+                } => {
+                    let key = ((*target).to_owned(), bits(1, *point, unit(*direction)));
+                    volumes.set(key, line, target, step, *square, amplitude);
+                }
+                What::Volume {
+                    target,
+                    axis,
+                    value,
+                } => {
+                    let mut along = [0.0; 3];
+                    along[*axis] = 1.0;
+                    let key = ((*target).to_owned(), bits(2, along, [0.0; 3]));
+                    volumes.set(key, line, target, step, *value, amplitude);
+                }
+                _ => {}
+            }
+        }
+        let mut alike: BTreeMap<(String, Vec<u64>), Pressed> = BTreeMap::new();
+        for (face, track) in &faces.all {
+            let values = track.values(&self.times, 0.0);
+            let bits = values.iter().map(|v| v.to_bits()).collect();
+            let here = alike.entry((track.origin.clone(), bits));
+            let here = here.or_insert_with(|| (track.line, values, Vec::new()));
+            here.0 = here.0.min(track.line);
+            here.2.push(*face);
+        }
+        let mut alike: Vec<_> = alike.into_iter().collect();
+        alike.sort_by_key(|(_, (line, ..))| *line);
+        for ((origin, _), (line, values, faces)) in alike {
+            let name = match origin.is_empty() || self.index.is_taken(&origin) {
+                true => self.name("pressure"),
+                false => origin,
+            };
+            self.index.add_boundary(&name, &faces);
+            self.pressure(line, &name, &values);
+        }
+        for (name, track) in &surfaces.all {
+            let values = track.values(&self.times, 0.0);
+            self.pressure(track.line, name, &values);
+        }
+        for ((target, bits), track) in &volumes.all {
+            self.volume(target, bits, track.line, &track.values(&self.times, 0.0))?;
+        }
+        Ok(())
+    }
+
+    fn pressure(&mut self, line: usize, boundary: &str, values: &[f64]) {
+        let (size, factors) = factors(values);
+        if size == 0.0 {
+            return;
+        }
+        self.table(line, "[[traction]]");
+        self.put(format_args!("boundary = {}", quoted(boundary)));
+        self.put(format_args!("pressure = {}", Number(size)));
+        self.put_factors(&factors);
+    }
+
+    /// A load in the volume of a set, region by region, as densities differ.
+    fn volume(&mut self, target: &str, bits: &[u64; 7], line: usize, values: &[f64]) -> Result<()> {
+        let [a, b] = [[1, 2, 3], [4, 5, 6]].map(|at| at.map(|at| f64::from_bits(bits[at])));
+        let (size, factors) = factors(values);
+        let elements = self.index.elements(line, target)?;
+        let set_name = self.index.set_name(false, target);
+        let mut parts: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
+        for element in elements.iter().copied() {
+            if let Some(section) = self.section[element as usize] {
+                parts.entry(section).or_default().push(element);
+            }
+        }
+        for (section, elements) in parts {
+            let density = if bits[0] == 2 {
+                1.0
+            } else {
+                self.material(section).density
+            };
+            if size * density == 0.0 {
+                continue;
+            }
+            // The region of the section, the set that is named, or one of its own.
+            let of_section = self.regions.iter().find(|(_, _, all)| *all == elements);
+            let region = match (of_section, &set_name) {
+                (Some((_, name, _)), _) => name.clone(),
+                (None, Some(name)) if self.index.elements(line, target)? == elements => {
+                    name.clone()
+                }
+                _ => self.name("load"),
+            };
+            self.index.add_region(&region, &elements);
+            let components: Vec<String> = match bits[0] {
+                1 => centrifugal(size * density, a, b)[..self.dimension].to_vec(),
+                _ => (a.iter().take(self.dimension))
+                    .map(|&along| match along * size * density {
+                        0.0 => String::new(),
+                        value => Number(value).to_string(),
+                    })
+                    .collect(),
+            };
+            // What acts around a body of revolution, or across its axis, would not leave it one.
+            let is_axial = b[0] == 0.0 && b[2] == 0.0 && a[0] == 0.0 && a[2] == 0.0;
+            if self.is_of_revolution() && bits[0] == 1 && !is_axial {
+                let text =
+                    "*DLOAD, CENTRIF: a body of revolution rotates about its axis, which is y";
+                self.refuse(line, "DLOAD", text);
+            }
+            if self.is_of_revolution() && bits[0] == 0 && a[0] * size != 0.0 {
+                let text =
+                    "*DLOAD, GRAV: gravity of a body of revolution acts along its axis, which is y";
+                self.refuse(line, "DLOAD", text);
+            }
+            if self.dimension == 2 && bits[0] != 1 && a[2] * size != 0.0 {
+                self.refuse(line, "DLOAD", "*DLOAD: in the plane no load acts along z");
+            }
+            if components.iter().all(String::is_empty) {
+                continue;
+            }
+            self.table(line, "[[body_force]]");
+            self.put(format_args!("region = {}", quoted(&region)));
+            for (axis, component) in AXES.iter().zip(components) {
+                if !component.is_empty() {
+                    self.put(format_args!("{axis} = {component}"));
+                }
+            }
+            self.put_factors(&factors);
+        }
+        Ok(())
+    }
+
+    /// How much warmer the regions become that expand.
+    pub(super) fn temperatures(&mut self) -> Result<()> {
+        let mut tracks = Tracks::default();
+        for load in &self.said.loads {
+            let step = load.step.unwrap_or(0);
+            match load.what {
+                What::Clear(Kind::Temperature) => tracks.clear(step),
+                What::Temperature { target, value } => {
+                    for node in self.index.nodes(load.line, target)? {
+                        tracks.set(node, load.line, target, step, value, load.amplitude);
+                    }
+                }
+                _ => {}
+            }
+        }
+        if tracks.all.is_empty() {
+            return Ok(());
+        }
+        let mut start = vec![0.0; self.used.len()];
+        for (line, target, value) in &self.said.initial_temperatures {
+            for node in self.index.nodes(*line, target)? {
+                start[node as usize] = *value;
+            }
+        }
+        let mut warmer = vec![None; self.used.len()];
+        for (node, track) in &tracks.all {
+            let start = start[*node as usize];
+            let values = track.values(&self.times, start);
+            let values: Vec<f64> = values.into_iter().map(|value| value - start).collect();
+            warmer[*node as usize] = Some((track.line, values));
+        }
+        // A region that becomes warmer by the same everywhere has a number; if there is any other, all nodes have one each.
+        let mut tables = Vec::new();
+        for (section, name, elements) in self.regions.clone() {
+            if self.material(section).expansion == 0.0 {
+                continue;
+            }
+            let nodes = self.index.nodes_of(&elements);
+            let first = nodes
+                .first()
+                .and_then(|&node| warmer[node as usize].as_ref());
+            let values = first.map(|first| &first.1);
+            let differs =
+                |&&node: &&u32| warmer[node as usize].as_ref().map(|one| &one.1) != values;
+            if nodes.iter().any(|node| differs(&node)) {
+                self.temperatures_of_nodes(&warmer);
+                return Ok(());
+            }
+            if let Some((line, values)) = first.cloned() {
+                tables.push((line, name, values));
+            }
+        }
+        for (line, name, values) in tables {
+            let (value, factors) = factors(&values);
+            if value != 0.0 {
+                self.table(line, "[[temperature]]");
+                self.put(format_args!("region = {}", quoted(&name)));
+                self.put(format_args!("value = {}", Number(value)));
+                self.put_factors(&factors);
+            }
+        }
+        Ok(())
+    }
+
+    /// How much warmer each node becomes: one table if the load steps have multiples of the same, else one for each.
+    fn temperatures_of_nodes(&mut self, warmer: &[Option<(usize, Vec<f64>)>]) {
+        self.has_nodal_values = true;
+        let lines = warmer.iter().flatten().map(|one| one.0);
+        let line = lines.min().unwrap_or(1);
+        let n_steps = self.times.ends.len();
+        let at_end: Vec<Vec<f64>> = (0..n_steps)
+            .map(|step| {
+                let of_bodies = warmer.iter().zip(&self.used).filter(|one| *one.1);
+                let value =
+                    |one: &Option<(usize, Vec<f64>)>| one.as_ref().map_or(0.0, |one| one.1[step]);
+                of_bodies.map(|one| value(one.0)).collect()
+            })
+            .collect();
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let size = |values: &[f64]| product(values, values);
+        let Some(largest) = at_end.iter().max_by(|a, b| size(a).total_cmp(&size(b))) else {
+            return;
+        };
+        let scale = size(largest);
+        if scale == 0.0 {
+            return;
+        }
+        let multiples: Vec<f64> = at_end
+            .iter()
+            .map(|values| product(values, largest) / scale)
+            .collect();
+        let off = |(values, factor): (&Vec<f64>, &f64)| {
+            let mut both = values.iter().zip(largest);
+            both.any(|(v, w)| (v - factor * w).abs() > 1e-12 * scale.sqrt())
+        };
+        let tables: Vec<(Vec<f64>, Vec<f64>)> = match at_end.iter().zip(&multiples).any(off) {
+            false => vec![(largest.clone(), multiples)],
+            true => (at_end.iter().enumerate())
+                .filter(|(_, values)| size(values) > 0.0)
+                .map(|(step, values)| {
+                    let only = (0..n_steps).map(|other| f64::from(u8::from(other == step)));
+                    (values.clone(), only.collect())
+                })
+                .collect(),
+        };
+        for (values, factors) in tables {
+            self.table(line, "[[temperature]]");
+            self.put(format_args!("value = {}", list(&values)));
+            let all = factors.iter().all(|&factor| factor == 1.0);
+            self.put_factors(&Some(factors).filter(|_| !all));
+        }
+    }
+}
+
+/// ρ ω² times the way from the axis, as quantities of x, y and z.
+fn centrifugal(size: f64, point: [f64; 3], direction: [f64; 3]) -> [String; 3] {
+    // The part across a unit vector a of what is rotated is (1 − a aᵀ) (x − p).
+    let square = |c: usize, d: usize| f64::from(u8::from(c == d)) - direction[c] * direction[d];
+    let matrix = std::array::from_fn(|c| std::array::from_fn(|d| size * square(c, d)));
+    linear(matrix, point).map(|component| match component.is_empty() {
+        true => component,
+        false => format!("\"{component}\""),
+    })
+}

@@ -1,0 +1,483 @@
+//! Supports and forces of nodes, and nodes that move alike.
+
+use super::*;
+
+/// Nodes of bodies whose displacements along an axis are equal.
+pub(super) struct Equal {
+    line: usize,
+    component: usize,
+    /// Sorted.
+    nodes: Vec<u32>,
+    /// Whether a support says what these displacements are: then it does so for all of them.
+    held: bool,
+}
+
+/// Nodes with the same values of one component.
+struct Alike {
+    line: usize,
+    component: usize,
+    values: Vec<f64>,
+    nodes: Vec<u32>,
+    transform: Option<usize>,
+    origin: String,
+}
+
+/// What nodes have in one table.
+struct Table {
+    line: usize,
+    nodes: Vec<u32>,
+    transform: Option<usize>,
+    origin: String,
+    components: Vec<(usize, f64)>,
+    factors: Option<Vec<f64>>,
+}
+
+impl Translation<'_, '_> {
+    /// The number of the transform that turns the directions of a node; the last that names it.
+    pub(super) fn transforms(&mut self) -> Result<BTreeMap<u32, usize>> {
+        let mut of_node = BTreeMap::new();
+        for (number, transform) in self.said.transforms.iter().enumerate() {
+            for node in self.index.nodes(transform.line, transform.set)? {
+                match transform.axes() {
+                    Some(axes) if axes == IDENTITY => of_node.remove(&node),
+                    _ => of_node.insert(node, number),
+                };
+            }
+        }
+        Ok(of_node)
+    }
+
+    /// Which displacements are equal.
+    pub(super) fn equations(&mut self) -> Result<()> {
+        let transforms = self.transforms()?;
+        // The groups so far, and which one a displacement is in.
+        let mut groups: Vec<(usize, Vec<(usize, u32)>)> = Vec::new();
+        for equation in &self.said.equations {
+            let (line, component) = (equation.line, equation.component);
+            let [first, second] = equation.sides;
+            let (first, second) = (
+                self.index.nodes(line, first)?,
+                self.index.nodes(line, second)?,
+            );
+            if second.len() != 1 && second.len() != first.len() {
+                let text =
+                    "*EQUATION: both sets have as many nodes as each other, or the second has one";
+                return Err((line, text.to_owned()));
+            }
+            if component >= self.dimension {
+                continue;
+            }
+            let mut all = first.iter().chain(&second);
+            if all.any(|node| transforms.contains_key(node)) {
+                let text = "*EQUATION: displacements are equal along the axes, and not in directions of a *TRANSFORM";
+                self.refuse(line, "EQUATION", text);
+                continue;
+            }
+            for (node, other) in first.iter().zip(second.iter().cycle()) {
+                let ends = [(component, *node), (component, *other)];
+                let [a, b] = ends.map(|end| {
+                    *self.equal_of.entry(end).or_insert_with(|| {
+                        groups.push((line, vec![end]));
+                        groups.len() - 1
+                    })
+                });
+                if a != b {
+                    let moved = std::mem::take(&mut groups[a.max(b)].1);
+                    for &end in &moved {
+                        self.equal_of.insert(end, a.min(b));
+                    }
+                    groups[a.min(b)].1.extend(moved);
+                }
+            }
+        }
+        self.equal = (groups.into_iter())
+            .map(|(line, ends)| {
+                let of_bodies = ends.iter().map(|end| end.1);
+                let mut nodes: Vec<u32> =
+                    of_bodies.filter(|&node| self.used[node as usize]).collect();
+                nodes.sort_unstable();
+                Equal {
+                    line,
+                    component: ends.first().map_or(0, |end| end.0),
+                    nodes,
+                    held: false,
+                }
+            })
+            .collect();
+        Ok(())
+    }
+
+    /// The nodes that something said of a node is about: it is equal to others, or no node of a body at all.
+    fn meant(&mut self, kind: Kind, node: u32, component: usize) -> Vec<u32> {
+        let own = self.used[node as usize];
+        match self.equal_of.get(&(component, node)) {
+            Some(&number) if kind == Kind::Boundary => {
+                self.equal[number].held = true;
+                self.equal[number].nodes.clone()
+            }
+            // A force moves all of them, wherever it acts.
+            Some(&number) if !own && self.equal[number].nodes.is_empty() => Vec::new(),
+            Some(_) => vec![node],
+            None if own => vec![node],
+            _ => Vec::new(),
+        }
+    }
+
+    /// The nodes that move alike, as far as no support says how they move: a table for each choice of axes.
+    pub(super) fn put_equal(&mut self) {
+        let mut axes: BTreeMap<Vec<u32>, (usize, BTreeSet<usize>)> = BTreeMap::new();
+        for one in std::mem::take(&mut self.equal) {
+            if one.nodes.len() > 1 && !one.held {
+                let here = axes.entry(one.nodes).or_insert((one.line, BTreeSet::new()));
+                here.0 = here.0.min(one.line);
+                here.1.insert(one.component);
+            }
+        }
+        let mut tables: BTreeMap<BTreeSet<usize>, (usize, Vec<Vec<u32>>)> = BTreeMap::new();
+        for (nodes, (line, axes)) in axes {
+            let here = tables.entry(axes).or_insert((line, Vec::new()));
+            here.0 = here.0.min(line);
+            here.1.push(nodes);
+        }
+        for (axes, (line, sets)) in tables {
+            let names: Vec<String> = (sets.into_iter())
+                .map(|nodes| {
+                    let name = self.name("equal");
+                    self.index.add_nodes(&name, &nodes);
+                    quoted(&name)
+                })
+                .collect();
+            self.table(line, "[[equal]]");
+            self.put(format_args!("sets = [{}]", names.join(", ")));
+            if axes.len() < self.dimension {
+                let axes: Vec<String> = axes.iter().map(|&axis| quoted(AXES[axis])).collect();
+                self.put(format_args!("directions = [{}]", axes.join(", ")));
+            }
+        }
+    }
+
+    /// Supports or forces of nodes, a table for each set of nodes that have the same.
+    pub(super) fn nodes(&mut self, kind: Kind) -> Result<()> {
+        let transforms = self.transforms()?;
+        let mut tracks = Tracks::default();
+        let mut reported = BTreeSet::new();
+        for load in &self.said.loads {
+            let step = load.step.unwrap_or(0);
+            let (target, components, value): (&str, &[usize], f64) = match &load.what {
+                What::Clear(of) if *of == kind => {
+                    tracks.clear(step);
+                    continue;
+                }
+                What::Boundary {
+                    target,
+                    components,
+                    value,
+                } if kind == Kind::Boundary => (target, components, *value),
+                What::Force {
+                    target,
+                    component,
+                    value,
+                } if kind == Kind::Force => (target, std::slice::from_ref(component), *value),
+                _ => continue,
+            };
+            let origin = self.index.set_name(true, target).map_or("", |_| target);
+            for node in self.index.nodes(load.line, target)? {
+                let transform = transforms.get(&node).copied();
+                let axes = transform.and_then(|number| self.said.transforms[number].axes());
+                if kind == Kind::Boundary && axes.is_some() {
+                    let text = "*BOUNDARY: directions are those of the axes, or those of a cylindrical *TRANSFORM (TYPE=C)";
+                    if reported.insert(load.line) {
+                        self.refuse(load.line, "TRANSFORM", text);
+                    }
+                    continue;
+                }
+                for &component in components {
+                    if component >= self.dimension {
+                        if value != 0.0 && reported.insert(load.line) {
+                            let text = "in the plane there is no direction 3";
+                            self.refuse(load.line, "BOUNDARY", text);
+                        }
+                        continue;
+                    }
+                    let meant = self.meant(kind, node, component);
+                    if meant.is_empty() {
+                        self.unused(kind, load.line, &mut reported);
+                    }
+                    for node in meant {
+                        let key = (node, component);
+                        tracks.set(key, load.line, origin, step, value, load.amplitude);
+                    }
+                }
+            }
+        }
+        type Same = (String, usize, Option<usize>, Vec<u64>, Option<u32>);
+        let mut alike: BTreeMap<Same, Alike> = BTreeMap::new();
+        for ((node, component), track) in &tracks.all {
+            if kind == Kind::Boundary && (track.begins() > 0 || track.ends()) {
+                if reported.insert(track.line) {
+                    let text = "*BOUNDARY: a support cannot come or go between steps";
+                    self.refuse(track.line, "BOUNDARY", text);
+                }
+                continue;
+            }
+            let values = track.values(&self.times, 0.0);
+            if kind == Kind::Force && values.iter().all(|&v| v == 0.0) {
+                continue;
+            }
+            let transform = transforms.get(node).copied();
+            let bits = values.iter().map(|v| v.to_bits()).collect();
+            // A node of no body has its force on one that moves as it does, beside what that one has itself.
+            let bare = Some(*node).filter(|&node| !self.used[node as usize]);
+            let origin = match bare {
+                None => track.origin.clone(),
+                Some(_) => String::new(),
+            };
+            let node = match (bare, self.equal_of.get(&(*component, *node))) {
+                (Some(_), Some(&number)) => self.equal[number].nodes[0],
+                _ => *node,
+            };
+            let key = (origin.clone(), *component, transform, bits, bare);
+            let here = alike.entry(key).or_insert_with(|| Alike {
+                line: track.line,
+                component: *component,
+                values,
+                nodes: Vec::new(),
+                transform,
+                origin,
+            });
+            here.line = here.line.min(track.line);
+            here.nodes.push(node);
+        }
+        let mut alike: Vec<Alike> = alike.into_values().collect();
+        alike.sort_by_key(|one| (one.line, one.component));
+        for table in merged(alike) {
+            self.put_nodes(kind, table)?;
+        }
+        Ok(())
+    }
+
+    /// About a node that is none of a body.
+    fn unused(&mut self, kind: Kind, line: usize, reported: &mut BTreeSet<usize>) {
+        if !reported.insert(line) {
+            return;
+        }
+        match kind {
+            Kind::Force => {
+                self.refuse(
+                    line,
+                    "CLOAD",
+                    "*CLOAD: a node that no element of a body has",
+                );
+            }
+            _ => {
+                let place = (self.place)(line);
+                self.notes.push(format!(
+                    "{place}: nodes that no element of a body has are left out"
+                ));
+            }
+        }
+    }
+
+    /// The name of a set with these nodes: of the deck, if the one that named them has no others.
+    pub(super) fn set_of(
+        &mut self,
+        line: usize,
+        origin: &str,
+        nodes: &[u32],
+        what: &'static str,
+    ) -> Result<String> {
+        let mut name = None;
+        if !origin.is_empty() {
+            let all = self.index.nodes(line, origin)?;
+            let of_bodies: Vec<u32> = (all.into_iter())
+                .filter(|&node| self.used[node as usize])
+                .collect();
+            if of_bodies == nodes {
+                name = self.index.set_name(true, origin);
+            }
+        }
+        let name = match name {
+            Some(name) => name,
+            None => self.name(what),
+        };
+        self.index.add_nodes(&name, nodes);
+        Ok(name)
+    }
+
+    fn put_nodes(&mut self, kind: Kind, mut table: Table) -> Result<()> {
+        table.nodes.sort_unstable();
+        let (what, name) = match kind {
+            Kind::Boundary => ("support", "[[support]]"),
+            _ => ("force", "[[force]]"),
+        };
+        let set = self.set_of(table.line, &table.origin, &table.nodes, what)?;
+        self.table(table.line, name);
+        self.put(format_args!("nodes = {}", quoted(&set)));
+        table.components.sort_by_key(|component| component.0);
+        if let (Kind::Force, Some(number)) = (kind, table.transform) {
+            let turned = self.said.transforms[number].turned(&table.components);
+            for (axis, component) in AXES.iter().zip(turned).take(self.dimension) {
+                if !component.is_empty() {
+                    self.put(format_args!("{axis} = {component}"));
+                }
+            }
+            self.put_factors(&table.factors);
+            return Ok(());
+        }
+        let words = match table.transform {
+            None => AXES,
+            Some(_) => AROUND,
+        };
+        for (component, value) in table.components {
+            self.put(format_args!("{} = {}", words[component], Number(value)));
+        }
+        if let Some(number) = table.transform {
+            let p = &self.said.transforms[number].points;
+            let a = [p[0], p[1], p[2]];
+            let along = minus([p[3], p[4], p[5]], a);
+            self.put(match self.dimension {
+                2 => format!("axis = {{ point = {} }}", list(&a[..2])),
+                _ => format!(
+                    "axis = {{ point = {}, direction = {} }}",
+                    list(&a),
+                    list(&along)
+                ),
+            });
+        }
+        self.put_factors(&table.factors);
+        Ok(())
+    }
+}
+
+/// Tables of the nodes that have the same components with the same factors.
+fn merged(alike: Vec<Alike>) -> Vec<Table> {
+    let mut tables: Vec<Table> = Vec::new();
+    // By the nodes and their directions.
+    let mut of_nodes: BTreeMap<(Vec<u32>, Option<usize>), Vec<usize>> = BTreeMap::new();
+    for one in alike {
+        let mut nodes = one.nodes;
+        nodes.sort_unstable();
+        let (value, factors) = factors(&one.values);
+        let key = (nodes, one.transform);
+        let here = of_nodes.entry(key.clone()).or_default();
+        let fits = |&&number: &&usize| {
+            let table: &Table = &tables[number];
+            let zero = table.components.iter().all(|component| component.1 == 0.0);
+            table.factors == factors || value == 0.0 || zero
+        };
+        let component = (one.component, value);
+        match here.iter().find(fits) {
+            Some(&number) => {
+                let table = &mut tables[number];
+                table.components.push(component);
+                if value != 0.0 {
+                    table.factors = factors;
+                }
+            }
+            None => {
+                here.push(tables.len());
+                tables.push(Table {
+                    line: one.line,
+                    nodes: key.0,
+                    transform: one.transform,
+                    origin: one.origin,
+                    components: vec![component],
+                    factors,
+                });
+            }
+        }
+    }
+    tables
+}
+
+/// The axes one by one.
+const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+impl Transform<'_> {
+    /// Its two points.
+    fn points(&self) -> [[f64; 3]; 2] {
+        [[0, 1, 2], [3, 4, 5]].map(|of| of.map(|at| self.points[at]))
+    }
+
+    /// The directions of a rectangular one: the first towards the first point, the second on the side of the second point.
+    fn axes(&self) -> Option<[[f64; 3]; 3]> {
+        let [a, b] = self.points();
+        let first = unit(a);
+        let third = unit(cross(first, b));
+        (!self.cylindrical).then(|| [first, cross(third, first), third])
+    }
+
+    /// A vector along its directions, as quantities along x, y and z; empty where there is none.
+    fn turned(&self, components: &[(usize, f64)]) -> [String; 3] {
+        let mut along = [0.0; 3];
+        components.iter().for_each(|&(c, value)| along[c] += value);
+        if let Some(axes) = self.axes() {
+            return std::array::from_fn(|g| {
+                // What is left of a cosine of a right angle is rounding.
+                let terms = (0..3).map(|c| along[c] * axes[c][g]);
+                let sum: f64 = terms.clone().sum();
+                match sum.abs() > 1e-14 * terms.fold(0.0, |most, term| f64::max(most, term.abs())) {
+                    true => Number(sum).to_string(),
+                    false => String::new(),
+                }
+            });
+        }
+        let [point, end] = self.points();
+        let d = unit(minus(end, point));
+        // Across the axis, and around it by the right-hand rule.
+        let across = |g: usize, k: usize| f64::from(u8::from(g == k)) - d[g] * d[k];
+        let around = |g: usize, k: usize| cross(d, IDENTITY[k])[g];
+        let matrix = |of: &dyn Fn(usize, usize) -> f64| -> [[f64; 3]; 3] {
+            std::array::from_fn(|g| std::array::from_fn(|k| of(g, k)))
+        };
+        let squares = linear(matrix(&across), point)
+            .into_iter()
+            .filter(|term| !term.is_empty());
+        let squares: Vec<String> = squares.map(|term| format!("({term})^2")).collect();
+        let radius = format!("sqrt({})", squares.join(" + "));
+        let turned = linear(
+            matrix(&|g, k| along[0] * across(g, k) + along[1] * around(g, k)),
+            point,
+        );
+        std::array::from_fn(|g| {
+            let mut terms = Vec::new();
+            if !turned[g].is_empty() {
+                terms.push(format!("({}) / {radius}", turned[g]));
+            }
+            if along[2] * d[g] != 0.0 {
+                terms.push(bracketed(along[2] * d[g]));
+            }
+            match terms.is_empty() {
+                true => String::new(),
+                false => format!("\"{}\"", terms.join(" + ")),
+            }
+        })
+    }
+}
+/// A matrix times the way from a point, in terms of x, y and z; empty where a row is zero.
+pub(super) fn linear(matrix: [[f64; 3]; 3], point: [f64; 3]) -> [String; 3] {
+    let largest = matrix
+        .as_flattened()
+        .iter()
+        .fold(0.0, |most: f64, v| most.max(v.abs()));
+    std::array::from_fn(|c| {
+        let terms: Vec<String> = (0..3)
+            .filter(|&d| matrix[c][d].abs() > 1e-15 * largest)
+            .map(|d| {
+                let factor = Number(matrix[c][d]);
+                match point[d] {
+                    0.0 => format!("{factor} * {}", AXES[d]),
+                    p => format!("{factor} * ({} - {})", AXES[d], bracketed(p)),
+                }
+            })
+            .collect();
+        terms.join(" + ")
+    })
+}
+
+fn bracketed(value: f64) -> String {
+    match value < 0.0 {
+        true => format!("({})", Number(value)),
+        false => Number(value).to_string(),
+    }
+}
