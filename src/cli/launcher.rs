@@ -18,7 +18,6 @@ pub struct Place {
     /// Its number.
     pub rank: usize,
     /// How many there are; more than one.
-    #[cfg_attr(not(feature = "mpi"), allow(dead_code))]
     pub size: usize,
 }
 
