@@ -264,7 +264,18 @@ where
     fn find(&self, body: &Body<D>) -> Result<Found<D>, Fault> {
         let mut sets = Vec::new();
         for name in self.sets.all() {
-            let nodes = nodes_of_sets(body.mesh, &name.clone().into())?;
+            let sets_of_nodes = &body.mesh.node_sets;
+            let facets = body.mesh.boundaries.get(name);
+            let nodes = match facets.filter(|_| !sets_of_nodes.contains_key(name)) {
+                Some(facets) => {
+                    let mut nodes: Vec<u32> =
+                        facets.iter().flat_map(facet_nodes).copied().collect();
+                    nodes.sort_unstable();
+                    nodes.dedup();
+                    nodes
+                }
+                None => nodes_of_sets(body.mesh, &name.clone().into())?,
+            };
             if nodes.len() < 2 {
                 let text =
                     format!("the set of nodes \"{name}\" has one node: it needs two at least");

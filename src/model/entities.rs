@@ -554,7 +554,8 @@ pub struct Equal<const D: usize = 2> {
 }
 
 impl<const D: usize> Equal<D> {
-    /// The nodes of a set ([`Mesh::node_sets`](crate::mesh::Mesh::node_sets)), or those of each of several, along all axes.
+    /// The nodes of a set ([`Mesh::node_sets`](crate::mesh::Mesh::node_sets)) or of a boundary, or those of each of several, along all
+    /// axes.
     pub fn of(sets: impl Into<Names>) -> Self {
         Self {
             sets: sets.into(),
