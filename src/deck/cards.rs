@@ -3,7 +3,10 @@
 mod keywords;
 mod loads;
 
-use super::said::*;
+use super::said::{
+    Adjust, Amplitude, Clearance, Equation, Interaction, MaterialCard, PairCard, Refusal, Said,
+    Section, StepCard, TieCard, Transform,
+};
 use crate::mesh::abaqus::index::{Card, Wrong};
 use crate::mesh::abaqus::keyword::{Keyword, entries, key, parsed, plain};
 

@@ -1,20 +1,17 @@
 //! From what a deck says to the tables of a case.
 
-use super::adjust::{Adjustment, Moved};
-use super::history::{Times, Tracks};
-use super::said::{Adjust, Kind, MaterialCard, Refusal, Said, Transform, What};
-use super::write::{Number, factors, list, quoted};
-use crate::mesh::abaqus::index::{Index, Wrong};
-use crate::mesh::abaqus::keyword::key;
-use crate::mesh::vector::{cross, minus, unit};
-use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::{Display, Write as _};
-
 mod contacts;
 mod loads;
 mod nodes;
 
-use nodes::{Equal, linear};
+use super::adjust::Adjustment;
+use super::history::Times;
+use super::said::{Kind, MaterialCard, Refusal, Said};
+use super::write::{Number, list, quoted};
+use crate::mesh::abaqus::index::{Index, Wrong};
+use nodes::Equal;
+use std::collections::BTreeMap;
+use std::fmt::{Display, Write as _};
 
 type Result<T> = std::result::Result<T, Wrong>;
 

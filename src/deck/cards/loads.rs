@@ -1,6 +1,9 @@
 //! Supports and loads.
 
-use super::*;
+use super::{Result, component, value};
+use crate::deck::said::{Kind, Load, Said, What};
+use crate::mesh::abaqus::index::Card;
+use crate::mesh::abaqus::keyword::{entries, key, plain};
 
 impl<'a> Said<'a> {
     /// Supports and loads, line by line.

@@ -1,7 +1,10 @@
 //! Contacts and ties.
 
-use super::*;
-use crate::deck::said::PairCard;
+use super::{Result, Translation};
+use crate::deck::adjust::{Adjustment, Moved};
+use crate::deck::said::{Adjust, PairCard};
+use crate::deck::write::{Number, quoted};
+use crate::mesh::abaqus::keyword::key;
 
 impl Translation<'_, '_> {
     pub(super) fn contacts(&mut self) -> Result<()> {

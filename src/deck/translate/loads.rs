@@ -1,6 +1,11 @@
 //! What acts on faces and in elements, and temperatures.
 
-use super::*;
+use super::{AXES, Result, Translation, nodes::linear};
+use crate::deck::history::Tracks;
+use crate::deck::said::{Kind, What};
+use crate::deck::write::{Number, factors, list, quoted};
+use crate::mesh::vector::unit;
+use std::collections::BTreeMap;
 
 /// Faces with the same pressure: the line, the pressure at the end of each load step, elements and their faces.
 type Pressed = (usize, Vec<f64>, Vec<(u32, usize)>);

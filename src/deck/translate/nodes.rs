@@ -1,6 +1,11 @@
 //! Supports and forces of nodes, and nodes that move alike.
 
-use super::*;
+use super::{AROUND, AXES, Result, Translation};
+use crate::deck::history::Tracks;
+use crate::deck::said::{Kind, Transform, What};
+use crate::deck::write::{Number, factors, list, quoted};
+use crate::mesh::vector::{cross, minus, unit};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Nodes of bodies whose displacements along an axis are equal.
 pub(super) struct Equal {
