@@ -1,6 +1,7 @@
 //! The contacts of a model: their nodes, and what is said of them.
 
 use super::arcs::between_arcs;
+use super::entities::Target;
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::outer_facets;
 use super::pair::{Against, Law};
@@ -63,6 +64,30 @@ impl<const D: usize> PairData<D>
 where
     ElementKind: Topology<D>,
 {
+    /// What these sides are called, before anything is known of them.
+    fn between(name: &Option<String>, boundary: String, against: String, friction: String) -> Self {
+        Self {
+            name: name.clone(),
+            boundary,
+            facets: Vec::new(),
+            others: Vec::new(),
+            against,
+            obstacle: None,
+            friction,
+            tresca: false,
+            tied: false,
+            stiffness: None,
+            search_distance: 0.0,
+            unmet: None,
+            arcs: None,
+            places: 0,
+            within: 0,
+            kept: 0,
+            area: 0.0,
+            gap: [f64::INFINITY, f64::NEG_INFINITY],
+        }
+    }
+
     /// Whether it is nodes that move alike: with no other side.
     pub fn is_equal(&self) -> bool {
         self.tied && self.others.is_empty()
@@ -230,27 +255,23 @@ where
             }
         };
         let data = PairData {
-            name: self.name.clone(),
-            boundary: self.boundary.to_string(),
             facets,
             others,
-            against,
             obstacle: match self.against {
                 Against::Obstacle(obstacle) => Some(obstacle),
                 Against::Boundary(_) => None,
             },
-            friction: self.friction(units),
             tresca: matches!(self.law, Law::Tresca(_)),
             tied: self.is_tie(),
             stiffness: self.compliance(units),
             search_distance,
             unmet,
-            arcs: None,
-            within: 0,
-            kept: 0,
-            places: 0,
-            area: 0.0,
-            gap: [f64::INFINITY, f64::NEG_INFINITY],
+            ..PairData::between(
+                &self.name,
+                self.boundary.to_string(),
+                against,
+                self.friction(units),
+            )
         };
         Ok((found.map_err(Fault::Contact)?, data))
     }
@@ -264,18 +285,14 @@ where
     fn find(&self, body: &Body<D>) -> Result<Found<D>, Fault> {
         let mut sets = Vec::new();
         for name in self.sets.all() {
-            let sets_of_nodes = &body.mesh.node_sets;
-            let facets = body.mesh.boundaries.get(name);
-            let nodes = match facets.filter(|_| !sets_of_nodes.contains_key(name)) {
-                Some(facets) => {
-                    let mut nodes: Vec<u32> =
-                        facets.iter().flat_map(facet_nodes).copied().collect();
-                    nodes.sort_unstable();
-                    nodes.dedup();
-                    nodes
-                }
-                None => nodes_of_sets(body.mesh, &name.clone().into())?,
+            let mesh = body.mesh;
+            let is_boundary =
+                mesh.boundaries.contains_key(name) && !mesh.node_sets.contains_key(name);
+            let target = match is_boundary {
+                true => Target::Boundary(name.clone().into()),
+                false => Target::Nodes(name.clone().into()),
             };
+            let nodes = target.nodes(mesh)?;
             if nodes.len() < 2 {
                 let text =
                     format!("the set of nodes \"{name}\" has one node: it needs two at least");
@@ -283,25 +300,10 @@ where
             }
             sets.push(nodes);
         }
+        let law = format!("equal along {}", self.directions());
         let data = PairData {
-            name: self.name.clone(),
-            boundary: self.title(),
-            facets: Vec::new(),
-            others: Vec::new(),
-            against: "each other".to_owned(),
-            obstacle: None,
-            friction: format!("equal along {}", self.directions()),
-            tresca: false,
             tied: true,
-            stiffness: None,
-            search_distance: 0.0,
-            unmet: None,
-            arcs: None,
-            within: 0,
-            kept: 0,
-            places: 0,
-            area: 0.0,
-            gap: [f64::INFINITY, f64::NEG_INFINITY],
+            ..PairData::between(&self.name, self.title(), "each other".to_owned(), law)
         };
         Ok((equal_nodes(body, &sets, self.bound), data))
     }
