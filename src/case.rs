@@ -117,6 +117,18 @@ impl Case {
     /// The case that a deck says; settings are those of [`Case::read`], and refer to [`Deck::case`]. Errors name the lines of
     /// the deck.
     pub fn of_deck(deck: Deck, settings: &[String]) -> Result<Self, CaseError> {
+        for setting in settings {
+            let path = setting.split('=').next().unwrap_or_default().trim();
+            if let Some(key) = path.strip_prefix("mesh.")
+                && !["order", "scale"].contains(&key)
+            {
+                let message =
+                    "a deck has its own mesh, of which only mesh.order and mesh.scale can be set"
+                        .to_owned();
+                let setting = setting.clone();
+                return Err(CaseError::Setting { setting, message });
+            }
+        }
         Self::made(&deck.path, deck.case, settings, Some(deck.mesh))
     }
 

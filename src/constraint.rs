@@ -105,6 +105,14 @@ impl<const D: usize> NodeSets<D> {
         usize::from(self.contact != other.contact) + usize::from(!slips)
     }
 
+    /// Takes the node for one that slips this way, if it was not.
+    pub fn slide(&mut self, slip: [f64; D]) {
+        if self.slip.is_none() {
+            self.slip = Some(direction(slip, 1.0));
+            self.turns = D > 2;
+        }
+    }
+
     /// Puts what is held on its bound; `bound` says what that of λτ is for a λν.
     pub fn hold(&self, mut lambda: [f64; D], bound: impl Fn(f64) -> f64) -> [f64; D] {
         if !self.contact {
@@ -184,30 +192,22 @@ impl Disc {
         self.sets(!(lambda[0] <= 0.0 && r[0] >= 0.0), pushed.then_some(s))
     }
 
-    /// The sets at a solution λ ∈ Λ with gradient r: by the multipliers themselves; where g = 0 by the direction of
-    /// slip, r = −Tu. In space points within the disc are as good as those on the circle, but for the tolerance, and what
-    /// z = λ − ρr predicts says where λτ belongs.
+    /// The sets at a solution λ ∈ Λ with gradient r: points within the disc are as good as those on its border, but for the
+    /// tolerance, and what z = λ − ρr predicts says where λτ belongs; where g = 0 the direction of slip, r = −Tu.
     pub fn at_solution<const D: usize>(
         self,
         lambda: [f64; D],
         r: [f64; D],
         z: [f64; D],
     ) -> NodeSets<D> {
-        if self.is_tied() {
-            return NodeSets::FREE;
-        }
-        if D > 2 && self.g > 0.0 {
-            let mut sets = self.predict(z);
-            sets.contact &= lambda[0] > 0.0;
-            return sets;
-        }
-        let slip = if self.g == 0.0 {
-            (tangential(r) > 0.0).then(|| direction(r.map(|r| -r), 1.0))
+        let mut sets = if self.g == 0.0 {
+            let slips = tangential(r) > 0.0;
+            self.sets(z[0] >= 0.0, slips.then(|| direction(r, -1.0).map(|s| -s)))
         } else {
-            self.at_bound(lambda).then(|| direction(lambda, 1.0))
+            self.predict(z)
         };
-        let pressed = if D > 2 { z[0] >= 0.0 } else { true };
-        self.sets(lambda[0] > 0.0 && pressed, slip)
+        sets.contact &= lambda[0] > 0.0 || self.is_tied();
+        sets
     }
 
     fn sets<const D: usize>(self, contact: bool, slip: Option<[f64; D]>) -> NodeSets<D> {

@@ -45,14 +45,19 @@ pub enum DeckError {
     Refused {
         /// The deck.
         path: PathBuf,
-        /// What: place (file and line), the keyword that `--ignore` takes, and why.
+        /// What: place (file and line), the keyword that `--ignore` takes (empty where that would leave nothing that makes sense), and
+        /// why.
         refusals: Vec<(String, String, String)>,
     },
 }
 
 fn listed(path: &Path, refusals: &[(String, String, String)]) -> String {
     let keys: BTreeSet<&str> = refusals.iter().map(|one| one.1.as_str()).collect();
-    let keys: Vec<&str> = keys.into_iter().collect();
+    let keys: Vec<&str> = keys.into_iter().filter(|key| !key.is_empty()).collect();
+    let way_out = match keys.is_empty() {
+        true => String::new(),
+        false => format!("; to go on without it: --ignore '{}'", keys.join(",")),
+    };
     // What is said of several lines stands once.
     let mut places: Vec<(&str, Vec<&str>)> = Vec::new();
     for (place, _, text) in refusals {
@@ -66,9 +71,8 @@ fn listed(path: &Path, refusals: &[(String, String, String)]) -> String {
         n => format!("\n  {} and {} more: {text}", places[..3].join(", "), n - 3),
     });
     format!(
-        "{}: this deck says what changes the result and is not understood here; to go on without it: --ignore '{}'{}",
+        "{}: this deck says what changes the result and is not understood here{way_out}{}",
         path.display(),
-        keys.join(","),
         lines.collect::<String>()
     )
 }

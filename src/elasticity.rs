@@ -1,13 +1,15 @@
 //! Linear elasticity: materials, supports, loads, the stiffness matrix K and stresses.
 //!
 //! Small strains, isotropic materials; elements of first and of second order (`mesh/shape`), all with full integration but for
-//! the dilatation of nearly incompressible ones (`dilatation.rs`). Forces in the plane are per body of the given thickness,
+//! the dilatation of nearly incompressible ones (`dilatation.rs`), of first order with incompatible modes where a material asks
+//! for them (`modes.rs`). Forces in the plane are per body of the given thickness,
 //! those of bodies of revolution for the whole ring;
 //! coordinates, moduli and tractions may be in any consistent units (metres, pascals and newtons in the documentation).
 
 mod assembly;
 mod dilatation;
 mod loads;
+mod modes;
 mod stress;
 #[cfg(test)]
 mod tests;
@@ -23,6 +25,8 @@ pub use vertices::vertices;
 
 use crate::mesh::shape::Point;
 use crate::mesh::{ElementKind, Mesh, ShapeFunctions, Topology};
+use dilatation::Dilatation;
+use modes::Modes;
 use std::f64::consts::TAU;
 
 /// An isotropic linear material.
@@ -38,6 +42,9 @@ pub struct Material {
     pub expansion: f64,
     /// Whether elements of it are those for nearly incompressible bodies.
     pub incompressible: Incompressible,
+    /// Whether quadrilaterals and hexahedra of first order of it have incompatible modes, with which they bend as they should; their
+    /// dilatation is not projected then.
+    pub incompatible_modes: bool,
 }
 
 /// Whether the dilatation of elements is projected, so that they do not lock near ν = 0.5: not that of 3-node triangles, 6-node
@@ -125,6 +132,7 @@ impl Material {
             density: 0.0,
             expansion: 0.0,
             incompressible: Incompressible::Auto,
+            incompatible_modes: false,
         }
     }
 
@@ -148,6 +156,17 @@ impl Material {
             Plane::PlaneStress => 2.0,
         };
         (directions * lambda + 2.0 * mu) * self.expansion
+    }
+
+    /// What elements of it need, of this thickness.
+    fn moduli(&self, plane: Plane, thickness: f64) -> Moduli {
+        let (lambda, mu) = self.lame(plane);
+        Moduli {
+            lambda: lambda * thickness,
+            mu: mu * thickness,
+            projected: self.is_projected(plane),
+            modes: self.incompatible_modes,
+        }
     }
 
     /// Whether elements of it have their dilatation projected, if they can.
@@ -190,6 +209,8 @@ struct Moduli {
     mu: f64,
     /// Whether the dilatation is projected.
     projected: bool,
+    /// Whether there are incompatible modes.
+    modes: bool,
 }
 
 impl<const D: usize> Body<'_, D>
@@ -206,14 +227,40 @@ where
 
     /// The moduli of each region.
     fn moduli(&self) -> Vec<Moduli> {
-        let of = |material: &Material| {
-            let (lambda, mu) = material.lame(self.plane);
-            Moduli {
-                lambda: lambda * self.thickness,
-                mu: mu * self.thickness,
-                projected: material.is_projected(self.plane),
-            }
-        };
+        let of = |material: &Material| material.moduli(self.plane, self.thickness);
         self.materials.iter().map(of).collect()
+    }
+}
+
+impl Moduli {
+    /// The incompatible modes of an element with these points of integration, if it has any.
+    fn modes<E, const D: usize, const N: usize, const Q: usize>(
+        &self,
+        kind: ElementKind,
+        points: &[Point<D, N>; Q],
+        x: &[[f64; D]; N],
+        plane: Plane,
+    ) -> Option<Modes<D, N>>
+    where
+        E: ShapeFunctions<D, N, Q>,
+    {
+        (self.modes && kind.may_have_modes())
+            .then(|| Modes::new::<E, Q>(points, x, plane, [self.lambda, self.mu]))
+    }
+
+    /// The projection of its dilatation, if there is one.
+    fn dilatation<E, const D: usize, const N: usize, const Q: usize>(
+        &self,
+        kind: ElementKind,
+        points: &[Point<D, N>; Q],
+        x: &[[f64; D]; N],
+        plane: Plane,
+    ) -> Option<Dilatation<D, N>>
+    where
+        E: ShapeFunctions<D, N, Q>,
+    {
+        let projected =
+            self.projected && E::DILATATION_MODES > 0 && !(self.modes && kind.may_have_modes());
+        projected.then(|| Dilatation::new(E::DILATATION_MODES, points, x, plane))
     }
 }

@@ -89,7 +89,7 @@ where
 #[derive(Clone, Debug)]
 pub(crate) struct Definition<const D: usize = 2> {
     /// With the region that each is in; None: all of them.
-    pub(crate) materials: Vec<(Option<String>, Material)>,
+    pub(crate) materials: Vec<(Option<Names>, Material)>,
     /// In space plane strain, which has the same moduli.
     pub(crate) plane: Plane,
     /// 1 in space.
@@ -166,9 +166,9 @@ where
         self
     }
 
-    /// Gives a region, or a group of them, its material.
-    pub fn material_in(mut self, region: &str, material: Material) -> Self {
-        let region = Some(region.to_owned());
+    /// Gives a region, a group of them, or several, their material.
+    pub fn material_in(mut self, region: impl Into<Names>, material: Material) -> Self {
+        let region = Some(region.into());
         self.definition.materials.push((region, material));
         self
     }
@@ -267,9 +267,6 @@ impl<const D: usize> Definition<D> {
 
     /// Whether it can be meant, as far as that shows without the mesh.
     pub(crate) fn check(&self) -> Result<(), ModelError> {
-        if self.materials.is_empty() {
-            return Err(Entity::all(EntityKind::Material).error("there is no material"));
-        }
         self.check_materials()?;
         if let Some(fault) = self.units.as_ref().and_then(Units::fault) {
             return Err(Entity::all(EntityKind::Units).error(fault));
@@ -324,8 +321,8 @@ impl<const D: usize> Definition<D> {
     }
 
     fn material_entity(&self, number: usize) -> Entity {
-        let region = self.materials[number].0.as_ref();
-        let place = region.map_or(String::new(), |name| format!("of \"{name}\""));
+        let regions = self.materials[number].0.as_ref();
+        let place = regions.map_or(String::new(), |names| format!("of \"{names}\""));
         Entity::one(EntityKind::Material, number, place)
     }
 

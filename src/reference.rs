@@ -23,6 +23,7 @@ pub const MATERIAL: Material = Material {
     density: 0.0,
     expansion: 0.0,
     incompressible: crate::elasticity::Incompressible::Auto,
+    incompatible_modes: false,
 };
 
 /// The geometry of a reference problem.

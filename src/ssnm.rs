@@ -169,12 +169,13 @@ pub fn solve_from<const D: usize, K>(
         Err(error) => return Err(failed(error, lambda, way.history)),
     };
     let bounds = newton.law.bounds(&way.point.lambda);
-    let sets = Sets::at_solution(
+    let mut sets = Sets::at_solution(
         &way.point.lambda,
         &way.point.r,
         newton.gradient_length(),
         &bounds,
     );
+    sets.slide(problem.slipped(&u, &lambda, MET * settings.tolerance));
     if !imbalance.is_empty() {
         kkt = match conditions(problem, &mut newton.products.dual, &u, &lambda) {
             Ok(kkt) => kkt,

@@ -80,18 +80,19 @@ class Model:
 
     def material(
         self,
-        region: str | None = None,
+        region: Names | None = None,
         *,
         young: float | None = None,
         poisson: float | None = None,
         density: float | None = None,
         incompressible: bool | str | None = None,
+        incompatible_modes: bool | None = None,
         expansion: float | None = None,
         **more: Any,
     ) -> Model:
-        """Give a region, or all, its material: E (`young`) in Pa, ν (`poisson`), `density` in kg/m³, `expansion` in 1/K."""
+        """Give a region, several, or all, their material: E (`young`) in Pa, ν (`poisson`), `density` in kg/m³, `expansion` in 1/K."""
         entries: dict[str, Any] = {"young": young, "poisson": poisson, "density": density}
-        entries |= {"incompressible": incompressible, "expansion": expansion}
+        entries |= {"incompressible": incompressible, "incompatible_modes": incompatible_modes, "expansion": expansion}
         return self.add("material", region=region, **entries, **more)
 
     def support(

@@ -33,6 +33,7 @@ HISTORY = np.dtype(
         ("stick", np.int64),
         ("slip", np.int64),
         ("frictionless", np.int64),
+        ("tied", np.int64),
         ("changes", np.int64),
         ("safeguarded", np.bool_),
     ]
@@ -397,6 +398,7 @@ class Solution:
                 row["sets"]["stick"],
                 slips(row["sets"]),
                 row["sets"]["frictionless"],
+                row["sets"]["tied"],
                 row["changes"],
                 row["safeguarded"],
             )

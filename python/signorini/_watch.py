@@ -29,8 +29,8 @@ class Step:
         Products with A since the start of the load step.
     err : float
         The error relative to the first one.
-    separated, stick, slip, frictionless : int
-        How many contact places touch nothing, stick, slip, or have no law of friction.
+    separated, stick, slip, frictionless, tied : int
+        How many contact places touch nothing, stick, slip, have no law of friction, or are tied.
     changes : int
         Places that have changed their set since the step before.
     """
@@ -44,6 +44,7 @@ class Step:
     stick: int
     slip: int
     frictionless: int
+    tied: int
     changes: int
 
     @classmethod
@@ -60,6 +61,7 @@ class Step:
             stick=sets["stick"],
             slip=slips(sets),
             frictionless=sets["frictionless"],
+            tied=sets["tied"],
             changes=row["changes"],
         )
 

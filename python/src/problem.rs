@@ -469,7 +469,7 @@ impl Job<'_> {
         };
         let mut report = Report::new(&self.of.title, analysis);
         for body in analysis.floating_bodies() {
-            voice.tell(News::Line(format!("{body}: only contact holds it")));
+            voice.tell(News::Line(body));
         }
         let asked = format!("{:?}", self.options);
         let mut kept = self

@@ -383,6 +383,7 @@ impl Tables {
                 density,
                 expansion,
                 incompressible,
+                incompatible_modes,
             } = table.get_ref();
             let material = Material {
                 young,
@@ -390,6 +391,7 @@ impl Tables {
                 density,
                 expansion,
                 incompressible,
+                incompatible_modes,
             };
             (region.clone(), material)
         });

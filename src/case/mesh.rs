@@ -214,7 +214,10 @@ impl Case {
     /// If there is none, or a file cannot be read.
     pub fn mesh(&self) -> Result<AnyMesh, BuildError> {
         if let Some(mesh) = &self.given {
-            return Ok(mesh.clone());
+            return Ok(match mesh.clone() {
+                AnyMesh::Plane(mesh) => AnyMesh::Plane(self.given_mesh(mesh)?),
+                AnyMesh::Space(mesh) => AnyMesh::Space(self.given_mesh(mesh)?),
+            });
         }
         let Some(table) = &self.tables.mesh else {
             return Ok(self.invalid(0..0, "the case has no [mesh]")?);
@@ -242,6 +245,47 @@ impl Case {
             });
         }
         Ok(whole.expect("there are parts"))
+    }
+
+    /// The mesh that is at hand, of the order and size that the table asks for.
+    fn given_mesh<const D: usize>(&self, mesh: Mesh<D>) -> Result<Mesh<D>, CaseError>
+    where
+        ElementKind: Topology<D>,
+    {
+        let Some(table) = &self.tables.mesh else {
+            return Ok(mesh);
+        };
+        let (span, table) = (table.span(), table.get_ref());
+        let order = self.order(&table.order)?;
+        // Forces are those of the nodes that they are stated for: others would change what they add up to.
+        let loaded: Vec<&str> = (self.tables.force.iter())
+            .filter_map(|force| force.get_ref().nodes.as_ref())
+            .flat_map(|names| names.all().iter().map(String::as_str))
+            .collect();
+        let counts = |mesh: &Mesh<D>| -> Vec<usize> {
+            let sets = loaded.iter().map(|&name| mesh.node_sets.get(name));
+            sets.map(|set| set.map_or(0, Vec::len)).collect()
+        };
+        let before = counts(&mesh);
+        let mut mesh = match order {
+            Some(1) => {
+                let made = mesh.linear();
+                made.or_else(|error| self.invalid(span.clone(), error.to_string()))?
+            }
+            _ => self.raised(span.clone(), mesh, order)?,
+        };
+        let after = counts(&mesh);
+        if let Some(number) = (0..before.len()).find(|&number| before[number] != after[number]) {
+            let message = format!(
+                "another order gives the set \"{}\" {} nodes in place of {}, and each has the force stated: state a traction",
+                loaded[number], after[number], before[number]
+            );
+            return self.invalid(span, message);
+        }
+        if let Some(scale) = table.scale {
+            mesh.place_nodes(|x| x.map(|x| scale * x));
+        }
+        Ok(mesh)
     }
 
     /// A part of the mesh where it belongs, under its name.

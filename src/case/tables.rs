@@ -194,8 +194,8 @@ pub struct RotateTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialTable {
-    /// The region it fills; may be left out if there is one material.
-    pub region: Option<String>,
+    /// The region it fills, or several; may be left out if there is one material.
+    pub region: Option<Names>,
     /// E in Pa.
     pub young: f64,
     /// ν.
@@ -209,6 +209,9 @@ pub struct MaterialTable {
     /// Whether its elements are those for nearly incompressible bodies: "auto", true or false.
     #[serde(default, deserialize_with = "incompressible")]
     pub incompressible: Incompressible,
+    /// Whether its quadrilaterals and hexahedra of first order have incompatible modes.
+    #[serde(default)]
+    pub incompatible_modes: bool,
 }
 
 /// "auto", true or false.

@@ -12,7 +12,7 @@ use signorini::engine::factor_bytes;
 use signorini::mesh::{ElementKind, FaultKind, Mesh, Topology};
 #[cfg(feature = "mpi")]
 use signorini::model::Draft;
-use signorini::model::{Analysis, AnyAnalysis, Elastic, PairData};
+use signorini::model::{Analysis, AnyAnalysis, Elastic, PairData, Units};
 #[cfg(feature = "mpi")]
 use signorini::mpi::{Foreseen, MpiError};
 #[cfg(feature = "mpi")]
@@ -195,7 +195,7 @@ where
     lines.extend(mesh::node_sets(&elastic.mesh));
     loads(lines, case, elastic)?;
     for body in floating {
-        lines.push(format!("supports      {body}: only contact holds it"));
+        lines.push(format!("supports      {body}"));
     }
     for pair in &elastic.pairs {
         contact(lines, case, pair);
@@ -212,22 +212,27 @@ where
     ElementKind: Topology<D>,
 {
     let (units, mesh) = (case.units(), &elastic.mesh);
-    let (length, stress) = (&units.length, units.stress());
-    lines.push(format!("{} {length}", mesh::size(mesh)));
+    let [length, stress] = [units.length.clone(), units.stress()].map(|unit| Units::behind(&unit));
+    lines.push(format!("{}{length}", mesh::size(mesh)));
     lines.extend(mesh::notes(mesh));
     let (measure, power) = match D {
         2 => ("area", "²"),
         _ => ("volume", "³"),
     };
     let regions = mesh.regions.iter().zip(mesh.measures());
+    let of_size = Units::behind(&units.power(power));
     for ((name, size), material) in regions.zip(&elastic.materials) {
         lines.push(format!(
-            "region        \"{name}\": {measure} {size:.4e} {length}{power}, E = {:.4e} {stress}, ν = {}, density {}{}",
+            "region        \"{name}\": {measure} {size:.4e}{of_size}, E = {:.4e}{stress}, ν = {}, density {}{}{}",
             material.young,
             material.poisson,
             material.density,
             match material.is_projected(elastic.plane) {
                 true => ", dilatation projected (incompressible)",
+                false => "",
+            },
+            match material.incompatible_modes {
+                true => ", incompatible modes",
                 false => "",
             }
         ));
@@ -247,11 +252,11 @@ fn boundaries<const D: usize>(lines: &mut Vec<String>, case: &Case, mesh: &Mesh<
 where
     ElementKind: Topology<D>,
 {
-    let length = case.units().length;
     let (facets_of, power) = match D {
         2 => ("edges", ""),
         _ => ("faces", "²"),
     };
+    let unit = Units::behind(&case.units().power(power));
     for (name, facets) in &mesh.boundaries {
         let extent = (facets.iter()).fold(0.0, |sum, f| sum + mesh.facet_normal(f).0);
         let fault = match mesh.faults.get(name) {
@@ -262,7 +267,7 @@ where
             None => String::new(),
         };
         lines.push(format!(
-            "boundary      \"{name}\": {} {facets_of}, {extent:.4e} {length}{power}{fault}",
+            "boundary      \"{name}\": {} {facets_of}, {extent:.4e}{unit}{fault}",
             facets.len()
         ));
     }
@@ -284,14 +289,14 @@ where
             "analysis      axisymmetric about x = 0; forces are for the whole ring".to_owned()
         }
         plane => format!(
-            "analysis      plane {}, thickness {} {}",
+            "analysis      plane {}, thickness {}{}",
             if plane == Plane::PlaneStress {
                 "stress"
             } else {
                 "strain"
             },
             elastic.thickness,
-            units.length
+            Units::behind(&units.length)
         ),
     });
     for step in 0..case.n_steps() {
@@ -303,18 +308,17 @@ where
             _ => format!(", step {}", step + 1),
         };
         lines.push(format!(
-            "total load    ({}) {}{name}",
+            "total load    ({}){}{name}",
             data.total_load.map(|v| format!("{v:.6e}")).join(", "),
-            units.force
+            Units::behind(&units.force)
         ));
     }
     for table in case.tables.traction.iter().map(Spanned::get_ref) {
         if let (Some(torque), Some(axis)) = (table.torque, &table.axis) {
             lines.push(format!(
-                "torque        \"{}\": {torque} {} {} about {}",
+                "torque        \"{}\": {torque}{} about {}",
                 table.boundary,
-                units.force,
-                units.length,
+                Units::behind(&units.moment()),
                 axis.get_ref()
             ));
         }
@@ -374,7 +378,7 @@ fn contact<const D: usize>(lines: &mut Vec<String>, case: &Case, pair: &PairData
 where
     ElementKind: Topology<D>,
 {
-    let length = case.units().length;
+    let units = case.units();
     if pair.is_equal() {
         let name = (pair.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" of "));
         lines.push(format!(
@@ -383,9 +387,10 @@ where
         ));
         return;
     }
+    let length = Units::behind(&units.length);
     lines.push(format!(
-        "{}{}\"{}\" / {}: {} places, {:.4e} {length}², initial gap {:.4e} to {:.4e} {length}, {}; \
-         {} of them within the search distance {:.4e} {length}",
+        "{}{}\"{}\" / {}: {} places, {:.4e}{}, initial gap {:.4e} to {:.4e}{length}, {}; \
+         {} of them within the search distance {:.4e}{length}",
         if pair.tied {
             "tie           "
         } else {
@@ -396,6 +401,7 @@ where
         pair.against,
         pair.places,
         pair.area,
+        Units::behind(&units.area()),
         pair.gap[0],
         pair.gap[1],
         pair.friction,
@@ -405,12 +411,13 @@ where
     if let Some(stiffness) = &pair.stiffness {
         lines.push(format!("              compliant: stiffness {stiffness}"));
     }
-    if let Some(text) = pair.unmet_text(&case.units()) {
-        lines.push(format!("              {text}"));
-    }
-    if let Some(text) = pair.arcs_text(&case.units()) {
-        lines.push(format!("              {text}"));
-    }
+    let texts = [
+        pair.unmet_text(&units),
+        pair.arcs_text(&units),
+        pair.sagitta_text(&units),
+    ];
+    let texts = texts.into_iter().flatten();
+    lines.extend(texts.map(|text| format!("              {text}")));
     if pair.kept > 0 {
         lines.push(format!(
             "              {} of them get no friction: supports, or another contact at a corner, keep them from sliding freely",

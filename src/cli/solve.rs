@@ -137,7 +137,7 @@ impl Run<'_> {
             timings.pairing
         ));
         for body in analysis.floating_bodies() {
-            log.tell(&format!("{body}: only contact holds it"));
+            log.tell(&body);
         }
         // What was finished before an error is written nevertheless.
         let solved = self.solve(analysis, &mut results);

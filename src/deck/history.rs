@@ -43,6 +43,7 @@ impl<'a> Times<'a> {
 #[derive(Clone, Copy)]
 struct Setting {
     step: usize,
+    line: usize,
     /// None: it is gone.
     value: Option<f64>,
     amplitude: Option<usize>,
@@ -57,14 +58,11 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// Its first step.
-    pub fn begins(&self) -> usize {
-        self.settings[0].step
-    }
-
-    /// Whether it is taken away.
-    pub fn ends(&self) -> bool {
-        self.settings.iter().any(|setting| setting.value.is_none())
+    /// The line of the deck that makes it come or go after the beginning.
+    pub fn changes(&self) -> Option<usize> {
+        let late = self.settings.first().filter(|first| first.step > 0);
+        let gone = || self.settings.iter().find(|setting| setting.value.is_none());
+        late.or_else(gone).map(|setting| setting.line)
     }
 
     /// Its value at the end of each load step, if it has been `start` before the first.
@@ -129,6 +127,7 @@ impl<K: Clone + Eq + Hash> Tracks<K> {
     ) {
         let setting = Setting {
             step,
+            line,
             value: Some(value),
             amplitude,
         };
@@ -136,6 +135,8 @@ impl<K: Clone + Eq + Hash> Tracks<K> {
             Some(&number) => {
                 let track = &mut self.all[number].1;
                 track.origin = origin.to_owned();
+                // What is taken away and set again in one step has not been away.
+                (track.settings).pop_if(|last| last.value.is_none() && last.step == step);
                 track.settings.push(setting);
             }
             None => {
@@ -151,7 +152,7 @@ impl<K: Clone + Eq + Hash> Tracks<K> {
     }
 
     /// Takes all away from a step on.
-    pub fn clear(&mut self, step: usize) {
+    pub fn clear(&mut self, step: usize, line: usize) {
         for (_, track) in &mut self.all {
             if track
                 .settings
@@ -160,6 +161,7 @@ impl<K: Clone + Eq + Hash> Tracks<K> {
             {
                 track.settings.push(Setting {
                     step,
+                    line,
                     value: None,
                     amplitude: None,
                 });

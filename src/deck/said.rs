@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Refusal {
     pub line: usize,
-    /// What `--ignore` calls it.
+    /// What `--ignore` calls it; empty where to go on without it makes no sense.
     pub key: String,
     pub text: String,
 }

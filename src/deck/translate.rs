@@ -198,6 +198,8 @@ impl Translation<'_, '_> {
             (self.place)(1),
             quoted(mesh)
         ));
+        // A deck does not tell its units.
+        self.put("\n[units]\nlength = \"\"\nforce = \"\"");
         if self.dimension == 2 {
             let plane = self.plane();
             self.put(format_args!("\n[analysis]\nplane = \"{plane}\""));
@@ -255,28 +257,50 @@ impl Translation<'_, '_> {
                 for &element in &elements {
                     self.section[element as usize] = Some(number);
                 }
-                self.index.add_region(&name, &elements);
-                self.regions.push((number, name.clone(), elements));
                 let Some([young, poisson]) = material.elastic else {
+                    self.index.add_region(&name, &elements);
+                    self.regions.push((number, name, elements));
                     if !material.is_refused {
                         let text = format!("*MATERIAL \"{}\" has no *ELASTIC", material.name);
                         self.refuse(material.line, "MATERIAL", text);
                     }
                     continue;
                 };
-                self.table(material.line, "[[material]]");
-                self.put(format_args!("region = {}", quoted(&name)));
-                self.put(format_args!("young = {}", Number(young)));
-                self.put(format_args!("poisson = {}", Number(poisson)));
-                if material.density != 0.0 {
-                    self.put(format_args!("density = {}", Number(material.density)));
-                }
-                if material.expansion != 0.0 {
-                    self.put(format_args!("expansion = {}", Number(material.expansion)));
+                for (name, elements, modes) in self.by_modes(name, elements) {
+                    self.index.add_region(&name, &elements);
+                    self.regions.push((number, name.clone(), elements));
+                    self.table(material.line, "[[material]]");
+                    self.put(format_args!("region = {}", quoted(&name)));
+                    self.put(format_args!("young = {}", Number(young)));
+                    self.put(format_args!("poisson = {}", Number(poisson)));
+                    if material.density != 0.0 {
+                        self.put(format_args!("density = {}", Number(material.density)));
+                    }
+                    if material.expansion != 0.0 {
+                        self.put(format_args!("expansion = {}", Number(material.expansion)));
+                    }
+                    if modes {
+                        self.put("incompatible_modes = true");
+                    }
                 }
             }
         }
         Ok(())
+    }
+
+    /// The elements of a section, those with incompatible modes apart from others that could have some: each with the name of
+    /// their region.
+    fn by_modes(&mut self, name: String, elements: Vec<u32>) -> Vec<(String, Vec<u32>, bool)> {
+        let (with, rest): (Vec<u32>, Vec<u32>) =
+            (elements.iter()).partition(|&&element| self.index.has_modes(element));
+        let without = |&element: &u32| self.index.may_have_modes(element);
+        if with.is_empty() || !rest.iter().any(without) {
+            return vec![(name, elements, !with.is_empty())];
+        }
+        let parts = [(with, true), (rest, false)];
+        (parts.into_iter())
+            .map(|(elements, modes)| (self.name("section"), elements, modes))
+            .collect()
     }
 
     /// The material of a section; one without anything where there is none.

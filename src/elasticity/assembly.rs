@@ -1,6 +1,5 @@
 //! The stiffness matrix, pattern first and row by row.
 
-use super::dilatation::Dilatation;
 use super::{Body, Moduli, Plane, Unknowns};
 use crate::mesh::vector::{dot, minus};
 use crate::mesh::{self, ElementKind, Mesh, ShapeFunctions, Topology, Visit};
@@ -63,7 +62,7 @@ fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize]) -> Vec<&'a mut [T]> {
 
 /// Hands the blocks of the rows of an element's stiffness matrix that are wanted to `take`, each with its nodes a and
 /// b: K_ab = ∫ λ ∇φ_a ∇φ_bᵀ + μ ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I; where the dilatation is projected (`dilatation.rs`), λ is −2/3 μ
-/// there and the rest of it acts on what is left of the dilatation. Round an axis div has φ/x along x, too, and the strain of
+/// there and the rest of it acts on what is left of the dilatation; incompatible modes (`modes.rs`) take something away. Round an axis div has φ/x along x, too, and the strain of
 /// what goes round its 2μ.
 struct Blocks<'a, const D: usize, W, F>
 where
@@ -90,14 +89,12 @@ where
     #[inline]
     fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(mut self) {
         let x = self.mesh.coordinates(self.element);
-        let Moduli {
-            lambda,
-            mu,
-            projected,
-        } = self.moduli[self.element.region as usize];
+        let moduli = self.moduli[self.element.region as usize];
+        let Moduli { lambda, mu, .. } = moduli;
         let points = self.plane.stiffness_points::<E, D, N, Q>(&x);
-        let dilatation = (projected && E::DILATATION_MODES > 0)
-            .then(|| Dilatation::new(E::DILATATION_MODES, &points, &x, self.plane));
+        let modes = moduli.modes::<E, D, N, Q>(self.element.kind(), &points, &x, self.plane);
+        let dilatation =
+            moduli.dilatation::<E, D, N, Q>(self.element.kind(), &points, &x, self.plane);
         // With κ = λ + 2/3 μ for what is projected.
         let (lambda, bulk) = match dilatation {
             Some(_) => (-2.0 / 3.0 * mu, lambda + 2.0 / 3.0 * mu),
@@ -136,6 +133,9 @@ where
             for (b, mut block) in blocks.into_iter().enumerate() {
                 if let Some(dilatation) = &dilatation {
                     dilatation.add(bulk, [a, b], &mut block);
+                }
+                if let Some(modes) = &modes {
+                    modes.relieve([a, b], &mut block);
                 }
                 (self.take)(a, b, &block);
             }

@@ -1,6 +1,5 @@
 //! Loads: nodal forces from what acts on boundaries and in bodies.
 
-use super::dilatation::Dilatation;
 use super::{Body, Field, Temperature};
 use crate::mesh::{
     self, ElementKind, Facet, FacetPoint, ShapeFunctions, Topology, Visit, facet_nodes,
@@ -120,14 +119,21 @@ where
         // The points of the stiffness, so that uniform expansion leaves no stress.
         let plane = self.body.plane;
         let points = plane.stiffness_points::<E, D, N, Q>(&x);
-        let projected = material.is_projected(plane) && E::DILATATION_MODES > 0;
-        let dilatation =
-            projected.then(|| Dilatation::new(E::DILATATION_MODES, &points, &x, plane));
+        let moduli = material.moduli(plane, 1.0);
+        let modes = moduli.modes::<E, D, N, Q>(self.element.kind(), &points, &x, plane);
+        let dilatation = moduli.dilatation::<E, D, N, Q>(self.element.kind(), &points, &x, plane);
         let pressure = material.thermal_pressure(plane) * self.body.thickness;
-        for point in &points {
+        let mut driving = [[0.0; D]; D];
+        for (point, (xi, _)) in points.iter().zip(E::stiffness_rule()) {
             let place = point.place(&x);
             let warmth = (self.temperature)(self.element.region, place);
             let size = pressure * warmth * point.weight;
+            if let Some(modes) = &modes {
+                let gradients = modes.gradients::<E, Q>(xi, &x);
+                let all = driving.as_flattened_mut().iter_mut();
+                all.zip(gradients.as_flattened())
+                    .for_each(|(f, gradient)| *f += size * gradient);
+            }
             let hoop = plane.hoop(place);
             for (a, &node) in self.element.nodes().iter().enumerate() {
                 let gradient = match &dilatation {
@@ -136,6 +142,13 @@ where
                 };
                 let force = &mut self.forces[node as usize];
                 (0..D).for_each(|c| force[c] += size * gradient[c]);
+            }
+        }
+        if let Some(modes) = &modes {
+            let driven = modes.driven(&driving);
+            for (a, &node) in self.element.nodes().iter().enumerate() {
+                let part = modes.handed_on(&driven, a);
+                (0..D).for_each(|c| self.forces[node as usize][c] += part[c]);
             }
         }
     }

@@ -1,6 +1,5 @@
 //! Stress recovery.
 
-use super::dilatation::Dilatation;
 use super::{Body, Material, Plane, Temperature};
 use crate::mesh::shape::sum;
 use crate::mesh::{self, ElementKind, ShapeFunctions, Topology, Visit};
@@ -162,9 +161,26 @@ where
         let u: [[f64; D]; N] = std::array::from_fn(|a| self.displacement[nodes[a] as usize]);
         let plane = self.body.plane;
         let points = plane.stiffness_points::<E, D, N, Q>(&x);
-        let projected = material.is_projected(plane) && E::DILATATION_MODES > 0;
-        let dilatation =
-            projected.then(|| Dilatation::new(E::DILATATION_MODES, &points, &x, plane));
+        let moduli = material.moduli(plane, 1.0);
+        let dilatation = moduli.dilatation::<E, D, N, Q>(self.element.kind(), &points, &x, plane);
+        let modes = moduli.modes::<E, D, N, Q>(self.element.kind(), &points, &x, plane);
+        let in_space = if D == 3 { Plane::PlaneStrain } else { plane };
+        let relief = |place| {
+            let warmth = (self.temperature).map(|at| at(self.element.region, place));
+            warmth.map_or(0.0, |warmth| material.thermal_pressure(in_space) * warmth)
+        };
+        let modes = modes.map(|modes| {
+            let mut driving = [[0.0; D]; D];
+            for (point, (xi, _)) in points.iter().zip(E::stiffness_rule()) {
+                let size = relief(point.place(&x)) * point.weight;
+                let gradients = modes.gradients::<E, Q>(xi, &x);
+                let all = driving.as_flattened_mut().iter_mut();
+                all.zip(gradients.as_flattened())
+                    .for_each(|(f, gradient)| *f += size * gradient);
+            }
+            let amplitudes = modes.amplitudes(&modes.driven(&driving), &u);
+            (modes, amplitudes)
+        });
         let stress_at = |xi: [f64; D]| {
             let point = E::at(xi, 1.0, &x);
             let place = point.place(&x);
@@ -177,13 +193,20 @@ where
                     }
                 }
             }
+            if let Some((modes, amplitudes)) = &modes {
+                let gradients = modes.gradients::<E, Q>(xi, &x);
+                for (along, g) in amplitudes.iter().zip(gradients) {
+                    for i in 0..D {
+                        for j in 0..D {
+                            e[i][j] += along[i] * g[j];
+                        }
+                    }
+                }
+            }
             let dilatation = (dilatation.as_ref()).map(|of| of.at(place, &u));
             let mut stress = Stress::of(material, plane, e, hoop, dilatation);
-            if let Some(temperature) = self.temperature {
-                let plane = if D == 3 { Plane::PlaneStrain } else { plane };
-                let warmth = temperature(self.element.region, place);
-                let pressure = material.thermal_pressure(plane) * warmth;
-                stress.relieve(pressure, plane == Plane::PlaneStress);
+            if self.temperature.is_some() {
+                stress.relieve(relief(place), in_space == Plane::PlaneStress);
             }
             stress
         };

@@ -133,6 +133,11 @@ impl ElementKind {
         }
     }
 
+    /// Whether incompatible modes make it bend better.
+    pub const fn may_have_modes(self) -> bool {
+        matches!(self, Self::Quad | Self::Hexahedron)
+    }
+
     /// The places of the corners that each of the nodes behind the corners lies in the middle of: two for an edge, three or
     /// four for a face, all for the element.
     pub fn middles(self) -> &'static [&'static [usize]] {

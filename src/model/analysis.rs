@@ -74,15 +74,23 @@ where
         named_by(mesh, unknowns.node(floating.nodes()[0] as usize))
     }
 
-    /// The bodies that only contact holds, and how they could move as a whole, in words.
+    /// The bodies that no support holds, how they could move as a whole, and what holds them, in words.
     pub fn floating_bodies(&self) -> Vec<String> {
         let bodies = self.problem.floating_bodies().bodies().iter().enumerate();
+        let [tied, pressed] = [true, false]
+            .map(|tied| (self.problem).touched_by(|i| self.problem.is_tied(i) == tied));
         bodies
             .map(|(number, body)| {
-                let name = self.body_name(number);
-                format!("{name} can {} as a whole", body.freedom())
+                let by = |touched: &[bool]| body.nodes().iter().any(|&node| touched[node as usize]);
+                let held = held_by([by(&tied), by(&pressed)]);
+                format!("{}: {held}", self.freedom(number, body))
             })
             .collect()
+    }
+
+    fn freedom(&self, number: usize, body: &FloatingBody<D>) -> String {
+        let name = self.body_name(number);
+        format!("{name} can {} as a whole", body.freedom())
     }
 
     /// A body that can move as a whole and has no contact to hold it, in words.
@@ -90,14 +98,19 @@ where
         let touched = self.problem.touched();
         let alone =
             |body: &FloatingBody<D>| !body.nodes().iter().any(|&node| touched[node as usize]);
-        let number = self
-            .problem
-            .floating_bodies()
-            .bodies()
-            .iter()
-            .position(alone)?;
-        let freedom = self.floating_bodies().swap_remove(number);
+        let bodies = self.problem.floating_bodies().bodies();
+        let number = bodies.iter().position(alone)?;
+        let freedom = self.freedom(number, &bodies[number]);
         Some(format!("{freedom}, and it has no contact to hold it"))
+    }
+}
+
+/// Whether ties or contact or both hold a body that no support does, in words.
+pub(super) fn held_by([tied, pressed]: [bool; 2]) -> &'static str {
+    match (tied, pressed) {
+        (true, true) => "only contact and ties hold it",
+        (true, false) => "only ties hold it",
+        _ => "only contact holds it",
     }
 }
 

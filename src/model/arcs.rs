@@ -3,16 +3,18 @@
 
 use crate::dense::{least_squares, symmetric_eigen};
 use crate::mesh::vector::{dot, length, minus};
-use crate::mesh::{ElementKind, Facet, Mesh, Topology, facet_corners};
+use crate::mesh::{ElementKind, Facet, Mesh, Topology, facet_corners, facet_nodes};
 use faer::Mat;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 /// Gaps that scatter by no more than this part of that between the arcs are even enough.
-const EVEN: f64 = 0.1;
+pub(super) const EVEN: f64 = 0.1;
 /// Normals that have less than this of a direction, as a part of their squares, stand on it: what lies around that is a cylinder.
 const ACROSS: f64 = 1e-6;
 /// Nodes are this near to an arc, as a part of how much the gap scatters.
 const ON_ARC: f64 = 0.05;
+/// Coordinates in files have six digits at least.
+const WRITTEN: f64 = 2e-6;
 
 /// The gap between two sides that are drawn as arcs about one axis, where the initial gaps `range` of their facets scatter by more
 /// than a tenth of it, and of the largest.
@@ -28,18 +30,126 @@ where
     if !(scatter > EVEN * range[1].abs() && scatter > 0.0) {
         return None;
     }
-    let nodes = sides.map(|facets| -> Vec<[f64; D]> {
+    let nodes = corners(mesh, sides);
+    let across = directions_across(mesh, sides)?;
+    let Arcs { radii, .. } = concentric(&nodes, &across, |_| ON_ARC * scatter)?;
+    let [first, second] = radii;
+    let gap = (first - second).abs();
+    (scatter > EVEN * gap).then_some(gap)
+}
+
+/// The corners of the facets of each side.
+fn corners<const D: usize>(mesh: &Mesh<D>, sides: [&[Facet<D>]; 2]) -> [Vec<[f64; D]>; 2]
+where
+    ElementKind: Topology<D>,
+{
+    sides.map(|facets| {
         let corners = facets.iter().flat_map(facet_corners);
         let corners: BTreeSet<u32> = corners.copied().collect();
         (corners.iter())
             .map(|&node| mesh.nodes[node as usize])
             .collect()
-    });
+    })
+}
+
+/// The gap between two sides of which one at least has facets of first order, and that are drawn as arcs about one axis (or
+/// as parts of balls): below 0 where the arcs overlap. Edges sharper than `steepest`, in degrees, are meant, and no arcs.
+pub(super) fn gap_of_arcs<const D: usize>(
+    mesh: &Mesh<D>,
+    sides: [&[Facet<D>]; 2],
+    steepest: f64,
+) -> Option<f64>
+where
+    ElementKind: Topology<D>,
+{
+    let turns = sides.map(|facets| turns(mesh, facets));
+    let bent = |(_, turn): &(f64, f64)| *turn < steepest.to_radians();
+    if !sides.iter().any(|facets| facets.iter().any(is_flat)) || !turns.iter().flatten().all(bent) {
+        return None;
+    }
+    // Each of them bends.
+    for side in sides {
+        directions_across(mesh, [side, &[]])?;
+    }
     let across = directions_across(mesh, sides)?;
-    let radii = concentric(&nodes, &across, ON_ARC * scatter)?;
-    let [first, second] = radii;
-    let gap = (first - second).abs();
-    (scatter > EVEN * gap).then_some(gap)
+    let off = turns.iter().flatten().map(sagitta_of).fold(0.0, f64::max);
+    // The gap has to be as well known as the arcs.
+    let near = |radii: [f64; 2]| {
+        let least = off.min((radii[1] - radii[0]).abs());
+        (ON_ARC * least).max(WRITTEN * radii[0])
+    };
+    let Arcs { radii, centre } = concentric(&corners(mesh, sides), &across, near)?;
+    // Which side looks away from the axis.
+    let outward: f64 = (sides[0].iter())
+        .map(|facet| {
+            let (area, normal) = mesh.facet_normal(facet);
+            let from = minus(mesh.nodes[facet_corners(facet)[0] as usize], centre);
+            let along = |axis: &[f64; D]| dot(*axis, normal) * dot(*axis, from);
+            area * across.iter().map(along).sum::<f64>()
+        })
+        .sum();
+    Some((radii[1] - radii[0]) * outward.signum())
+}
+
+fn is_flat<F: AsRef<[u32]>>(facet: &F) -> bool {
+    facet_nodes(facet).len() == facet_corners(facet).len()
+}
+
+/// How far facets of first order lie off the smooth surface that they seem to stand for. Edges sharper than `steepest`, in degrees,
+/// are meant.
+pub(super) fn sagitta<const D: usize>(mesh: &Mesh<D>, sides: [&[Facet<D>]; 2], steepest: f64) -> f64
+where
+    ElementKind: Topology<D>,
+{
+    let turns = sides.map(|facets| turns(mesh, facets));
+    let bent = turns
+        .iter()
+        .flatten()
+        .filter(|(_, turn)| *turn < steepest.to_radians());
+    bent.map(sagitta_of).fold(0.0, f64::max)
+}
+
+/// Facets of length h that turn by θ from one to the next lie h θ/8 off an arc.
+fn sagitta_of(&(length, turn): &(f64, f64)) -> f64 {
+    length * turn / 8.0
+}
+
+/// How far apart the middles of neighbouring facets of first order are, and by which angle they turn.
+fn turns<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>]) -> Vec<(f64, f64)>
+where
+    ElementKind: Topology<D>,
+{
+    // Facets by the ridges that they share: a node in the plane, two in space.
+    let mut at: HashMap<[u32; 2], Vec<([f64; D], [f64; D])>> = HashMap::new();
+    for facet in facets.iter().filter(|facet| is_flat(facet)) {
+        let corners = facet_corners(facet);
+        let count = corners.len() as f64;
+        let all = corners.iter().map(|&node| mesh.nodes[node as usize]);
+        let middle = all.fold([0.0; D], |sum, x| {
+            std::array::from_fn(|c| sum[c] + x[c] / count)
+        });
+        let normal = mesh.facet_normal(facet).1;
+        for (k, &a) in corners.iter().enumerate() {
+            let b = match D {
+                2 => a,
+                _ => corners[(k + 1) % corners.len()],
+            };
+            let here = at.entry([a.min(b), a.max(b)]).or_default();
+            here.push((middle, normal));
+        }
+    }
+    let pairs = at.values().filter_map(|here| match here.as_slice() {
+        &[(x, n), (y, m)] => Some((length(minus(x, y)), dot(n, m).clamp(-1.0, 1.0).acos())),
+        _ => None,
+    });
+    pairs.collect()
+}
+
+/// Two arcs about one axis.
+struct Arcs<const D: usize> {
+    radii: [f64; 2],
+    /// A point of the axis, or the centre.
+    centre: [f64; D],
 }
 
 /// The directions that arcs lie in: all of them, or those across the axis of a cylinder.
@@ -69,14 +179,14 @@ where
     (some.len() > 1).then_some(some)
 }
 
-/// The radii of two sets of points about one centre in some directions, if none is farther than `near` from its arc.
+/// Two sets of points about one centre in some directions, if none is farther from its arc than is `near` at these radii.
 ///
 /// |x|² = 2 c·x + kᵢ for the points of side i, rᵢ² = kᵢ + |c|², by least squares; about a point among them, for accuracy.
 fn concentric<const D: usize>(
     sides: &[Vec<[f64; D]>; 2],
     across: &[[f64; D]],
-    near: f64,
-) -> Option<[f64; 2]> {
+    near: impl Fn([f64; 2]) -> f64,
+) -> Option<Arcs<D>> {
     let origin = *sides[0].first()?;
     let points = || {
         let each = sides.iter().enumerate();
@@ -113,16 +223,28 @@ fn concentric<const D: usize>(
             .map(|(x, c)| (x - c).powi(2));
         offsets.sum::<f64>().sqrt()
     };
-    let mut radii = [0.0; 2];
-    for (side, radius) in radii.iter_mut().enumerate() {
-        let all: Vec<f64> = sides[side].iter().map(|&x| distance(x)).collect();
-        *radius = all.iter().sum::<f64>() / all.len() as f64;
-        // NaN is no arc, either.
-        if !all.iter().all(|d| (d - *radius).abs() <= near) {
-            return None;
-        }
+    let all = sides
+        .each_ref()
+        .map(|points| -> Vec<f64> { points.iter().map(|&x| distance(x)).collect() });
+    let radii = all
+        .each_ref()
+        .map(|all| all.iter().sum::<f64>() / all.len() as f64);
+    let mut off = all
+        .iter()
+        .zip(radii)
+        .flat_map(|(all, radius)| all.iter().map(move |d| (d - radius).abs()));
+    // NaN is no arc, either.
+    if !off.all(|off| off <= near(radii)) {
+        return None;
     }
-    Some(radii)
+    let mut point = origin;
+    for (way, c) in across.iter().zip(&centre) {
+        (0..D).for_each(|k| point[k] += c * way[k]);
+    }
+    Some(Arcs {
+        radii,
+        centre: point,
+    })
 }
 
 #[cfg(test)]
@@ -169,6 +291,18 @@ mod tests {
     fn rings_that_fit_have_one_gap() {
         let gap = found(&rings([9, 14], 0.0), [0.002, 0.012]).expect("arcs");
         assert!((gap - 0.01).abs() < 1e-9, "{gap}");
+        let whole = |mesh: &Mesh| {
+            let side = |name: &str| mesh.outer_facets(name).map(<[_]>::to_vec);
+            let (Ok(inner), Ok(outer)) = (side("in-right"), side("out-left")) else {
+                panic!("the boundaries of a rectangle")
+            };
+            gap_of_arcs(mesh, [&inner, &outer], 50.0)
+        };
+        let gap = whole(&rings([9, 14], 0.0)).expect("arcs");
+        assert!((gap - 0.01).abs() < 1e-9, "{gap}");
+        assert_eq!(whole(&rings([9, 14], 0.01)), None);
+        // Half of a hexagon around another one has edges.
+        assert_eq!(whole(&rings([3, 3], 0.0)), None);
         // Even enough; and no arcs.
         assert_eq!(found(&rings([9, 14], 0.0), [0.0099, 0.0101]), None);
         assert_eq!(found(&rings([9, 14], 0.01), [0.002, 0.012]), None);
@@ -212,5 +346,13 @@ mod tests {
         };
         let gap = between_arcs(&mesh, [&inner, &outer], [-0.01, 0.02]).expect("cylinders");
         assert!((gap - 0.02).abs() < 1e-9, "{gap}");
+        for sides in [[&inner, &outer], [&outer, &inner]] {
+            let gap = gap_of_arcs(&mesh, sides.map(Vec::as_slice), 50.0).expect("cylinders");
+            assert!((gap - 0.02).abs() < 1e-9, "{gap}");
+        }
+        // Edges of an arc of a half, one radius long, lie r (1 − cos(π/12)) off it.
+        let off = sagitta(&mesh, [&inner, &[]], 50.0);
+        let exact = 1.0 - (PI / 12.0).cos();
+        assert!((off / exact - 1.0).abs() < 0.03, "{off} and {exact}");
     }
 }

@@ -249,11 +249,14 @@ where
 {
     /// The material of each region.
     fn materials(&self, mesh: &Mesh<D>) -> Result<Vec<Material>, ModelError> {
+        if self.materials.is_empty() {
+            return Err(Entity::all(EntityKind::Material).error("there is no material"));
+        }
         // With the name that has brought it.
         let mut found: Vec<Option<(Material, &str)>> = vec![None; mesh.regions.len()];
-        for (number, (region_name, material)) in self.materials.iter().enumerate() {
+        for (number, (names, material)) in self.materials.iter().enumerate() {
             let at_fault = |fault: Fault| self.material_entity(number).error(fault);
-            let Some(name) = region_name else {
+            let Some(names) = names else {
                 if self.materials.len() == 1 {
                     found.fill(Some((*material, "")));
                     continue;
@@ -263,21 +266,23 @@ where
                     listed(mesh.groups.keys())
                 ))));
             };
-            for &region in region(mesh, name).map_err(at_fault)? {
-                let before = found[region as usize].replace((*material, name));
-                let message = match before {
-                    Some((_, other)) if other == name => {
-                        format!("region \"{name}\" has two materials")
-                    }
-                    Some((old, other)) if old != *material => format!(
-                        "regions \"{other}\" and \"{name}\" overlap: \"{}\" would have two materials; give both the \
+            for name in names.all() {
+                for &region in region(mesh, name).map_err(at_fault)? {
+                    let before = found[region as usize].replace((*material, name));
+                    let message = match before {
+                        Some((_, other)) if other == name => {
+                            format!("region \"{name}\" has two materials")
+                        }
+                        Some((old, other)) if old != *material => format!(
+                            "regions \"{other}\" and \"{name}\" overlap: \"{}\" would have two materials; give both the \
                          same, or groups that share no {}",
-                        mesh.regions[region as usize],
-                        if D == 2 { "surface" } else { "volume" }
-                    ),
-                    _ => continue,
-                };
-                return Err(at_fault(Fault::Stated(message)));
+                            mesh.regions[region as usize],
+                            if D == 2 { "surface" } else { "volume" }
+                        ),
+                        _ => continue,
+                    };
+                    return Err(at_fault(Fault::Stated(message)));
+                }
             }
         }
         let regions = found.iter().zip(&mesh.regions);

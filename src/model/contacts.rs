@@ -1,6 +1,6 @@
 //! The contacts of a model: their nodes, and what is said of them.
 
-use super::arcs::between_arcs;
+use super::arcs::{EVEN, between_arcs, gap_of_arcs, sagitta};
 use super::entities::Target;
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::outer_facets;
@@ -48,6 +48,9 @@ where
     pub unmet: Option<Unmet<D>>,
     /// The gap between sides that are drawn as arcs about one axis, where that of their facets scatters by more than a tenth.
     pub arcs: Option<f64>,
+    /// How far facets of curved sides, no arcs about one axis, lie off what they seem to stand for, where what they overlap is
+    /// pressed apart and that is more than a tenth of it.
+    pub sagitta: Option<f64>,
     /// Contact places.
     pub places: usize,
     /// Those of them within the search distance.
@@ -80,6 +83,7 @@ where
             search_distance: 0.0,
             unmet: None,
             arcs: None,
+            sagitta: None,
             places: 0,
             within: 0,
             kept: 0,
@@ -112,12 +116,12 @@ where
             (_, n) => format!("{n} faces"),
         };
         Some(format!(
-            "{facets} of \"{}\", the largest around {}, with an area of {:.3e} {}² opposite within the search distance, \
+            "{facets} of \"{}\", the largest around {}, with an area of {:.3e}{} opposite within the search distance, \
              meet nothing: something else is nearer, or the sides are folded there",
             self.against,
             Location::from(unmet.place),
             unmet.area,
-            units.length
+            Units::behind(&units.area())
         ))
     }
 }
@@ -128,12 +132,30 @@ where
 {
     /// That the gap had better be stated, in words.
     pub fn arcs_text(&self, units: &Units) -> Option<String> {
-        let (gap, length) = (self.arcs?, &units.length);
-        let [low, high] = self.gap;
+        let gap = self.arcs?;
+        let [apart, low, high] = [gap, self.gap[0], self.gap[1]].map(|gap| units.long(gap));
         Some(format!(
-            "both sides are drawn as arcs about one axis, {gap:.3e} {length} apart, but between their facets the gap goes from \
-             {low:.3e} to {high:.3e} {length}: state the gap (gap = {gap:.4e}), and nothing depends on how facets happen to meet"
+            "both sides are drawn as arcs about one axis, {apart} apart, but between their facets the gap goes from \
+             {low} to {high}: state the gap (gap = {gap:.4e}), and nothing depends on how facets happen to meet"
         ))
+    }
+}
+
+impl<const D: usize> PairData<D>
+where
+    ElementKind: Topology<D>,
+{
+    /// That facets may have lost a part of what is pressed apart, in words.
+    pub fn sagitta_text(&self, units: &Units) -> Option<String> {
+        let (off, overlap) = (self.sagitta?, -self.gap[0]);
+        (overlap > 0.0 && off > EVEN * overlap).then(|| {
+            format!(
+                "its facets lie up to {} off the curved surfaces that they stand for, beside an overlap of {} that is pressed apart: \
+                 state the gap or the interference, or take a finer mesh or order = 2",
+                units.long(off),
+                units.long(overlap)
+            )
+        })
     }
 }
 
@@ -196,7 +218,21 @@ where
             Law::None | Law::Tied => 0.0,
             Law::Tresca(value) | Law::Coulomb(value) => value.at(x),
         };
-        let gap = |x| self.gap.as_ref().map_or(0.0, |gap| gap.at(x));
+        // Polygons lose what arcs overlap.
+        let mut off = None;
+        let of_arcs = match &self.against {
+            Against::Boundary(names) if self.overlap && !self.by_nodes => {
+                let others = outer_facets(mesh, names.all())?;
+                let steepest = self.edge_angle.unwrap_or(EDGE_ANGLE);
+                let found = gap_of_arcs(mesh, [&facets, &others], steepest);
+                if found.is_none() {
+                    off = Some(sagitta(mesh, [&facets, &others], steepest));
+                }
+                found
+            }
+            _ => None,
+        };
+        let gap = |x| of_arcs.unwrap_or_else(|| self.gap.as_ref().map_or(0.0, |gap| gap.at(x)));
         let overlap = |x| (self.interference.as_ref()).map_or(0.0, |overlap| overlap.at(x));
         let [normal, tangential] = [0, 1].map(|way: usize| {
             let stiffness = self.stiffness[way].as_ref();
@@ -209,7 +245,7 @@ where
                 Law::Tresca(_) => Friction::Tresca(&law),
                 Law::Coulomb(_) => Friction::Coulomb(&law),
             },
-            gap: (self.gap.is_some() || self.is_tie()).then_some(&gap),
+            gap: (self.gap.is_some() || self.is_tie() || of_arcs.is_some()).then_some(&gap),
             interference: self.interference.is_some().then_some(&overlap),
             stiffness: [
                 self.stiffness[0].is_some().then_some(&normal),
@@ -266,6 +302,7 @@ where
             stiffness: self.compliance(units),
             search_distance,
             unmet,
+            sagitta: off,
             ..PairData::between(
                 &self.name,
                 self.boundary.to_string(),
@@ -273,7 +310,16 @@ where
                 self.friction(units),
             )
         };
-        Ok((found.map_err(Fault::Contact)?, data))
+        let found = found.map_err(|error| match error {
+            ContactError::Apart { distance, nearest } if self.is_tie() && nearest > distance => {
+                Fault::Stated(format!(
+                    "no part of it faces the master boundary within {distance:.3e}; they are at least {nearest:.3e} apart: check the \
+                     boundaries, or state adjust (POSITION TOLERANCE of a deck)"
+                ))
+            }
+            error => Fault::Contact(error),
+        })?;
+        Ok((found, data))
     }
 }
 

@@ -27,6 +27,12 @@ impl From<&str> for Names {
     }
 }
 
+impl From<&String> for Names {
+    fn from(name: &String) -> Self {
+        name.as_str().into()
+    }
+}
+
 impl From<String> for Names {
     fn from(name: String) -> Self {
         Self(vec![name])

@@ -188,7 +188,9 @@ impl<const D: usize> Pair<D> {
         match &self.law {
             Law::None => "no friction".to_owned(),
             Law::Tied => "tied".to_owned(),
-            Law::Tresca(bound) => format!("Tresca bound {bound} {}", units.stress()),
+            Law::Tresca(bound) => {
+                format!("Tresca bound {bound}{}", Units::behind(&units.stress()))
+            }
             Law::Coulomb(coefficient) => format!("Coulomb coefficient {coefficient}"),
         }
     }
@@ -198,8 +200,11 @@ impl<const D: usize> Pair<D> {
         let parts = ["normal", "tangential"].into_iter().zip(&self.stiffness);
         let parts = parts.filter_map(|(way, k)| Some(format!("{way} {}", k.as_ref()?)));
         let parts: Vec<String> = parts.collect();
-        let unit = format!("{}/{}", units.stress(), units.length);
-        (!parts.is_empty()).then(|| format!("{} {unit}", parts.join(", ")))
+        let unit = match (units.stress(), &units.length) {
+            (stress, _) if stress.is_empty() => stress,
+            (stress, length) => format!(" {stress}/{length}"),
+        };
+        (!parts.is_empty()).then(|| format!("{}{unit}", parts.join(", ")))
     }
 
     pub(super) fn fault(&self) -> Option<&'static str> {

@@ -4,7 +4,7 @@
 //! Nodes are numbered rank by rank. Of a rank's nodes the own ones come first, then those of others that its elements reach; of
 //! its elements first those that are its own, by their first node, then those that it only needs for the rows of its nodes.
 
-use super::analysis::named_by;
+use super::analysis::{held_by, named_by};
 use super::build::loose;
 use super::elastic::Elastic;
 use super::error::ModelError;
@@ -567,10 +567,19 @@ fn touched<const D: usize>(elastic: &Elastic<D>) -> Vec<bool>
 where
     ElementKind: Topology<D>,
 {
+    touched_by(elastic, |_| true)
+}
+
+/// Whether the rows of such contact places do.
+fn touched_by<const D: usize>(elastic: &Elastic<D>, place: impl Fn(usize) -> bool) -> Vec<bool>
+where
+    ElementKind: Topology<D>,
+{
     let mut touched = vec![false; elastic.unknowns.n_blocks()];
-    for rows in [&elastic.contact.normal, &elastic.contact.tangential] {
-        for &column in rows.col_idx() {
-            touched[column as usize / D] = true;
+    let contact = &elastic.contact;
+    for (rows, each) in [(&contact.normal, 1), (&contact.tangential, D - 1)] {
+        for (row, column, _) in rows.triplets() {
+            touched[column / D] |= place(row / each);
         }
     }
     touched
@@ -640,6 +649,8 @@ where
     for block in 0..unknowns.n_blocks() {
         blocks[part[unknowns.node(block) as usize] as usize].push(block as u32);
     }
+    let is_tied = elastic.contact.tied();
+    let kinds = [true, false].map(|tied| touched_by(elastic, |i| is_tied[i] == tied));
     let (mut bodies, mut floating) = (Vec::new(), Vec::new());
     for ((nodes, held), one) in blocks.into_iter().zip(&held).zip(0u32..) {
         let here: Vec<[f64; D]> = nodes.iter().map(|&block| points[block as usize]).collect();
@@ -647,7 +658,8 @@ where
             continue;
         };
         let name = named_by(mesh, unknowns.node(nodes[0] as usize));
-        let is_touched = nodes.iter().any(|&block| touched[block as usize]);
+        let by = |touched: &[bool]| nodes.iter().any(|&block| touched[block as usize]);
+        let (is_touched, holders) = (by(touched), held_by(kinds.each_ref().map(|kind| by(kind))));
         let body = motions.body(nodes, &points, moves(unknowns));
         let freedom = format!("{name} can {} as a whole", body.freedom());
         if !is_touched {
@@ -660,7 +672,7 @@ where
             part: one,
             motions,
             name,
-            freedom,
+            freedom: format!("{freedom}: {holders}"),
         });
     }
     let floating = FloatingBodies::of_ranks(floating, &Ranks::default());

@@ -336,10 +336,10 @@ fn errors_name_what_is_at_fault() {
         ),
         (
             sound().units(Units {
-                length: String::new(),
+                length: "m m".to_owned(),
                 force: "N".to_owned(),
             }),
-            "units: length = \"\" is not the short name of a unit",
+            "units: length = \"m m\" is not the short name of a unit",
         ),
     ];
     for (model, expected) in cases {

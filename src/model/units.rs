@@ -22,7 +22,36 @@ impl Default for Units {
 }
 
 impl Units {
-    /// That of stresses, moduli and pressures: the name of force per area where it has one.
+    /// Those of numbers that nobody has told the units of.
+    pub fn untold() -> Self {
+        Self {
+            length: String::new(),
+            force: String::new(),
+        }
+    }
+
+    /// A unit behind a number, with a space between them if there is one.
+    pub fn behind(unit: &str) -> String {
+        match unit {
+            "" => String::new(),
+            unit => format!(" {unit}"),
+        }
+    }
+
+    /// A unit behind what it is that of, in brackets if there is one.
+    pub fn named(what: &str, unit: &str) -> String {
+        match unit {
+            "" => what.to_owned(),
+            unit => format!("{what} ({unit})"),
+        }
+    }
+
+    /// A length with its unit, in short.
+    pub fn long(&self, length: f64) -> String {
+        format!("{length:.3e}{}", Self::behind(&self.length))
+    }
+
+    /// That of stresses, moduli and pressures: the name of force per area where it has one; none if one of the two is not told.
     pub fn stress(&self) -> String {
         let name = match (self.force.as_str(), self.length.as_str()) {
             ("N", "m") => "Pa",
@@ -32,6 +61,7 @@ impl Units {
             ("N", "µm" | "um" | "μm") => "TPa",
             ("lbf", "in") => "psi",
             ("kip" | "kips", "in") => "ksi",
+            ("", _) | (_, "") => "",
             _ => return format!("{}/{}", self.force, self.area()),
         };
         name.to_owned()
@@ -39,7 +69,23 @@ impl Units {
 
     /// That of areas.
     pub fn area(&self) -> String {
-        format!("{}²", self.length)
+        self.power("²")
+    }
+
+    /// That of lengths with an exponent.
+    pub fn power(&self, exponent: &str) -> String {
+        match self.length.as_str() {
+            "" => String::new(),
+            length => format!("{length}{exponent}"),
+        }
+    }
+
+    /// That of moments and of work.
+    pub fn moment(&self) -> String {
+        match (self.force.as_str(), self.length.as_str()) {
+            ("", _) | (_, "") => String::new(),
+            (force, length) => format!("{force} {length}"),
+        }
     }
 
     /// What is wrong with the labels, if anything.
@@ -47,8 +93,7 @@ impl Units {
         [("length", &self.length), ("force", &self.force)]
             .into_iter()
             .find(|(_, label)| {
-                label.is_empty()
-                    || label.chars().count() > 12
+                label.chars().count() > 12
                     || label.contains(|c: char| {
                         c.is_control()
                             || c.is_whitespace()
@@ -94,5 +139,9 @@ mod tests {
         assert_eq!(stress("N", "mm"), "MPa");
         assert_eq!(stress("kN", "m"), "kPa");
         assert_eq!(stress("kgf", "cm"), "kgf/cm²");
+        assert_eq!(stress("", "mm"), "");
+        let untold = Units::untold();
+        let all = [untold.stress(), untold.area(), untold.moment()];
+        assert!(all.iter().all(String::is_empty) && untold.long(2.0) == "2.000e0");
     }
 }

@@ -136,7 +136,7 @@ where
             _ => format!("-{:03}", solved.number),
         };
         let problem = self.problem.clone();
-        let has_friction = |i| problem.has_friction(i);
+        let sets = solution.sets.sizes_in(&problem);
         match (self.bodies.clone(), solved.data) {
             (Some(bodies), Some(data)) => {
                 let of = self.fields(&bodies, data, solution)?;
@@ -147,7 +147,7 @@ where
                     let load = Some((data.factor, data.total_load.to_vec()));
                     let name = |body: usize| bodies.received.common.bodies[body].name.clone();
                     self.report
-                        .push(solution, load, contacts, supports, has_friction, name);
+                        .push(solution, load, contacts, supports, sets, name);
                 }
                 self.write_fields(&bodies, &of, &step)?;
             }
@@ -158,7 +158,7 @@ where
                     format!("the body around ({})", centre.join(", "))
                 };
                 self.report
-                    .push(solution, None, Vec::new(), Vec::new(), has_friction, name);
+                    .push(solution, None, Vec::new(), Vec::new(), sets, name);
                 self.write_vectors(solution)?;
             }
         }

@@ -46,9 +46,9 @@ pub enum NodeStatus {
     Separated,
     /// It is in contact, and no law of friction acts on it.
     Frictionless,
-    /// It is in contact, its traction below the slip bound.
+    /// It is in contact and does not slip.
     Stick,
-    /// It is in contact, its traction at the slip bound.
+    /// It is in contact and slips.
     Slip,
     /// It is tied.
     Tied,
@@ -217,12 +217,12 @@ where
 
     /// The first line of `contact.csv`. In space there are two tangents, and the whole traction along the axes.
     fn head(&self, elastic: &Elastic<D>) -> String {
-        let (length, stress) = if elastic.units_stated {
-            let (length, stress) = (&elastic.units.length, elastic.units.stress());
-            (format!(" [{length}]"), format!(" [{stress}]"))
-        } else {
-            Default::default()
+        let told = |unit: &str| match unit {
+            "" => String::new(),
+            _ if !elastic.units_stated => String::new(),
+            unit => format!(" [{unit}]"),
         };
+        let (length, stress) = (told(&elastic.units.length), told(&elastic.units.stress()));
         match D {
             2 => format!(
                 "x{length},y{length},gap{length},normal_pressure{stress},tangential_traction{stress},slip{length},\

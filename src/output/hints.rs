@@ -2,9 +2,13 @@
 
 use super::{ContactReport, NodeStatus, OfBodies};
 use crate::contact::Space;
-use crate::mesh::vector::{length, minus};
+use crate::dense::pseudo_inverse;
+use crate::elasticity::Plane;
+use crate::mesh::vector::{cross, dot, length, minus};
 use crate::mesh::{ElementKind, facet_nodes};
 use crate::model::{Elastic, PairData};
+use crate::rounding::DEPENDENT;
+use faer::Mat;
 
 /// So many nodes in contact at least, for a peak on one or two of them to be called unresolved.
 const RESOLVED: usize = 5;
@@ -39,6 +43,88 @@ where
     })
 }
 
+/// Bodies are told of that have turned so far that their lengths seem to grow by more than this part, 1/cos − 1, as nodes move along
+/// tangents where strains are small: 8.1°. It is the accuracy that is asked of strains; directions of loads and of normals are
+/// off by sin, 14 %.
+const TURNED: f64 = 0.01;
+
+/// The bodies that have turned by an angle that is not small.
+fn turned<const D: usize>(of: &OfBodies<D>) -> impl Iterator<Item = String>
+where
+    ElementKind: Space<D>,
+{
+    let mesh = &of.elastic.mesh;
+    let (count, part) = mesh.bodies();
+    let three = |v: &[f64; D]| std::array::from_fn::<_, 3, _>(|c| v.get(c).copied().unwrap_or(0.0));
+    let mut nodes: Vec<Vec<usize>> = vec![Vec::new(); count];
+    for (node, &body) in part.iter().enumerate() {
+        nodes[body as usize].push(node);
+    }
+    // Round an axis nothing turns but the cross-section, with a strain round the axis to be seen elsewhere.
+    let is_round = D == 2 && of.elastic.plane == Plane::Axisymmetric;
+    nodes.retain(|_| !is_round);
+    let of_body = move |nodes: Vec<usize>| {
+        let first = *nodes.first()?;
+        let each = |at: &dyn Fn(usize) -> [f64; 3]| {
+            let count = nodes.len() as f64;
+            let mean = nodes.iter().fold([0.0; 3], |sum, &node| {
+                let x = at(node);
+                std::array::from_fn(|c| sum[c] + x[c] / count)
+            });
+            nodes
+                .iter()
+                .map(|&node| minus(at(node), mean))
+                .collect::<Vec<_>>()
+        };
+        let arms = each(&|node| three(&mesh.nodes[node]));
+        let moved = each(&|node| three(&of.fields.displacement[node]));
+        // Least squares of u − ω × x: (Σ |x|² − x xᵀ) ω = Σ x × u.
+        let (mut square, mut right) = (Mat::<f64>::zeros(3, 3), [0.0; 3]);
+        for (x, u) in arms.iter().zip(&moved) {
+            for i in 0..3 {
+                for j in 0..3 {
+                    let own = if i == j { dot(*x, *x) } else { 0.0 };
+                    square[(i, j)] += own - x[i] * x[j];
+                }
+            }
+            let turn = cross(*x, *u);
+            (0..3).for_each(|c| right[c] += turn[c]);
+        }
+        let inverse = pseudo_inverse(&square, DEPENDENT);
+        let turn: [f64; 3] =
+            std::array::from_fn(|i| (0..3).map(|j| inverse[(i, j)] * right[j]).sum());
+        let grown = length(turn).hypot(1.0) - 1.0;
+        (grown > TURNED).then(|| {
+            let node = first as u32;
+            let region = mesh.elements.iter().find(|e| e.nodes().contains(&node));
+            let name = region.map_or("", |e| &mesh.regions[e.region as usize]);
+            format!(
+                "the body with region \"{name}\" has turned by {:.0}°: rotations are taken to be small, and lengths that turn so far seem to \
+                 grow by {:.0} %; what holds it, or the load, may not be as meant",
+                length(turn).atan().to_degrees(),
+                100.0 * grown
+            )
+        })
+    };
+    nodes.into_iter().filter_map(of_body)
+}
+
+/// Regions that ask for incompatible modes and have no elements that may have them.
+fn without_modes<const D: usize>(elastic: &Elastic<D>) -> impl Iterator<Item = String>
+where
+    ElementKind: Space<D>,
+{
+    let mesh = &elastic.mesh;
+    let regions = (0..).zip(mesh.regions.iter().zip(&elastic.materials));
+    regions.filter_map(move |(region, (name, material))| {
+        let mut elements = mesh.elements.iter().filter(|e| e.region == region);
+        let any = elements.any(|e| e.kind().may_have_modes());
+        (material.incompatible_modes && !any).then(|| {
+            format!("region {name}: incompatible modes are those of quadrilaterals and hexahedra of first order, and it has none")
+        })
+    })
+}
+
 /// How far the sides of each contact between bodies have moved against each other; both moving together do not come closer.
 pub(super) fn apart<const D: usize>(of: &OfBodies<D>) -> Vec<f64>
 where
@@ -66,7 +152,9 @@ where
     let (elastic, fields) = (of.elastic, &of.contact);
     let mut hints = elastic.mesh.notes.clone();
     hints.extend(locking(elastic));
-    let unit = &elastic.units.length;
+    hints.extend(without_modes(elastic));
+    hints.extend(turned(of));
+    let units = &elastic.units;
     let (low, high) = elastic.mesh.bounding_box();
     let size = length(minus(high, low));
     let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));
@@ -79,7 +167,10 @@ where
         if touching == 0 {
             let least = rows().map(|i| fields.gap[i]).fold(f64::INFINITY, f64::min);
             hints.push(if least > 1e-12 * size {
-                format!("{name}: no node touches; the least gap left is {least:.3e} {unit}")
+                format!(
+                    "{name}: no node touches; the least gap left is {}",
+                    units.long(least)
+                )
             } else {
                 format!("{name}: nothing is pressed, though some of it touches")
             });
@@ -100,12 +191,13 @@ where
                  are taken to be small"
             ));
         }
-        if let Some(text) = pair.unmet_text(&elastic.units) {
-            hints.push(format!("{name}: {text}"));
-        }
-        if let Some(text) = pair.arcs_text(&elastic.units) {
-            hints.push(format!("{name}: {text}"));
-        }
+        let texts = [
+            pair.unmet_text(units),
+            pair.arcs_text(units),
+            pair.sagitta_text(units),
+        ];
+        let texts = texts.into_iter().flatten();
+        hints.extend(texts.map(|text| format!("{name}: {text}")));
         if pair.kept > rim::<D>(pair.places) {
             hints.push(format!(
                 "{name}: {} nodes get no friction, as supports keep them from sliding freely; what they would carry is \
@@ -123,9 +215,9 @@ where
                     .count();
                 if late > 0 && pair.tresca {
                     hints.push(format!(
-                        "{name}: {late} nodes touch that were farther away than the search distance {:.3e} {unit}, \
+                        "{name}: {late} nodes touch that were farther away than the search distance {}, \
                          and get no friction: state search_distance",
-                        pair.search_distance
+                        units.long(pair.search_distance)
                     ));
                 }
             }
@@ -133,9 +225,10 @@ where
                 let apart = apart[number];
                 if apart > pair.search_distance {
                     hints.push(format!(
-                        "{name}: its sides move by up to {apart:.3e} {unit} against each other, more than the search \
-                         distance {:.3e} {unit}: what was farther apart has not been looked at; state search_distance",
-                        pair.search_distance
+                        "{name}: its sides move by up to {} against each other, more than the search \
+                         distance {}: what was farther apart has not been looked at; state search_distance",
+                        units.long(apart),
+                        units.long(pair.search_distance)
                     ));
                 }
             }

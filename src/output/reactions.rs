@@ -47,12 +47,14 @@ pub struct ContactReport {
     pub area: f64,
     /// Places that touch nothing.
     pub separated: usize,
-    /// Places in contact, their traction below the slip bound, or tied.
+    /// Places in contact that do not slip.
     pub stick: usize,
-    /// Places in contact, their traction at the slip bound.
+    /// Places in contact that slip.
     pub slip: usize,
     /// Places in contact without a law of friction.
     pub frictionless: usize,
+    /// Tied places.
+    pub tied: usize,
     /// Pools of places with a pressure near the largest: above 0.7 of it.
     #[serde(skip)]
     pub peaks: usize,
@@ -189,7 +191,8 @@ where
         let status = fields.status(i);
         *match status {
             NodeStatus::Separated => &mut contact.separated,
-            NodeStatus::Stick | NodeStatus::Tied => &mut contact.stick,
+            NodeStatus::Stick => &mut contact.stick,
+            NodeStatus::Tied => &mut contact.tied,
             NodeStatus::Slip => &mut contact.slip,
             NodeStatus::Frictionless => &mut contact.frictionless,
         } += 1;

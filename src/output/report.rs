@@ -299,9 +299,9 @@ impl Report {
             None => Default::default(),
         };
         let load = of_bodies.map(|of| (of.data.factor, of.data.total_load.to_vec()));
-        let has_friction = |i| analysis.problem.has_friction(i);
+        let sets = solution.sets.sizes_in(analysis.problem);
         let body_name = |body| analysis.body_name(body);
-        self.push(solution, load, contacts, supports, has_friction, body_name);
+        self.push(solution, load, contacts, supports, sets, body_name);
     }
 
     /// What the contacts of a step carry, and what that suggests; their sides have moved against each other by up to `apart`.
@@ -327,11 +327,10 @@ impl Report {
         load: Option<(f64, Vec<f64>)>,
         contacts: Vec<ContactReport>,
         supports: Vec<SupportReport>,
-        has_friction: impl Fn(usize) -> bool,
+        sets: SetSizes,
         body_name: impl Fn(usize) -> String,
     ) {
         let last = solution.last();
-        let sets = solution.sets.sizes(has_friction);
         self.status = Some(solution.status);
         self.err_relative = last.info.err_relative;
         self.rho = last.info.rho;

@@ -11,7 +11,7 @@
 //! holds nothing smaller.
 
 use super::{ContactProblem, tangents_of};
-use crate::constraint::TIED;
+use crate::constraint::{TIED, tangential};
 use crate::dense::pseudo_inverse;
 use crate::rigid::{self, Frame};
 use crate::rounding::{DEPENDENT, ROUNDING};
@@ -148,6 +148,29 @@ impl<const D: usize, K> ContactProblem<D, K> {
             ),
             slip: ratio(positive(slips), scales.length),
         }
+    }
+
+    /// The nodes that have slipped by more than rounding and a part of the deformation, each with its slip along the tangents
+    /// (of length D, without a normal part); not those that are tied.
+    pub(crate) fn slipped(
+        &self,
+        u: &[f64],
+        lambda: &[f64],
+        part: f64,
+    ) -> impl Iterator<Item = (usize, [f64; D])> + use<D, K> {
+        let m = self.m();
+        let scales = self.scales(u, lambda);
+        let least = part * scales.length + scales.rounding;
+        let mut slip = self.beyond_compliance(self.tangential(), m, u, lambda);
+        for (slip, origin) in slip.iter_mut().zip(self.slip_origin()) {
+            *slip -= origin;
+        }
+        let free: Vec<bool> = (0..m).map(|i| !self.is_tied(i)).collect();
+        (0..m).filter_map(move |i| {
+            let along = &slip[tangents_of::<D>(i)];
+            let way = std::array::from_fn(|a| if a == 0 { 0.0 } else { along[a - 1] });
+            (free[i] && tangential(way) > least).then_some((i, way))
+        })
     }
 
     /// ‖Ku + Bᵀλ − f‖, what is rounding of its terms left out.

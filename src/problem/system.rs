@@ -110,9 +110,16 @@ impl<const D: usize> System<D> {
 
     /// Whether B touches each block row of K.
     pub(crate) fn touched(&self) -> Vec<bool> {
+        self.touched_by(|_| true)
+    }
+
+    /// Whether the rows of B of such contact nodes touch each block row of K.
+    pub(crate) fn touched_by(&self, node: impl Fn(usize) -> bool) -> Vec<bool> {
+        let m = self.normal.n_rows();
         let mut touched = vec![false; self.n_rows() / D];
-        for (_, j, _) in self.contact.triplets() {
-            touched[j / D] = true;
+        for (row, j, _) in self.contact.triplets() {
+            let of = row.checked_sub(m).map_or(row, |row| row / (D - 1));
+            touched[j / D] |= node(of);
         }
         touched
     }

@@ -2,6 +2,7 @@
 
 use super::law::Law;
 use crate::constraint::{Disc, NodeSets, at, put};
+use crate::problem::ContactProblem;
 
 /// The sets 𝒜ν, ℐν, 𝒜τ and ℐτ (in the plane ℐτ⁺ and ℐτ⁻), as those that each contact node is in.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,19 +13,21 @@ pub struct Sets<const D: usize = 2>(Vec<NodeSets<D>>);
 pub struct SetSizes {
     /// ℐν: not in contact.
     pub separated: usize,
-    /// 𝒜τ: λτ below the bound.
+    /// 𝒜τ: λτ within the bound, and no slip.
     pub stick: usize,
-    /// ℐτ: λτ at the bound.
+    /// ℐτ: λτ at the bound, or slip.
     #[serde(flatten)]
     pub slip: SlipSizes,
     /// No law of friction acts: neither stick nor slip.
     pub frictionless: usize,
+    /// Tied: no multiplier is bounded.
+    pub tied: usize,
 }
 
 impl SetSizes {
     /// The number of contact nodes.
     pub fn total(&self) -> usize {
-        self.stick + self.slip.total() + self.frictionless
+        self.stick + self.slip.total() + self.frictionless + self.tied
     }
 }
 
@@ -110,6 +113,11 @@ impl<const D: usize> Sets<D> {
         })
     }
 
+    /// Takes nodes for those that slip: each with its way.
+    pub(super) fn slide(&mut self, slipping: impl Iterator<Item = (usize, [f64; D])>) {
+        slipping.for_each(|(i, slip)| self.0[i].slide(slip));
+    }
+
     /// Puts the held multipliers on their bounds.
     pub(super) fn set_bounds(&self, lambda: &mut [f64], law: &Law) {
         for (i, node) in self.0.iter().enumerate() {
@@ -160,12 +168,20 @@ impl<const D: usize> Sets<D> {
         !self.0[i].contact
     }
 
-    /// Whether λτ of contact node i (of m) is at its bound.
+    /// Whether contact node i (of m) slips.
     pub fn slips(&self, i: usize) -> bool {
         self.0[i].slip.is_some()
     }
 
-    /// The sizes; `has_friction` says of which contact nodes (of m) a law of friction acts on.
+    /// The sizes in a problem.
+    pub fn sizes_in<K>(&self, problem: &ContactProblem<D, K>) -> SetSizes {
+        let mut sizes = self.sizes(|i| problem.has_friction(i));
+        sizes.tied = (0..self.0.len()).filter(|&i| problem.is_tied(i)).count();
+        sizes.stick -= sizes.tied;
+        sizes
+    }
+
+    /// The sizes, where none is tied; `has_friction` says of which contact nodes (of m) a law of friction acts on.
     pub fn sizes(&self, has_friction: impl Fn(usize) -> bool) -> SetSizes {
         let mut sizes = SetSizes {
             slip: SlipSizes::none::<D>(),

@@ -67,7 +67,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 n_a: self.products.n_a,
                 err: way.err / way.err0,
                 predicted: None,
-                sets: sets.sizes(|i| self.problem.has_friction(i)),
+                sets: sets.sizes_in(self.problem),
                 changes: (way.sets.as_ref()).map_or(0, |old| old.differences(&sets)),
                 safeguarded: plan == Plan::Gradient,
             };

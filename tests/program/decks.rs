@@ -30,7 +30,19 @@ fn a_deck_is_solved_and_converted() {
         said.contains("blocks.inp, line 53: *NODE PRINT is passed over"),
         "{said}"
     );
-    assert!(said.contains("pressure up to 2.0000e0"), "{said}");
+    assert!(said.contains("pressure up to 2.0000e0\n"), "{said}");
+    // Nobody has told what its numbers are in.
+    assert!(!said.contains(" Pa") && !said.contains(" N,"), "{said}");
+    let told = [
+        "solve",
+        "blocks.inp",
+        "--set",
+        "units.length=mm",
+        "--set",
+        "units.force=N",
+    ];
+    let told = solved(place.path(), &told);
+    assert!(told.contains("pressure up to 2.0000e0 MPa"), "{told}");
     let csv = read(&place.path().join("blocks-out/contact.csv"));
     // The springs are pressed by p / k.
     for row in csv.lines().skip(1) {
@@ -69,6 +81,22 @@ fn a_deck_is_solved_and_converted() {
         said.contains("contact joint: ") && said.contains("pressure up to 4.0000e0"),
         "{said}"
     );
+}
+
+/// Elements with reduced integration are taken for others, and each run says so; those with incompatible modes are what they are.
+#[test]
+fn elements_that_are_taken_for_others_are_told() {
+    let place = directory();
+    for (kind, told) in [("C3D8R", true), ("C3D8I", false), ("C3D8", false)] {
+        write(
+            &place.path().join("blocks.inp"),
+            &PRESSED.replace("C3D8", kind),
+        );
+        let said = solved(place.path(), &["solve", "blocks.inp"]);
+        let hint = format!("hint: {kind} is taken for C3D8, with full integration");
+        assert_eq!(said.contains(&hint), told, "{said}");
+        assert_eq!(said.contains("is taken for"), told, "{said}");
+    }
 }
 
 #[test]
@@ -121,5 +149,11 @@ fn meshes_are_listed_by_check() {
     let run = signorini_in(place.path(), &["check", "case.toml"]);
     assert_eq!(run.status.code(), Some(1));
     assert!(text(&run.stderr).contains("there is no boundary \"Sdown\""));
+    listed(&text(&run.stdout));
+    let case = case.replace("[[material]]\nyoung = 1\npoisson = 0\n", "");
+    write(&place.path().join("case.toml"), &case);
+    let run = signorini_in(place.path(), &["check", "case.toml"]);
+    assert_eq!(run.status.code(), Some(1));
+    assert!(text(&run.stderr).contains("there is no material"));
     listed(&text(&run.stdout));
 }

@@ -164,6 +164,102 @@ fn prescribed_displacements_follow_the_steps() {
     );
 }
 
+/// Supports that a step clears and states again are those of before; of others the line is told that changes them, and no
+/// `--ignore` that would leave none.
+#[test]
+fn supports_may_be_stated_again() {
+    let step = |held: &str, force: f64| {
+        format!("{STATIC}*BOUNDARY, OP=NEW\n{held}*CLOAD\n5,1,{force}\n15,1,{force}\n*END STEP\n")
+    };
+    let text = |steps: &[String]| format!("{STRIP}{}{}", material(0.0), steps.concat());
+    let same = text(&[
+        step("Nleft,1\n1,2\n", 5.0),
+        step("1,1\n11,1\n1,2\n", 10.0),
+        step("Nleft,1\n1,2\n", 2.5),
+    ]);
+    let deck = read(&same, &[], &[]).or_panic();
+    for (u, expected) in displacements(&built(&deck)).iter().zip([0.4, 0.8, 0.2]) {
+        assert!((u[4][0] - expected).abs() < 1e-12, "{u:?}");
+    }
+    let changed = text(&[step("Nleft,1\n1,2\n", 5.0), step("Nleft,1\n", 5.0)]);
+    let error = read(&changed, &[], &[]).expect_err("one support has gone");
+    assert!(
+        error.contains("line 48: *BOUNDARY: a support cannot come or go"),
+        "{error}"
+    );
+    assert!(error.contains("--ignore 'BOUNDARY'"), "{error}");
+    let all = text(&[step("Nleft,1\n1,2\n", 5.0), step("Nright,1\n5,2\n", 5.0)]);
+    let error = read(&all, &[], &[]).expect_err("all supports are others");
+    assert!(
+        error.contains("line 48, line 49, line 50: *BOUNDARY") && !error.contains("--ignore"),
+        "{error}"
+    );
+}
+
+/// Elements with incompatible modes are what they are; those of a section that has others, too, apart.
+#[test]
+fn incompatible_modes_are_those_of_the_elements() {
+    let bent = format!("{STATIC}*CLOAD\n5,1,-2.\n15,1,2.\n*END STEP\n");
+    let tip = |text: &str| {
+        let deck = read(text, &[], &[]).or_panic();
+        let number = deck.case.matches("incompatible_modes = true").count();
+        (displacements(&built(&deck)).remove(0)[4][1], number)
+    };
+    let plain = strip(&bent);
+    // M = 2, E I = 200 · 0.5/12, u = M x²/(2 E I).
+    let exact = -2.0 * 16.0 / (2.0 * 200.0 * 0.5 / 12.0);
+    let (found, number) = tip(&plain.replace("CPS4", "CPS4I"));
+    assert!((found / exact - 1.0).abs() < 1e-9 && number == 1, "{found}");
+    let (stiff, number) = tip(&plain);
+    assert!((stiff / exact) < 0.7 && number == 0, "{stiff}");
+    let both = plain.replace(
+        "3,3,4,14,13",
+        "*ELEMENT, TYPE=CPS4I, ELSET=Eall\n3,3,4,14,13",
+    );
+    let (between, number) = tip(&both);
+    assert!(
+        between < stiff && between > found && number == 1,
+        "{between}"
+    );
+}
+
+/// What `--set` says of the mesh of a deck: its order and its size, and nothing else.
+#[test]
+fn the_mesh_of_a_deck_has_an_order_and_a_size() {
+    let pulled = read(
+        &strip(&format!("{STATIC}*DLOAD\n4,P2,-20.\n*END STEP\n")),
+        &[],
+        &[],
+    )
+    .or_panic();
+    let with = |deck: &Deck, setting: &str| {
+        let case = Case::of_deck(deck.clone(), &[setting.to_owned()]);
+        case.and_then(|case| case.build().map_err(|e| panic!("{e}")))
+    };
+    let u = displacements(&with(&pulled, "mesh.order=2").or_panic()).remove(0);
+    assert!(u.len() == 27 && (u[4][0] - 0.4).abs() < 1e-9, "{u:?}");
+    // Twice as long and high, twice the force, half of the stiffness.
+    let u = displacements(&with(&pulled, "mesh.scale=2").or_panic()).remove(0);
+    assert!((u[4][0] - 0.8).abs() < 1e-9, "{u:?}");
+    let error = with(&pulled, "mesh.file=other.msh").expect_err("another mesh");
+    assert!(
+        error.to_string().contains("a deck has its own mesh"),
+        "{error}"
+    );
+    let forces = read(
+        &strip(&format!("{STATIC}*CLOAD\nNright,1,5.\n*END STEP\n")),
+        &[],
+        &[],
+    )
+    .or_panic();
+    let case = Case::of_deck(forces, &["mesh.order=2".to_owned()]).or_panic();
+    let error = case.build().expect_err("a force on each node");
+    assert!(
+        error.to_string().contains("3 nodes in place of 2"),
+        "{error}"
+    );
+}
+
 /// A ring of plane stress under outer pressure, held across the symmetry planes in cylindrical directions:
 /// Lamé's solution with quadratic elements.
 #[test]

@@ -21,6 +21,7 @@ mod export;
 mod gmsh;
 mod gpu;
 mod half_space;
+mod incompatible;
 mod invariance;
 mod manufactured;
 mod nested;
@@ -32,6 +33,7 @@ mod pairs;
 mod quasistatic;
 mod second_order;
 mod second_order_meshes;
+mod slides;
 mod solid_cases;
 mod solids;
 

@@ -3,12 +3,13 @@
 use crate::common::distance;
 use crate::common::models::{Answer, answer, stacked};
 use crate::common::or_panic::OrPanic as _;
+use crate::common::solved::{built, case};
 use signorini::contact::{Obstacle, Space};
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
 use signorini::mesh::{ElementKind, Mesh};
-use signorini::model::{Model, Pair, Support, Traction};
+use signorini::model::{Analysis, Model, Pair, Support, Traction};
 use signorini::output::{ContactFields, NodeStatus};
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
@@ -267,4 +268,37 @@ fn what_cannot_be_tied_is_refused() {
         .build()
         .unwrap_err();
     assert!(error.to_string().contains("sides of the tie"), "{error}");
+}
+
+/// Of a tie that is too far its own key is named; tied places are told as such, and so is what holds a body.
+#[test]
+fn ties_are_told_as_ties() {
+    let case_with = |gap: f64, more: &str| {
+        case(&format!(
+            "[[mesh.part]]\nname = \"a\"\nrectangle = {{ size = [1, 1], cells = [2, 2] }}\n\
+             [[mesh.part]]\nname = \"b\"\nrectangle = {{ origin = [{}, 0], size = [1, 1], cells = [2, 2] }}\n\
+             [[material]]\nregion = [\"a\", \"b\"]\nyoung = 1\npoisson = 0\n[[support]]\nboundary = \"a-left\"\nx = 0\ny = 0\n\
+             [[tie]]\nboundary = \"a-right\"\nagainst = \"b-left\"\n{more}",
+            1.0 + gap
+        ))
+    };
+    let error = case_with(0.8, "")
+        .build()
+        .expect_err("they are apart")
+        .to_string();
+    assert!(
+        error.contains("state adjust") && !error.contains("search_distance"),
+        "{error}"
+    );
+    for (gap, more) in [(0.8, "adjust = 0.9\n"), (0.0, "")] {
+        let built = built(&case_with(gap, more));
+        let told = Analysis::from(&built).floating_bodies();
+        assert!(
+            told[0].ends_with("as a whole: only ties hold it"),
+            "{told:?}"
+        );
+        let solution = built.solve(&Default::default()).or_panic().remove(0);
+        let sizes = solution.sets.sizes_in(&built.problem);
+        assert_eq!((sizes.tied, sizes.stick, sizes.total()), (3, 0, 3));
+    }
 }

@@ -241,7 +241,7 @@ impl Run<'_> {
             log.tell(&format!("{reason}: using block-Jacobi instead"));
         }
         for body in share.floating_bodies() {
-            log.tell(&format!("{body}: only contact holds it"));
+            log.tell(&body);
         }
     }
 

@@ -1,5 +1,6 @@
 //! The end of a solve in words, on standard output.
 
+use signorini::model::Units;
 use signorini::output::{ContactReport, Report, StepReport};
 use signorini::ssnm::{SetSizes, Status};
 use std::path::PathBuf;
@@ -80,15 +81,16 @@ fn rounds(step: &StepReport, n_steps: usize) -> Option<String> {
 
 /// How many contact nodes do what.
 fn states(report: &Report) -> String {
-    let (separated, stick, slip, frictionless) = match report.steps.last() {
+    let [separated, stick, slip, frictionless, tied] = match report.steps.last() {
         Some(step) if !step.contacts.is_empty() => {
             let sum = |of: fn(&ContactReport) -> usize| step.contacts.iter().map(of).sum::<usize>();
-            (
+            [
                 sum(|c| c.separated),
                 sum(|c| c.stick),
                 sum(|c| c.slip),
                 sum(|c| c.frictionless),
-            )
+                sum(|c| c.tied),
+            ]
         }
         // Without geometry the sets are all there is: a separated multiplier sticks or slips as well.
         _ => {
@@ -97,8 +99,9 @@ fn states(report: &Report) -> String {
                 stick,
                 slip,
                 frictionless,
+                tied,
             } = report.sets;
-            (separated, stick, slip.total(), frictionless)
+            [separated, stick, slip.total(), frictionless, tied]
         }
     };
     let m = report.m;
@@ -106,20 +109,28 @@ fn states(report: &Report) -> String {
         "  {} of {m} nodes in contact, {separated} separated",
         m - separated
     );
-    let mut separator = "; ";
+    let mut parts = Vec::new();
     if stick + slip > 0 {
-        text += &format!("{separator}{stick} stick, {slip} slip");
-        separator = ", ";
+        parts.push(format!("{stick} stick, {slip} slip"));
     }
     if frictionless > 0 {
-        text += &format!("{separator}{frictionless} without friction");
+        parts.push(format!("{frictionless} without friction"));
+    }
+    if tied > 0 {
+        parts.push(format!("{tied} tied"));
+    }
+    if !parts.is_empty() {
+        text += &format!("; {}", parts.join(", "));
     }
     text
 }
 
 /// What contacts and supports carry, a line each.
 fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = String> + 'a {
-    let (unit, stress) = (&report.units.force, report.units.stress());
+    let units = &report.units;
+    let [unit, stress, of_moment] =
+        [units.force.clone(), units.stress(), units.moment()].map(|unit| Units::behind(&unit));
+    let (of_work, of_force) = (of_moment.clone(), unit.clone());
     let listed = move |force: &[f64]| {
         let components: Vec<String> = force.iter().map(|v| format!("{v:.6e}")).collect();
         components.join(", ")
@@ -130,7 +141,6 @@ fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = 
         if !(size(moment) > 1e-6 * size(force) * report.size) {
             return String::new();
         }
-        let length = &report.units.length;
         // What is left of a centre at the origin is rounding.
         let snapped = |&c: &f64| {
             if c.abs() < 1e-12 * report.size {
@@ -143,23 +153,20 @@ fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = 
             .map(|c| format!("{c:.4e}"))
             .collect();
         format!(
-            ", moment ({}) {unit} {length} about ({})",
+            ", moment ({}){of_moment} about ({})",
             listed(moment),
             centre.join(", ")
         )
     };
+    let of_support = moment.clone();
     let contacts = step.contacts.iter().map(move |contact| {
         let work = if contact.slipping_work > 0.0 && contact.slip > 0 {
-            let length = &report.units.length;
-            format!(
-                ", slipping work {:.4e} {unit} {length}",
-                contact.slipping_work
-            )
+            format!(", slipping work {:.4e}{of_work}", contact.slipping_work)
         } else {
             String::new()
         };
         format!(
-            "  contact {}: force on the first ({}) {unit}{}, pressure up to {:.4e} {stress}{work}",
+            "  contact {}: force on the first ({}){unit}{}, pressure up to {:.4e}{stress}{work}",
             contact.title(),
             listed(&contact.force),
             moment(&contact.moment, &contact.centre, &contact.force),
@@ -169,9 +176,9 @@ fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = 
     let supports = step.supports.iter().map(move |support| {
         let force = listed(&support.force);
         format!(
-            "  support {}: force ({force}) {unit}{}",
+            "  support {}: force ({force}){of_force}{}",
             support.support,
-            moment(&support.moment, &support.centre, &support.force)
+            of_support(&support.moment, &support.centre, &support.force)
         )
     });
     contacts.chain(supports)

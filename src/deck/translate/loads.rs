@@ -25,10 +25,10 @@ impl Translation<'_, '_> {
             };
             match &load.what {
                 What::Clear(Kind::Distributed) => {
-                    faces.clear(step);
-                    volumes.clear(step);
+                    faces.clear(step, load.line);
+                    volumes.clear(step, load.line);
                 }
-                What::Clear(Kind::Surface) => surfaces.clear(step),
+                What::Clear(Kind::Surface) => surfaces.clear(step, load.line),
                 What::Face {
                     target,
                     face,
@@ -196,7 +196,7 @@ impl Translation<'_, '_> {
         for load in &self.said.loads {
             let step = load.step.unwrap_or(0);
             match load.what {
-                What::Clear(Kind::Temperature) => tracks.clear(step),
+                What::Clear(Kind::Temperature) => tracks.clear(step, load.line),
                 What::Temperature { target, value } => {
                     for node in self.index.nodes(load.line, target)? {
                         tracks.set(node, load.line, target, step, value, load.amplitude);

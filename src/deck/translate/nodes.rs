@@ -166,11 +166,12 @@ impl Translation<'_, '_> {
         let transforms = self.transforms()?;
         let mut tracks = Tracks::default();
         let mut reported = BTreeSet::new();
+        let refused = self.refusals.len();
         for load in &self.said.loads {
             let step = load.step.unwrap_or(0);
             let (target, components, value): (&str, &[usize], f64) = match &load.what {
                 What::Clear(of) if *of == kind => {
-                    tracks.clear(step);
+                    tracks.clear(step, load.line);
                     continue;
                 }
                 What::Boundary {
@@ -218,10 +219,10 @@ impl Translation<'_, '_> {
         type Same = (String, usize, Option<usize>, Vec<u64>, Option<u32>);
         let mut alike: BTreeMap<Same, Alike> = BTreeMap::new();
         for ((node, component), track) in &tracks.all {
-            if kind == Kind::Boundary && (track.begins() > 0 || track.ends()) {
-                if reported.insert(track.line) {
-                    let text = "*BOUNDARY: a support cannot come or go between steps";
-                    self.refuse(track.line, "BOUNDARY", text);
+            if let (Kind::Boundary, Some(line)) = (kind, track.changes()) {
+                if reported.insert(line) {
+                    let text = "*BOUNDARY: a support cannot come or go between steps; with OP=NEW state all of those before again";
+                    self.refuse(line, "BOUNDARY", text);
                 }
                 continue;
             }
@@ -252,6 +253,10 @@ impl Translation<'_, '_> {
             });
             here.line = here.line.min(track.line);
             here.nodes.push(node);
+        }
+        if kind == Kind::Boundary && alike.is_empty() {
+            // Without these nothing would be held.
+            (self.refusals[refused..].iter_mut()).for_each(|one| one.key.clear());
         }
         let mut alike: Vec<Alike> = alike.into_values().collect();
         alike.sort_by_key(|one| (one.line, one.component));

@@ -8,6 +8,7 @@ use super::text::Text;
 use super::types::face;
 use crate::mesh::AnyMesh;
 use crate::mesh::file::build::build;
+use crate::mesh::file::raw::Cell;
 use crate::mesh::file::{self, Failure, FileError};
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
@@ -263,6 +264,22 @@ impl Index<'_> {
     /// Whether an element is one of a body, and no point, line or facet.
     pub fn is_of_body(&self, element: u32) -> bool {
         self.flat.is_body(element as usize, self.is_solid)
+    }
+
+    /// Whether an element has incompatible modes.
+    pub fn has_modes(&self, element: u32) -> bool {
+        let mut placed = self.flat.placed.iter();
+        let placed = placed.rfind(|placed| placed.first_element <= element);
+        placed.is_some_and(|placed| {
+            let own = element - placed.first_element;
+            placed.part.with_modes.contains(&own)
+        })
+    }
+
+    /// Whether elements of its kind may have incompatible modes.
+    pub fn may_have_modes(&self, element: u32) -> bool {
+        let (cell, _) = self.flat.cell(element as usize);
+        matches!(cell, Cell::Element(kind) if kind.may_have_modes())
     }
 
     /// Whether the mesh is one of space.

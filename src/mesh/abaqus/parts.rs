@@ -1,7 +1,7 @@
 //! What stands in a file: parts, where they are placed, and their nodes, elements, sets and surfaces.
 
 use super::keyword::{Keyword, entries, key, label, number, plain};
-use super::types::{cell, note, order};
+use super::types::{cell, has_modes, note, order};
 use super::{Failure, Result};
 use crate::mesh::file::raw::Cell;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -18,6 +18,8 @@ pub(super) struct Part {
     /// The lines that the elements stand in.
     pub lines: Vec<usize>,
     pub element_of: HashMap<u64, u32>,
+    /// Those with incompatible modes.
+    pub with_modes: HashSet<u32>,
     pub node_sets: Sets,
     pub element_sets: Sets,
     pub surfaces: BTreeMap<String, Surface>,
@@ -90,7 +92,8 @@ pub(super) struct Assembly {
 enum Block<'a> {
     Skip,
     Nodes(Option<&'a str>),
-    Elements(Cell, Option<&'a str>),
+    /// With incompatible modes or without.
+    Elements(Cell, bool, Option<&'a str>),
     /// Those of a type that there is none of here.
     Unknown(Option<&'a str>),
     Set {
@@ -185,8 +188,8 @@ impl<'a> Reader<'a> {
                 let name = k.needed("TYPE")?;
                 match cell(name) {
                     Ok(cell) => {
-                        self.assembly.notes.extend(note(name));
-                        Block::Elements(cell, option("ELSET"))
+                        self.assembly.notes.extend(note(name, self.collects));
+                        Block::Elements(cell, has_modes(name), option("ELSET"))
                     }
                     Err(text) if self.collects => {
                         let unknown = (k.line, name.to_uppercase(), text);
@@ -299,7 +302,7 @@ impl<'a> Reader<'a> {
         match block {
             Block::Skip => Ok(()),
             Block::Nodes(set) => self.node(line, text, *set),
-            Block::Elements(cell, set) => self.element(line, text, *cell, *set),
+            Block::Elements(cell, modes, set) => self.element(line, text, (*cell, *modes), *set),
             Block::Unknown(set) => self.unknown(line, text, *set),
             Block::Set {
                 of_nodes,
@@ -373,7 +376,13 @@ impl<'a> Reader<'a> {
     }
 
     /// An element, or a part of it where the line ends with a comma.
-    fn element(&mut self, line: usize, text: &'a str, cell: Cell, set: Option<&str>) -> Result<()> {
+    fn element(
+        &mut self,
+        line: usize,
+        text: &'a str,
+        (cell, modes): (Cell, bool),
+        set: Option<&str>,
+    ) -> Result<()> {
         self.begun.extend(entries(text));
         let wanted = 1 + cell.n_nodes();
         if self.begun.len() < wanted && text.ends_with(',') {
@@ -415,6 +424,9 @@ impl<'a> Reader<'a> {
                 line,
                 format!("element {element} stands twice"),
             ));
+        }
+        if modes {
+            part.with_modes.insert(next);
         }
         part.elements.push((cell, part.labels.len()));
         match order(cell) {

@@ -99,15 +99,46 @@ pub(super) fn cell(name: &str) -> Result<Cell, String> {
     })
 }
 
-/// What a type of second order is taken for, if that is not what its name says. (Of first order all that the variants are for
-/// has another remedy here: elements for nearly incompressible bodies, and those of second order.)
-pub(super) fn note(name: &str) -> Option<String> {
+/// The plain type of a body, and the variant of it that a name says.
+fn variant(name: &str) -> Option<(&'static str, ElementKind, String)> {
     let name = name.to_uppercase();
-    let mut known = BODIES.iter().filter(|known| known.1.order() == 2);
-    let (plain, variant) = known.find_map(|(plain, _)| Some((plain, name.strip_prefix(plain)?)))?;
-    variant
-        .contains(['R', 'M'])
-        .then(|| format!("{name} is taken for {plain}, with full integration"))
+    let mut known = BODIES.iter();
+    known.find_map(|&(plain, kind)| {
+        let rest = name
+            .strip_prefix(plain)
+            .filter(|rest| VARIANTS.contains(rest))?;
+        Some((plain, kind, rest.to_owned()))
+    })
+}
+
+/// Whether a type has incompatible modes.
+pub(super) fn has_modes(name: &str) -> bool {
+    variant(name)
+        .is_some_and(|(_, kind, variant)| variant.starts_with('I') && kind.may_have_modes())
+}
+
+/// What a type is taken for, if that is not what its name says; elements with incompatible modes are what they are in a `deck`. (All
+/// else that the variants are for has another remedy here: elements for nearly incompressible bodies, and those of second order.)
+pub(super) fn note(name: &str, deck: bool) -> Option<String> {
+    let (plain, kind, variant) = variant(name)?;
+    let name = name.to_uppercase();
+    let with_modes = match deck {
+        true => format!("{plain}I, with incompatible modes, bends as it should"),
+        false => "incompatible_modes = true of its material mends that".to_owned(),
+    };
+    if has_modes(&name) {
+        return (!deck).then(|| {
+            format!("{name} is taken for {plain}, without incompatible modes, and is stiffer in bending: {with_modes}")
+        });
+    }
+    if !variant.contains(['R', 'M']) {
+        return None;
+    }
+    let taken = format!("{name} is taken for {plain}, with full integration");
+    Some(match kind.may_have_modes() {
+        true => format!("{taken}, and is stiffer in bending: {with_modes}"),
+        false => taken,
+    })
 }
 
 /// Where the nodes of an element of a kind stand in the file, if not as they do here: the middle of a hexahedron before those
@@ -193,11 +224,31 @@ mod tests {
         }
         assert_eq!(cell("T3D2"), Ok(Cell::Line));
         let taken = Some("C3D20RH is taken for C3D20, with full integration".to_owned());
-        assert_eq!(note("c3d20rh"), taken);
+        assert_eq!(note("c3d20rh", true), taken);
+        for deck in [true, false] {
+            let none = ["C3D20", "C3D10H", "C3D8", "S8R", "CPS4", "S4R"];
+            assert!(none.iter().all(|name| note(name, deck).is_none()));
+            let reduced = note("c3d8r", deck).expect("it is another one");
+            let way = if deck {
+                "C3D8I, with"
+            } else {
+                "incompatible_modes = true"
+            };
+            assert!(
+                reduced.contains("taken for C3D8") && reduced.contains(way),
+                "{reduced}"
+            );
+            assert_eq!(note("CPE4I", deck).is_some(), !deck);
+        }
         assert!(
-            ["C3D20", "C3D10H", "C3D8R", "S8R"]
+            ["C3D8I", "cpe4i", "CAX4I", "CPS4IH"]
                 .iter()
-                .all(|name| note(name).is_none())
+                .all(|name| has_modes(name))
+        );
+        assert!(
+            ["C3D8", "C3D8R", "C3D10I", "CPS3", "S4"]
+                .iter()
+                .all(|name| !has_modes(name))
         );
         assert_eq!(cell("B32R"), Ok(Cell::Line3));
         for (name, expected) in [

@@ -6,6 +6,7 @@ use super::svg::{Svg, escape};
 use crate::mesh::vector::{length, minus};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::Elastic;
+use crate::model::Units;
 use crate::output::{ContactFields, StepFields};
 
 /// Displacements are scaled to this part of the size of the mesh.
@@ -66,9 +67,9 @@ where
     pub(super) fn head(&self, title: &str, size: [f64; 2], left: f64, more: &str) -> Svg {
         let mut svg = Svg::new(title, size, left);
         let (magnified, travel) = (self.magnified, short(self.travel));
-        let length = escape(&self.elastic.units.length);
+        let length = escape(&Units::behind(&self.elastic.units.length));
         svg.put(format_args!(
-            "<text x=\"{left}\" y=\"46\" fill=\"#555555\">von Mises stress; displacements × {magnified}, the largest {travel} {length}{more}</text>"
+            "<text x=\"{left}\" y=\"46\" fill=\"#555555\">von Mises stress; displacements × {magnified}, the largest {travel}{length}{more}</text>"
         ));
         svg
     }

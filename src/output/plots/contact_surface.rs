@@ -10,6 +10,7 @@ use super::raster::{Raster, largest, mean};
 use super::svg::{LINE, Svg, escape, line, patch, places};
 use crate::mesh::vector::{bounds, length};
 use crate::model::Elastic;
+use crate::model::Units;
 use crate::output::{ContactFields, NodeStatus, shown_at_nodes};
 use profile::profile;
 use std::collections::HashMap;
@@ -387,8 +388,9 @@ impl Scene<'_> {
             if self.rubbed > 0.0 {
                 let path = arrow([0.0, -4.5], [ARROW, 0.0]);
                 let sample = format!("<path d=\"{path}\" fill=\"none\" {ARROWS}/>");
-                let (rubbed, unit) = (short(self.rubbed), self.elastic.units.stress());
-                let name = format!("tangential traction on the body, {rubbed} {unit}");
+                let unit = Units::behind(&self.elastic.units.stress());
+                let rubbed = short(self.rubbed);
+                let name = format!("tangential traction on the body, {rubbed}{unit}");
                 entries.push((sample, name));
             }
         }

@@ -2,6 +2,7 @@
 
 use super::svg::escape;
 use super::{Picture, view};
+use crate::model::Units;
 use crate::output::{Report, StepReport};
 use crate::ssnm::Status;
 
@@ -125,10 +126,10 @@ fn contacts(out: &mut String, report: &Report, step: &StepReport) {
     let units = &report.units;
     let axes = ["x", "y", "z"].into_iter().take(first.force.len());
     let forces: Vec<String> = axes
-        .map(|axis| format!("force {axis} ({})", units.force))
+        .map(|axis| Units::named(&format!("force {axis}"), &units.force))
         .collect();
-    let pressure = format!("largest pressure ({})", units.stress());
-    let area = format!("area in contact ({})", units.area());
+    let pressure = Units::named("largest pressure", &units.stress());
+    let area = Units::named("area in contact", &units.area());
     let head: Vec<&str> = (["contact", "friction"].into_iter())
         .chain(forces.iter().map(String::as_str))
         .chain([
@@ -138,10 +139,11 @@ fn contacts(out: &mut String, report: &Report, step: &StepReport) {
             "stick",
             "slip",
             "without friction",
+            "tied",
         ])
         .collect();
     let rows = step.contacts.iter().map(|c| {
-        let counts = [c.separated, c.stick, c.slip, c.frictionless];
+        let counts = [c.separated, c.stick, c.slip, c.frictionless, c.tied];
         let name = c.title();
         ([name, c.friction.clone()].into_iter())
             .chain(components(&c.force))
@@ -163,7 +165,7 @@ fn balance(out: &mut String, report: &Report, step: &StepReport) {
     };
     let axes = ["x", "y", "z"].into_iter().take(first.len());
     let axes: Vec<String> = axes
-        .map(|axis| format!("{axis} ({})", report.units.force))
+        .map(|axis| Units::named(axis, &report.units.force))
         .collect();
     let head: Vec<&str> = std::iter::once("")
         .chain(axes.iter().map(String::as_str))

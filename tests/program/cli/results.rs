@@ -3,7 +3,7 @@
 use super::cases::SOUND;
 use super::matrices::algebraic;
 use crate::or_panic::OrPanic as _;
-use crate::run::{directory, names, read, report, signorini, text, write};
+use crate::run::{directory, names, read, report, signorini, signorini_in, text, write};
 use std::path::Path;
 
 #[test]
@@ -256,4 +256,23 @@ fn hints_name_what_looks_wrong() {
         [[support]]\nboundary = \"left\"\nx = 0\n[[traction]]\nboundary = \"top\"\npressure = 1e6\n\
         [[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
     assert_eq!(hints(block, &[]), "[]");
+}
+
+/// A bar on a hinge that its other end swings about it: told from 8.1° on.
+#[test]
+fn bodies_that_have_turned_are_told() {
+    let place = directory();
+    for (degrees, told) in [(5.0_f64, false), (9.0, true)] {
+        let case = format!(
+            "[mesh.rectangle]\norigin = [0, -0.05]\nsize = [1, 0.1]\ncells = [10, 2]\n[[material]]\nyoung = 1e6\npoisson = 0.3\n\
+             [[support]]\npoint = [0, 0]\nx = 0\ny = 0\n[[support]]\npoint = [1, 0]\ny = {}\n",
+            degrees.to_radians().tan()
+        );
+        write(&place.path().join("swing.toml"), &case);
+        let run = signorini_in(place.path(), &["solve", "swing.toml"]);
+        let said = self::text(&run.stdout);
+        assert_eq!(run.status.code(), Some(0), "{said}");
+        let hint = format!("hint: the body with region \"body\" has turned by {degrees:.0}°");
+        assert_eq!(said.contains(&hint), told, "{said}");
+    }
 }

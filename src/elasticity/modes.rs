@@ -1,0 +1,172 @@
+//! Incompatible modes: quadrilaterals and hexahedra of first order that bend without being too stiff.
+//!
+//! To the displacements along each axis come those by 1 − ξₖ² for each reference coordinate, which the element has for itself
+//! (Taylor, Beresford and Wilson). Their gradients are those of the middle of the element, (det J₀/det J) J₀⁻ᵀ ∇(1 − ξₖ²), less
+//! their mean: constant stresses do no work on them, so that elements of any form pass the patch test. Round an axis they
+//! do not stretch what goes round. Each is as large as makes the strain energy least, and so leaves the unknowns: with H the
+//! stiffness of the modes and L what couples them to the nodes, K becomes K − L H⁻¹ Lᵀ.
+
+use super::Plane;
+use crate::mesh::ShapeFunctions;
+use crate::mesh::shape::Point;
+use crate::mesh::vector::dot;
+
+/// Most modes of an element: three functions along three axes. Mode D k + c is function k along axis c.
+const MOST: usize = 9;
+
+/// The modes of an element with N nodes.
+pub(super) struct Modes<const D: usize, const N: usize> {
+    /// det J₀ ∂ξₖ/∂x in the middle.
+    rows: [[f64; D]; D],
+    /// What is left of the mean of each gradient.
+    mean: [[f64; D]; D],
+    /// H = R Rᵀ.
+    factor: [[f64; MOST]; MOST],
+    /// The columns of L R⁻ᵀ, of which K loses the squares.
+    columns: [[[f64; D]; N]; MOST],
+}
+
+impl<const D: usize, const N: usize> Modes<D, N> {
+    const COUNT: usize = D * D;
+
+    /// Of an element with its nodes at x and these points of integration, with the Lamé pair; `plane` is for the plane.
+    pub fn new<E: ShapeFunctions<D, N, Q>, const Q: usize>(
+        points: &[Point<D, N>; Q],
+        x: &[[f64; D]; N],
+        plane: Plane,
+        [lambda, mu]: [f64; 2],
+    ) -> Self {
+        let middle = E::at(E::CENTRE, 1.0, x);
+        let rows = std::array::from_fn(|k| {
+            // ξₖ is the sum of its values at the nodes times the shape functions.
+            let mut row = [0.0; D];
+            for (node, gradient) in E::NODES.iter().zip(&middle.gradient) {
+                (0..D).for_each(|c| row[c] += middle.weight * node[k] * gradient[c]);
+            }
+            row
+        });
+        let mut made = Self {
+            rows,
+            mean: [[0.0; D]; D],
+            factor: [[0.0; MOST]; MOST],
+            columns: [[[0.0; D]; N]; MOST],
+        };
+        let rule = E::stiffness_rule();
+        let volume: f64 = points.iter().map(|point| point.weight).sum();
+        let mut mean = [[0.0; D]; D];
+        for (point, (xi, _)) in points.iter().zip(rule) {
+            let here = made.gradients::<E, Q>(xi, x);
+            for (mean, here) in mean.as_flattened_mut().iter_mut().zip(here.as_flattened()) {
+                *mean += point.weight / volume * here;
+            }
+        }
+        made.mean = mean;
+        for (point, (xi, _)) in points.iter().zip(rule) {
+            let modes = made.gradients::<E, Q>(xi, x);
+            let (l, m) = (lambda * point.weight, mu * point.weight);
+            // λ div u div v + 2μ ε(u) : ε(v) for what moves along axis i with gradient g and along d with h.
+            let energy = |i: usize, g: [f64; D], div: f64, d: usize, h: [f64; D]| {
+                let along = if i == d { dot(g, h) } else { 0.0 };
+                l * div * h[d] + m * (h[i] * g[d] + along)
+            };
+            for p in 0..Self::COUNT {
+                let (h, d) = (modes[p / D], p % D);
+                for q in 0..=p {
+                    let (g, i) = (modes[q / D], q % D);
+                    made.factor[p][q] += energy(i, g, g[i], d, h);
+                }
+                let hoop = plane.hoop(point.place(x));
+                for (a, column) in made.columns[p].iter_mut().enumerate() {
+                    let div = point.divergence(a, hoop);
+                    for i in 0..D {
+                        column[i] += energy(i, point.gradient[a], div[i], d, h);
+                    }
+                }
+            }
+        }
+        made.condense();
+        made
+    }
+
+    /// H to its factor R, and L to L R⁻ᵀ.
+    fn condense(&mut self) {
+        for p in 0..Self::COUNT {
+            for q in 0..=p {
+                let known: f64 = (0..q).map(|k| self.factor[p][k] * self.factor[q][k]).sum();
+                let rest = self.factor[p][q] - known;
+                self.factor[p][q] = if p == q {
+                    rest.sqrt()
+                } else {
+                    rest / self.factor[q][q]
+                };
+            }
+            let (before, from) = self.columns.split_at_mut(p);
+            for (column, factor) in before.iter().zip(self.factor[p]) {
+                let entries = from[0].as_flattened_mut().iter_mut();
+                entries
+                    .zip(column.as_flattened())
+                    .for_each(|(own, other)| *own -= factor * other);
+            }
+            let scale = self.factor[p][p].recip();
+            let own = from[0].as_flattened_mut();
+            own.iter_mut().for_each(|entry| *entry *= scale);
+        }
+    }
+
+    /// The gradients of the functions at a point of the reference element.
+    pub fn gradients<E: ShapeFunctions<D, N, Q>, const Q: usize>(
+        &self,
+        xi: [f64; D],
+        x: &[[f64; D]; N],
+    ) -> [[f64; D]; D] {
+        let det = E::at(xi, 1.0, x).weight;
+        std::array::from_fn(|k| {
+            let slope = -2.0 * xi[k] / det;
+            std::array::from_fn(|c| slope * self.rows[k][c] - self.mean[k][c])
+        })
+    }
+
+    /// Takes away from a block of K what the modes take of the stiffness between nodes a and b.
+    pub fn relieve(&self, [a, b]: [usize; 2], block: &mut [[f64; D]; D]) {
+        for column in &self.columns[..Self::COUNT] {
+            for i in 0..D {
+                for j in 0..D {
+                    block[i][j] -= column[a][i] * column[b][j];
+                }
+            }
+        }
+    }
+
+    /// R⁻¹ f of what drives the modes: entry [k][c] that along axis c by function k.
+    pub fn driven(&self, f: &[[f64; D]; D]) -> [f64; MOST] {
+        let mut y = [0.0; MOST];
+        for (p, &f) in f.as_flattened().iter().enumerate() {
+            let known: f64 = (0..p).map(|q| self.factor[p][q] * y[q]).sum();
+            y[p] = (f - known) / self.factor[p][p];
+        }
+        y
+    }
+
+    /// What a force that drives the modes, as [`Self::driven`] gives it, is at node a.
+    pub fn handed_on(&self, driven: &[f64; MOST], a: usize) -> [f64; D] {
+        let mut force = [0.0; D];
+        for (column, y) in self.columns.iter().zip(driven) {
+            (0..D).for_each(|c| force[c] -= y * column[a][c]);
+        }
+        force
+    }
+
+    /// How large the modes are where the nodes move by u: entry [k][c] that along axis c by function k.
+    pub fn amplitudes(&self, driven: &[f64; MOST], u: &[[f64; D]; N]) -> [[f64; D]; D] {
+        let mut y = *driven;
+        for (y, column) in y.iter_mut().zip(&self.columns) {
+            let all = column.as_flattened().iter().zip(u.as_flattened());
+            *y -= all.map(|(column, u)| column * u).sum::<f64>();
+        }
+        for p in (0..Self::COUNT).rev() {
+            let known: f64 = (p + 1..Self::COUNT).map(|q| self.factor[q][p] * y[q]).sum();
+            y[p] = (y[p] - known) / self.factor[p][p];
+        }
+        std::array::from_fn(|k| std::array::from_fn(|c| y[D * k + c]))
+    }
+}
