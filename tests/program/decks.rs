@@ -40,6 +40,8 @@ fn a_deck_is_solved_and_converted() {
         "units.length=mm",
         "--set",
         "units.force=N",
+        "--output",
+        "told",
     ];
     let told = solved(place.path(), &told);
     assert!(told.contains("pressure up to 2.0000e0 MPa"), "{told}");

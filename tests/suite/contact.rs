@@ -383,7 +383,7 @@ fn what_cannot_be_meant_says_so() {
         "[[contact]]\nboundary = []\nagainst = \"top\"\n",
     ));
     assert!(message.contains("list of boundaries is empty"), "{message}");
-    let message = parse(&(block("", "") + "[units]\nlength = \"\"\n"));
+    let message = parse(&(block("", "") + "[units]\nlength = \"m m\"\n"));
     assert!(message.contains("short name of a unit"), "{message}");
 }
 
