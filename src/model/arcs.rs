@@ -119,9 +119,9 @@ fn turns<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>]) -> Vec<(f64, f64)>
 where
     ElementKind: Topology<D>,
 {
-    // Facets by the ridges that they share: a node in the plane, two in space.
-    let mut at: HashMap<[u32; 2], Vec<([f64; D], [f64; D])>> = HashMap::new();
-    for facet in facets.iter().filter(|facet| is_flat(facet)) {
+    // Middles and normals of facets by the ridges that they share: a node in the plane, two in space.
+    let mut at: HashMap<[u32; 2], Vec<[[f64; D]; 2]>> = HashMap::new();
+    for facet in facets.iter().filter(is_flat) {
         let corners = facet_corners(facet);
         let count = corners.len() as f64;
         let all = corners.iter().map(|&node| mesh.nodes[node as usize]);
@@ -135,11 +135,11 @@ where
                 _ => corners[(k + 1) % corners.len()],
             };
             let here = at.entry([a.min(b), a.max(b)]).or_default();
-            here.push((middle, normal));
+            here.push([middle, normal]);
         }
     }
     let pairs = at.values().filter_map(|here| match here.as_slice() {
-        &[(x, n), (y, m)] => Some((length(minus(x, y)), dot(n, m).clamp(-1.0, 1.0).acos())),
+        &[[x, n], [y, m]] => Some((length(minus(x, y)), dot(n, m).clamp(-1.0, 1.0).acos())),
         _ => None,
     });
     pairs.collect()

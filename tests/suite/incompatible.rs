@@ -211,7 +211,7 @@ fn beams_bend_where_one_side_is_warmer() {
 #[test]
 fn a_cylinder_bends_at_its_end() {
     let (radius, height, nu) = (10.0, 0.2, 0.3_f64);
-    let beta = (3.0 * (1.0 - nu * nu) / (radius * height * radius * height) as f64).powf(0.25);
+    let beta = (3.0 * (1.0 - nu * nu) / f64::powi(radius * height, 2)).powf(0.25);
     let stiffness = 1000.0 * f64::powi(height, 3) / (12.0 * (1.0 - nu * nu));
     let exact = 1.0 / (2.0 * beta * beta * stiffness);
     let tip = |modes: bool| {
