@@ -1,5 +1,6 @@
 //! Errors of the library as exceptions of Python, and panics, which are defects, as one of them.
 
+use crate::fork::with_threads;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use signorini::case::{BuildError, CaseError};
@@ -76,6 +77,6 @@ pub fn of_panic(panic: &(dyn Any + Send)) -> PyErr {
 
 /// Works with the interpreter let go; a panic comes back as an exception.
 pub fn guarded<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    py.detach(|| catch_unwind(AssertUnwindSafe(work)))
+    py.detach(|| catch_unwind(AssertUnwindSafe(|| with_threads(work))))
         .map_err(|panic| of_panic(panic.as_ref()))
 }

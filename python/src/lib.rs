@@ -3,6 +3,7 @@
 
 mod arrays;
 mod errors;
+mod fork;
 mod mesh;
 mod problem;
 mod settings;
@@ -24,12 +25,18 @@ mod _native {
     use super::solved::Solved;
     #[pymodule_export]
     use super::{program, version};
+
+    #[pymodule_init]
+    fn init(_module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+        super::fork::loaded();
+        Ok(())
+    }
 }
 
 /// Runs the command line with these arguments, the name of the program first; returns its exit code.
 #[pyfunction]
 fn program(py: Python<'_>, arguments: Vec<std::ffi::OsString>) -> u8 {
-    py.detach(|| signorini::cli::run(arguments))
+    py.detach(|| fork::with_threads(|| signorini::cli::run(arguments)))
 }
 
 /// The version of the package, which is that of the program.

@@ -1,7 +1,8 @@
 //! Contact problems that are ready to be solved: from matrices, of a case, of a model on a mesh.
 
-use crate::arrays::{Sparse, entries, rows};
-use crate::errors::{argument, guarded, of_build, of_case, of_engine, of_solve};
+use crate::arrays::{Sparse, entries, flat, rows, sparse, table};
+use crate::errors::{SolveError, argument, guarded, of_build, of_case, of_engine, of_solve};
+use crate::fork;
 use crate::mesh::Mesh;
 use crate::settings;
 use crate::solved::{AnyRun, Run, Solved};
@@ -12,7 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use signorini::case::{Case, CaseProblem};
 use signorini::contact::Space;
-use signorini::engine::{Engine, EngineOptions};
+use signorini::engine::{Device, Engine, EngineOptions};
 use signorini::mesh::{ElementKind, Topology};
 use signorini::model::{Analysis, AnyAnalysis};
 use signorini::output::{EnginePath, Report, StepResults};
@@ -23,8 +24,8 @@ use signorini::quasistatic::{self, StepSettings};
 use signorini::solve::{self, Event};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Instant;
 
 /// An engine, and what was asked of it when it was made.
@@ -40,6 +41,8 @@ pub struct Problem {
     title: String,
     settings: StepSettings,
     engine: Mutex<Option<Kept>>,
+    /// The process in which a solve has taken it last.
+    taken_in: AtomicU32,
     /// Of the engine.
     ear: Ear,
 }
@@ -164,8 +167,28 @@ impl Problem {
             title: title.to_owned(),
             settings,
             engine: Mutex::default(),
+            taken_in: AtomicU32::new(0),
             ear: Ear::default(),
         }
+    }
+
+    /// The engine, as soon as no other solve has it.
+    fn engine(&self) -> Result<MutexGuard<'_, Option<Kept>>, Failure> {
+        let kept = match self.engine.try_lock() {
+            Ok(kept) => kept,
+            Err(TryLockError::Poisoned(error)) => error.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                // The thread that has it may have stayed in the parent.
+                if fork::is_fork() && self.taken_in.load(Ordering::Relaxed) != std::process::id() {
+                    return Err(Failure::Fork(
+                        "a thread was solving this problem while the process was forked",
+                    ));
+                }
+                self.engine.lock().unwrap_or_else(PoisonError::into_inner)
+            }
+        };
+        self.taken_in.store(std::process::id(), Ordering::Relaxed);
+        Ok(kept)
     }
 }
 
@@ -399,6 +422,7 @@ impl Problem {
             Failure::Empty => argument("after", "no load step was made in it"),
             Failure::Problem(error) => wrong(error),
             Failure::Engine(error) => of_engine(error),
+            Failure::Fork(what) => SolveError::new_err(format!("{what}: {}", fork::REMEDY)),
         })?;
         let solved = Solved {
             source: Arc::clone(&self.source),
@@ -417,6 +441,8 @@ enum Failure {
     Empty,
     Problem(ProblemError),
     Engine(signorini::engine::EngineError),
+    /// What a fork cannot do.
+    Fork(&'static str),
 }
 
 /// A solve that was asked for.
@@ -472,17 +498,22 @@ impl Job<'_> {
             voice.tell(News::Line(format!("{body}: only contact holds it")));
         }
         let asked = format!("{:?}", self.options);
-        let mut kept = self
-            .of
-            .engine
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.of.engine()?;
         let _listening = Listening::to(&self.of.ear, voice);
         // An engine that a panic, or other wishes, have left behind is of no use.
         let usable = kept.take().filter(|kept| kept.asked == asked);
         let mut engine = match usable {
-            Some(kept) => kept.engine,
-            None => {
+            Some(kept) if !(fork::is_fork() && kept.engine.backend() == "gpu") => kept.engine,
+            unusable => {
+                let mut options = self.options.clone();
+                if fork::is_fork() {
+                    // To let a GPU go that the parent has may take for ever.
+                    std::mem::forget(unusable);
+                    if options.place == Device::Gpu || options.gpu.adapter.is_some() {
+                        return Err(Failure::Fork("no GPU can be used after a fork"));
+                    }
+                    options.place = Device::Cpu;
+                }
                 let ear = Arc::clone(&self.of.ear);
                 let log = move |line: &str| {
                     let ear = ear.lock().unwrap_or_else(PoisonError::into_inner);
@@ -490,7 +521,7 @@ impl Job<'_> {
                         let _ = to.send(News::Line(line.to_owned()));
                     }
                 };
-                let engine = Engine::new(&changed, self.options.clone(), log);
+                let engine = Engine::new(&changed, options, log);
                 engine.map_err(Failure::Engine)?
             }
         };
