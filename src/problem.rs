@@ -18,8 +18,8 @@ mod tests;
 mod vertices;
 
 pub use any::{AnyProblem, dimension};
-pub use check::ProblemError;
 pub(crate) use check::{LARGEST, SIZES, is_sized};
+pub use check::{Place, ProblemError};
 #[cfg(feature = "mpi")]
 pub(crate) use floating::Motions;
 pub use floating::{FloatingBodies, FloatingBody};

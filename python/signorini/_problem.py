@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+import inspect
 import os
 import warnings
 from collections.abc import Callable, Mapping
@@ -16,6 +18,20 @@ from ._errors import NotConvergedWarning, SolveError
 from ._solution import Solution, contact_names
 from ._toml import setting
 from ._watch import LOG, Bar, Hearer, Step
+
+
+# The settings of a solve that have no keyword of their own.
+SETTINGS = ("beta", "c_fact", "friction_tolerance", "max_iterations", "max_rounds", "method", "r_tol", "time_limit")
+
+
+def known_settings(settings: Mapping[str, Any], of: Callable[..., Any]) -> None:
+    """Refuse settings that no solve has, with the keyword of `of` that may be meant."""
+    for name in settings:
+        if name not in SETTINGS:
+            known = [*SETTINGS, *list(inspect.signature(of).parameters)[:-1]]
+            meant = [one for one in known if one.startswith(name)] or difflib.get_close_matches(name, known, 1)
+            hint = f"did you mean {meant[0]}?" if meant else f"there are {', '.join(SETTINGS)}"
+            raise ValueError(f"{name}: no solve has such a setting; {hint}")
 
 
 class Problem:
@@ -271,6 +287,7 @@ class Problem:
             raise ValueError("after: expected a Solution")
         if callback is not None and not callable(callback):
             raise ValueError("callback: expected something to call, or None")
+        known_settings(settings, Problem.solve)
         keywords = {
             "tolerance": tolerance,
             "stiffness": stiffness,

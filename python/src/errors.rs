@@ -8,6 +8,7 @@ use signorini::engine::EngineError;
 use signorini::matrix_market::MatrixMarketError;
 use signorini::mesh::FileError;
 use signorini::solve;
+use signorini::stiffness::cholesky::FactorError;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -51,7 +52,11 @@ pub fn of_build(error: BuildError) -> PyErr {
     }
 }
 
-pub fn of_engine(error: EngineError) -> PyErr {
+pub fn of_engine(mut error: EngineError) -> PyErr {
+    // Python counts from 0.
+    if let EngineError::Factor(FactorError::NotPositiveDefinite { unknown, .. }) = &mut error {
+        *unknown -= 1;
+    }
     SolveError::new_err(error.to_string())
 }
 

@@ -115,7 +115,7 @@ impl Changes {
 }
 
 fn wrong(error: ProblemError) -> PyErr {
-    PyValueError::new_err(error.to_string())
+    PyValueError::new_err(error.from_zero().to_string())
 }
 
 /// A problem of D dimensions from matrices.
@@ -153,7 +153,7 @@ where
             None => Ok(problem),
         }
     });
-    let problem = made.map_err(|error| error.to_string())?;
+    let problem = made.map_err(|error| error.from_zero().to_string())?;
     match Analysis::from(&problem).loose_body() {
         Some(text) => Err(format!("the stiffness matrix K is singular: {text}")),
         None => Ok(problem),

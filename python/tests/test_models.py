@@ -290,6 +290,9 @@ def test_what_is_wrong_with_a_model_is_told_when_it_is_built() -> None:
             model = block()
             say(model)
             model.build()
+    bare = signorini.Model(signorini.Mesh([[0, 0], [1, 0], [0, 1]], {"triangle": [[0, 1, 2]]})).material(young=1.0, poisson=0.0)
+    with pytest.raises(signorini.ModelError, match='"left": the mesh has none; name boundaries where the mesh is made'):
+        bare.support("left", x=0).build()
     with pytest.raises(signorini.ModelError, match="there is no material"):
         signorini.Model(signorini.rectangle([1, 1], [2, 2])).build()
     with pytest.raises(ValueError, match="mesh: expected a signorini.Mesh"):

@@ -109,9 +109,11 @@ impl<const D: usize> ContactProblem<D> {
             true => Self::of_bodies(data, compliance, &[]),
             false => Self::compliant(data, compliance),
         };
-        checked?
-            .with_friction_coefficient(mu.to_vec())?
-            .with_gap(gap)
+        let problem = checked?.with_friction_coefficient(mu.to_vec())?;
+        match matrices.interference {
+            true => problem.with_gap(gap),
+            false => Ok(problem),
+        }
     }
 }
 
