@@ -22,6 +22,7 @@ use signorini::problem::{
 };
 use signorini::quasistatic::{self, StepSettings};
 use signorini::solve::{self, Event};
+use signorini::sparse::Csr;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -346,6 +347,45 @@ impl Problem {
         match self.source.analysis() {
             AnyAnalysis::Plane(analysis) => of(analysis),
             AnyAnalysis::Space(analysis) => of(analysis),
+        }
+    }
+
+    /// What [`Self::matrices`] makes the same problem of, but for its keywords; None for a model.
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        fn made<'py, const D: usize>(
+            py: Python<'py>,
+            problem: &ContactProblem<D>,
+        ) -> PyResult<Bound<'py, PyDict>> {
+            let (n, m) = (problem.n(), problem.m());
+            let tied: Vec<bool> = (0..m).map(|i| problem.is_tied(i)).collect();
+            let bounds = problem.slip_bound().iter().zip(&tied);
+            let bounds = bounds.map(|(&g, &tied)| if tied { 0.0 } else { g });
+            let all = PyDict::new(py);
+            all.set_item(
+                "stiffness",
+                sparse(py, n, n, || problem.stiffness().triplets()),
+            )?;
+            let rows = |matrix: &Csr| sparse(py, matrix.n_rows(), n, || matrix.triplets());
+            all.set_item("normal", rows(problem.normal()))?;
+            all.set_item("tangential", rows(problem.tangential()))?;
+            all.set_item("load", flat(py, problem.load()[..n].to_vec()))?;
+            all.set_item("gap", flat(py, problem.gap().to_vec()))?;
+            all.set_item("slip_bound", flat(py, bounds.collect()))?;
+            let some = |values: &[f64]| (!values.is_empty()).then(|| flat(py, values.to_vec()));
+            all.set_item("friction", some(problem.friction_coefficient()))?;
+            let points = problem.coordinates().map(|points| table(py, points));
+            all.set_item("coordinates", points.transpose()?)?;
+            all.set_item("dim", D)?;
+            all.set_item("slip_origin", some(problem.slip_origin()))?;
+            all.set_item("areas", some(problem.areas()))?;
+            all.set_item("compliance", some(problem.contact_compliance()))?;
+            all.set_item("tied", tied)?;
+            Ok(all)
+        }
+        match &*self.source {
+            CaseProblem::Algebraic(AnyProblem::Plane(problem)) => made(py, problem).map(Some),
+            CaseProblem::Algebraic(AnyProblem::Space(problem)) => made(py, problem).map(Some),
+            _ => Ok(None),
         }
     }
 
