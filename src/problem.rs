@@ -6,6 +6,7 @@
 
 mod any;
 mod check;
+mod delassus;
 mod floating;
 mod kkt;
 mod load;

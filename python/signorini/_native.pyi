@@ -1,6 +1,6 @@
 """The Rust side of the package."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -111,6 +111,16 @@ class Mesh:
     def node_sets(self) -> dict[str, NDArray[np.uint32]]: ...
     def notes(self) -> list[str]: ...
 
+def solve_delassus(
+    matrix: _Sparse | None,
+    product: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None,
+    diagonal: NDArray[np.float64],
+    q: NDArray[np.float64],
+    friction: NDArray[np.float64],
+    dimension: int,
+    hears: Hearer | None,
+    keywords: dict[str, Any],
+) -> tuple[dict[str, Any], Any]: ...
 def build(mesh: Mesh, text: str) -> Problem: ...
 def check_tables(text: str, dim: int) -> None: ...
 def read_case(path: str, settings: Sequence[str]) -> Problem: ...

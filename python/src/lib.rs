@@ -2,6 +2,7 @@
 //! and everything that Python says better stand in `signorini/*.py`; no user meets this module itself.
 
 mod arrays;
+mod delassus;
 mod errors;
 mod fork;
 mod mesh;
@@ -15,6 +16,8 @@ use pyo3::prelude::*;
 /// The Rust side of the package.
 #[pymodule]
 mod _native {
+    #[pymodule_export]
+    use super::delassus::solve_delassus;
     #[pymodule_export]
     use super::errors::{ModelError, SolveError};
     #[pymodule_export]

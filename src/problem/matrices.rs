@@ -1,7 +1,7 @@
 //! The door for matrices of other libraries: scalar entries, in compressed rows or columns, read where they are.
 
 use super::{ContactData, ContactProblem, ProblemError, check};
-use crate::sparse::BlockCsr;
+use crate::sparse::{BlockCsr, Csr};
 use faer::sparse::SparseColMatRef;
 
 /// The data of a [`ContactProblem`] as other libraries have it: scalar sparse matrices and slices. The letters and
@@ -167,6 +167,14 @@ impl<'a> SparseRef<'a> {
             by_columns: true,
             ..Self::from_rows(n_cols, n_rows, col_ptr, row_idx, values)
         }
+    }
+
+    /// A copy in compressed rows. `name`: what an error calls the matrix.
+    ///
+    /// # Errors
+    /// If its parts do not fit, or an index is out of range.
+    pub fn to_rows(&self, name: &'static str) -> Result<Csr, ProblemError> {
+        self.blocks(name)
     }
 
     /// A copy in blocks, of whose sizes whole numbers are made. `name`: what an error calls the matrix.
