@@ -285,9 +285,6 @@ impl Case {
 
     /// The case is either elastic or algebraic, and an algebraic one has no tables of the other kind.
     fn check_kind(&self) -> Result<(), CaseError> {
-        fn first<T>(tables: &[Spanned<T>]) -> Option<Range<usize>> {
-            tables.first().map(Spanned::span)
-        }
         let t = &self.tables;
         match (&t.mesh, &t.algebraic) {
             (Some(_), None) => return Ok(()),
@@ -305,23 +302,16 @@ impl Case {
             }
             (None, Some(_)) => {}
         }
-        let elastic = [
-            ("material", first(&t.material)),
-            ("support", first(&t.support)),
-            ("traction", first(&t.traction)),
-            ("body_force", first(&t.body_force)),
-            ("force", first(&t.force)),
-            ("temperature", first(&t.temperature)),
-            ("contact", first(&t.contact)),
-            ("steps", t.steps.as_ref().map(Spanned::span)),
-        ];
-        match elastic
-            .into_iter()
-            .find_map(|(name, span)| Some((name, span?)))
-        {
+        // Whatever else there is says something of bodies.
+        const BESIDES: [&str; 4] = ["title", "units", "algebraic", "solver"];
+        let document = toml_edit::Document::parse(&self.text).expect("it was read from this text");
+        let mut names = document.iter().map(|(name, _)| name);
+        match names.find(|name| !BESIDES.contains(name)) {
             None => Ok(()),
-            Some((name, span)) => self.invalid(
-                span,
+            Some(name) => self.invalid(
+                (document.key(name))
+                    .and_then(toml_edit::Key::span)
+                    .unwrap_or(0..0),
                 format!("[{name}] has no meaning in an [algebraic] case: its matrices say it all"),
             ),
         }

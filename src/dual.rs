@@ -1,9 +1,11 @@
 //! The dual operator A = B K⁻¹ Bᵀ and what belongs to it.
 
 pub(crate) mod balance;
+mod delassus;
 mod direct;
 mod nested;
 
+pub use delassus::DelassusDual;
 pub use direct::DirectDual;
 pub(crate) use direct::plan;
 pub use nested::NestedDual;

@@ -6,6 +6,7 @@
 
 pub(crate) mod abaqus;
 mod boundary;
+mod copies;
 mod element;
 mod file;
 pub(crate) mod foot;
@@ -64,7 +65,29 @@ where
     pub node_sets: BTreeMap<String, Vec<u32>>,
     /// What is wrong with the boundaries that are not on the outside of the body altogether.
     pub faults: BTreeMap<String, FacetFault<D>>,
-    /// What the file that it comes from says and is not done.
+    /// What the file that it comes from says and is not done, and what of its parts did not count.
+    pub notes: Vec<String>,
+}
+
+/// What a [`Mesh`] is made of: see its fields.
+#[derive(Clone, Debug)]
+pub struct MeshParts<const D: usize = 2>
+where
+    ElementKind: Topology<D>,
+{
+    /// Coordinates; nodes that no element uses are left out of the mesh.
+    pub nodes: Vec<[f64; D]>,
+    /// Elements; copies of one on the same nodes count once, in the groups of all of them.
+    pub elements: Vec<Element<D>>,
+    /// Names of the regions.
+    pub regions: Vec<String>,
+    /// Groups of regions, every region under its own name among them; where there are none, each region is one of its own.
+    pub groups: BTreeMap<String, Vec<u32>>,
+    /// Boundaries, their facets named from either side.
+    pub boundaries: BTreeMap<String, Vec<Facet<D>>>,
+    /// Sets of nodes.
+    pub node_sets: BTreeMap<String, Vec<u32>>,
+    /// What is to be said of it.
     pub notes: Vec<String>,
 }
 
@@ -235,6 +258,18 @@ pub enum MeshError {
         /// The middle of the edge or face.
         place: Location,
     },
+    /// Two elements have a facet in common and lie on the same side of it.
+    #[error(
+        "elements {} and {} overlap: both lie on the same side of the {} near {place} that they share. Delete one of them in the \
+         mesher, or the copy of the body that it belongs to",
+        elements[0], elements[1], if place.0.len() == 2 { "edge" } else { "face" }
+    )]
+    Overlap {
+        /// The elements.
+        elements: [usize; 2],
+        /// The middle of the edge or face.
+        place: Location,
+    },
     /// There is no element of second order to make of one of first.
     #[error(
         "element {element} near {place} is a pyramid, of which there are none of second order: leave out order = 2, or use \
@@ -266,42 +301,69 @@ pub enum MeshError {
         /// How many nodes there are.
         n_nodes: usize,
     },
+    /// A set of nodes names one that does not exist.
+    #[error("set of nodes \"{name}\" names node {node}, but there are only {n_nodes} nodes")]
+    NoSuchSetNode {
+        /// The set.
+        name: String,
+        /// The number that it names.
+        node: u32,
+        /// How many nodes there are.
+        n_nodes: usize,
+    },
 }
 
 impl<const D: usize> Mesh<D>
 where
     ElementKind: Topology<D>,
 {
-    /// A mesh from its parts: checks them, turns elements around whose nodes go the wrong way round, gives serendipity
-    /// elements nodes in the middle of faces where neighbours have them, drops nodes that no element uses, and directs the facets of boundaries so that the body lies behind them. Boundaries may have
-    /// facets that do not lie on the outside: they are noted in [`Self::faults`]. Every region is a group of its own.
+    /// A mesh from nodes, elements, the names of regions and boundaries: [`Self::from_parts`] without groups and sets of nodes.
+    ///
+    /// # Errors
+    /// As there.
     pub fn new(
         nodes: Vec<[f64; D]>,
         elements: Vec<Element<D>>,
         regions: Vec<String>,
         boundaries: BTreeMap<String, Vec<Facet<D>>>,
     ) -> Result<Self, MeshError> {
-        Self::with_node_sets(nodes, elements, regions, boundaries, BTreeMap::new())
-    }
-
-    /// The same with sets of nodes, which leave out the nodes that no element uses.
-    pub(crate) fn with_node_sets(
-        nodes: Vec<[f64; D]>,
-        elements: Vec<Element<D>>,
-        regions: Vec<String>,
-        boundaries: BTreeMap<String, Vec<Facet<D>>>,
-        node_sets: BTreeMap<String, Vec<u32>>,
-    ) -> Result<Self, MeshError> {
-        let mut mesh = Self {
+        Self::from_parts(MeshParts {
             nodes,
             elements,
             regions,
-            groups: BTreeMap::new(),
             boundaries,
-            node_sets,
-            faults: BTreeMap::new(),
+            groups: BTreeMap::new(),
+            node_sets: BTreeMap::new(),
             notes: Vec::new(),
+        })
+    }
+
+    /// A mesh from its parts: checks them, turns elements around whose nodes go the wrong way round, lets copies of elements
+    /// count once, gives serendipity elements nodes in the middle of faces where neighbours have them, drops nodes that no
+    /// element uses, and directs the facets of boundaries so that the body lies behind them. Boundaries may have facets that do
+    /// not lie on the outside: they are noted in [`Self::faults`].
+    ///
+    /// # Errors
+    /// If elements or boundaries name what there is not, elements have no area (volume), fold over themselves or overlap, or
+    /// neighbours do not share the nodes between them.
+    pub fn from_parts(parts: MeshParts<D>) -> Result<Self, MeshError> {
+        let mut mesh = Self {
+            nodes: parts.nodes,
+            elements: parts.elements,
+            regions: parts.regions,
+            groups: parts.groups,
+            boundaries: parts.boundaries,
+            node_sets: parts.node_sets,
+            faults: BTreeMap::new(),
+            notes: parts.notes,
         };
+        if mesh.groups.is_empty() {
+            mesh.group_regions();
+        }
+        for set in mesh.node_sets.values_mut() {
+            set.sort_unstable();
+            set.dedup();
+        }
         mesh.check()?;
         let elements = mesh.elements.par_iter_mut().enumerate();
         let faults =
@@ -309,9 +371,10 @@ where
         if let Some(first) = faults.find_first(|_| true) {
             return Err(first);
         }
+        mesh.merge_copies();
+        mesh.check_overlaps()?;
         mesh.match_neighbours()?;
         mesh.direct_boundaries();
-        mesh.group_regions();
         mesh.drop_unused_nodes();
         Ok(mesh)
     }
@@ -347,6 +410,15 @@ where
         for (name, facets) in &self.boundaries {
             if let Some(node) = facets.iter().find_map(|facet| missing(facet.as_ref())) {
                 return Err(MeshError::NoSuchBoundaryNode {
+                    name: name.clone(),
+                    node,
+                    n_nodes,
+                });
+            }
+        }
+        for (name, set) in &self.node_sets {
+            if let Some(node) = missing(set) {
+                return Err(MeshError::NoSuchSetNode {
                     name: name.clone(),
                     node,
                     n_nodes,

@@ -16,8 +16,7 @@ pub(crate) mod vtu;
 
 #[cfg(feature = "case")]
 pub use export::{ExportError, export};
-pub(crate) use fields::shown_at_nodes;
-pub use fields::{ContactFields, NodeStatus, StepFields};
+pub use fields::{ContactFields, NodeStatus, StepFields, shown_at_nodes};
 pub use files::{OutputError, prepare, withdraw, write_whole};
 pub use reactions::{ContactReport, SupportReport};
 pub use report::{EnginePath, HistoryRow, NotHeldReport, Report, StepReport, Timings};

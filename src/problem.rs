@@ -6,6 +6,7 @@
 
 mod any;
 mod check;
+mod delassus;
 mod floating;
 mod kkt;
 mod load;
@@ -18,8 +19,8 @@ mod tests;
 mod vertices;
 
 pub use any::{AnyProblem, dimension};
-pub use check::ProblemError;
 pub(crate) use check::{LARGEST, SIZES, is_sized};
+pub use check::{Place, ProblemError};
 #[cfg(feature = "mpi")]
 pub(crate) use floating::Motions;
 pub use floating::{FloatingBodies, FloatingBody};

@@ -2,7 +2,8 @@
 
 Three doors lead to a :class:`Solution`:
 
-- matrices of your own: :func:`solve` in one call, :class:`Problem` for many right-hand sides;
+- matrices of your own: :func:`solve` in one call, :class:`Problem` for many right-hand sides; :func:`solve_delassus` where the
+  Delassus operator W is at hand, :mod:`signorini.fclib` for files of such problems;
 - a :class:`Model` on a :class:`Mesh`: what a case file says, with keyword arguments in place of its keys;
 - a case file: ``Case.read("press.toml").solve()``.
 
@@ -15,6 +16,8 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from . import fclib
+    from ._delassus import DelassusSolution, solve_delassus
     from ._errors import ModelError, NotConvergedWarning, SolveError
     from ._mesh import Mesh, box, rectangle
     from ._model import Model
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Case": "_problem",
     "Contact": "_solution",
+    "DelassusSolution": "_delassus",
     "Kkt": "_solution",
     "LoadStep": "_solution",
     "Mesh": "_mesh",
@@ -42,11 +46,13 @@ _HOMES = {
     "box": "_mesh",
     "rectangle": "_mesh",
     "solve": "_problem",
+    "solve_delassus": "_delassus",
 }
 
 __all__ = [
     "Case",
     "Contact",
+    "DelassusSolution",
     "Kkt",
     "LoadStep",
     "Mesh",
@@ -59,8 +65,10 @@ __all__ = [
     "Step",
     "Support",
     "box",
+    "fclib",
     "rectangle",
     "solve",
+    "solve_delassus",
 ]
 
 
@@ -69,6 +77,8 @@ def __getattr__(name: str) -> object:
         from ._native import version
 
         return version()
+    if name == "fclib":
+        return importlib.import_module(".fclib", __name__)
     home = _HOMES.get(name)
     if home is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -12,8 +12,15 @@ Floats: TypeAlias = NDArray[np.float64]
 Sparse: TypeAlias = tuple[int, int, bool, NDArray[Any], NDArray[Any], Floats]
 
 
+def unmasked(name: str, value: Any) -> None:
+    """Refuse a masked array: what is behind the mask is no value."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise ValueError(f"{name}: masked arrays have entries without a value; hand over value.filled(…) or value.compressed()")
+
+
 def floats(name: str, value: ArrayLike) -> Floats:
     """Real numbers as contiguous float64; the same array where it is that already."""
+    unmasked(name, value)
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -45,6 +52,7 @@ def table(name: str, value: ArrayLike) -> Floats:
 
 def integers(name: str, value: ArrayLike) -> NDArray[np.int64]:
     """Integers as contiguous int64."""
+    unmasked(name, value)
     array = np.asarray(value)
     if array.size == 0:
         array = array.astype(np.int64)
@@ -55,6 +63,7 @@ def integers(name: str, value: ArrayLike) -> NDArray[np.int64]:
 
 def flags(name: str, value: ArrayLike, length: int) -> list[bool]:
     """Yes or no for each of so many."""
+    unmasked(name, value)
     array = np.asarray(value)
     if array.dtype.kind != "b" or array.shape != (length,):
         raise ValueError(f"{name}: expected {length} of True or False, found dtype {array.dtype}, shape {array.shape}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -31,6 +32,8 @@ MESHIO = {
 }
 KINDS = {name: kind for kind, name in MESHIO.items()} | {kind: kind for kind in MESHIO}
 PLANE = {"tri3", "tri6", "quad4", "quad8", "quad9"}
+# The corners of a wedge in an order in which those of each of its faces go around it.
+_AROUND_WEDGE = (0, 1, 2, 5, 4, 3)
 # What bounds elements of the plane, and of space.
 FACETS = {2: {"line": 2, "line3": 3}, 3: {"triangle": 3, "quad": 4, "triangle6": 6, "quad8": 8, "quad9": 9}}
 
@@ -51,6 +54,14 @@ class Mesh:
     boundaries : dict; optional
         By name the facets of each boundary, (k, nodes), in the plane edges, in space faces (corners are enough), or a list of
         such arrays; or the numbers of nodes, (k,): the outer facets that have all of their corners among them.
+    node_sets : dict; optional
+        By name the numbers of nodes, (k,), for what acts on nodes one by one. A set is a boundary, too, as far as outer facets
+        have all of their corners in it.
+
+    Warns
+    -----
+    UserWarning
+        If elements are copies of others on the same nodes: each counts once, in the regions of all of its copies.
 
     Raises
     ------
@@ -64,6 +75,7 @@ class Mesh:
         cells: Mapping[str, ArrayLike] | Iterable[tuple[str, ArrayLike]],
         regions: Mapping[str, ArrayLike] | Sequence[str] | None = None,
         boundaries: Mapping[str, ArrayLike | Sequence[ArrayLike]] | None = None,
+        node_sets: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         pairs = list(cells.items() if isinstance(cells, Mapping) else cells)
         arrays: list[tuple[str, NDArray[np.int64]]] = []
@@ -77,7 +89,7 @@ class Mesh:
         count = sum(len(nodes) for _, nodes in arrays)
         numbers, names, groups = _regions(regions, count)
         facets: dict[str, list[NDArray[np.int64]]] = {}
-        node_sets: dict[str, NDArray[np.int64]] = {}
+        by_nodes: dict[str, NDArray[np.int64]] = {}
         for name, given in (boundaries or {}).items():
             several: list[Any] = [given]
             if isinstance(given, (list, tuple)) and any(np.ndim(one) == 2 for one in given):
@@ -86,12 +98,17 @@ class Mesh:
             if all(one.ndim == 2 for one in made):
                 facets[name] = made
             elif len(made) == 1 and made[0].ndim == 1:
-                node_sets[name] = made[0]
+                by_nodes[name] = made[0]
             else:
                 raise ModelError(f"boundaries: {name!r} needs an array of facets or of nodes")
+        sets = {name: _arrays.integers(f"node_sets, {name!r}", nodes).ravel() for name, nodes in (node_sets or {}).items()}
+        for name in sets.keys() & by_nodes.keys():
+            raise ModelError(f"node_sets: {name!r} is also a boundary of nodes; one of both is enough")
         self._native = _native.Mesh.of_arrays(
-            _arrays.table("points", points), arrays, numbers, names, groups, facets, node_sets
+            _arrays.table("points", points), arrays, numbers, names, groups, facets, sets | by_nodes, list(by_nodes), []
         )
+        for note in self.notes:
+            warnings.warn(note, stacklevel=2)
 
     @classmethod
     def _of(cls, native: _native.Mesh) -> Mesh:
@@ -135,8 +152,9 @@ class Mesh:
     def from_meshio(cls, mesh: Any, *, regions: str | None = None) -> Mesh:
         """A mesh of meshio: cells of the highest dimension are the bodies, those of one less their boundaries.
 
-        Cell sets are regions or boundaries under their names, and so are Gmsh's physical groups. `regions` names an array of
-        ``cell_data`` whose values tell regions and boundaries apart, in place of these.
+        Cell sets are regions or boundaries under their names, and so are Gmsh's physical groups; point sets are sets of nodes,
+        as far as no boundary has their name. `regions` names an array of ``cell_data`` whose values tell regions and boundaries
+        apart, in place of cell sets and groups.
         """
         kinds = {block.type for block in mesh.cells}
         dim = 3 if any(KINDS.get(name, "") in set(MESHIO) - PLANE for name in kinds) else 2
@@ -194,6 +212,7 @@ class Mesh:
             cells,
             {name: np.concatenate(all_of) for name, all_of in inside.items()} or None,
             dict(bounds),
+            {name: nodes for name, nodes in mesh.point_sets.items() if name not in bounds},
         )
 
     @classmethod
@@ -205,18 +224,34 @@ class Mesh:
         """
         from skfem.io.meshio import to_meshio
 
+        kind = type(mesh).__name__
+        if kind.endswith("DG"):
+            raise ModelError(
+                f"elements of a {kind} share no nodes, so no body holds together: hand over the continuous mesh that it was made of"
+            )
         if boundaries is not None:
             mesh = mesh.with_boundaries(boundaries)
-        plain = to_meshio(mesh)
+        try:
+            plain = to_meshio(mesh)
+        except KeyError:
+            raise ModelError(f"a {kind} is no mesh that is supported; hand over its points and cells, as Mesh(points, cells)") from None
         blocks = [block for block in plain.cells if block.type in KINDS]
         points = np.asarray(plain.points, dtype=np.float64)[:, : mesh.dim()]
         regions = {name: np.asarray(of) for name, of in (mesh.subdomains or {}).items() if not name.startswith("skfem:")}
-        corners = np.asarray(mesh.facets).T
-        facets = {
-            name: corners[np.asarray(of, dtype=np.int64)]
-            for name, of in (mesh.boundaries or {}).items()
-            if not name.startswith("skfem:")
-        }
+        facets: dict[str, list[NDArray[np.int64]]] = {}
+        for name, of in (mesh.boundaries or {}).items():
+            if name.startswith("skfem:"):
+                continue
+            numbers = np.asarray(of, dtype=np.int64)
+            rows = np.asarray(mesh.facets).T[numbers]
+            if kind.startswith("MeshWedge"):
+                # There corners of a facet are sorted, and those of a triangle stand there with one of them twice.
+                elements = np.asarray(mesh.t).T[np.asarray(mesh.f2t)[0, numbers]]
+                inside = [np.isin(element, row) for element, row in zip(elements, rows)]
+                faces = [element[[k for k in _AROUND_WEDGE if of_it[k]]] for element, of_it in zip(elements, inside)]
+                facets[name] = [np.array([face for face in faces if len(face) == k]) for k in {len(face) for face in faces}]
+                continue
+            facets[name] = [rows]
         return cls(points, [(block.type, block.data) for block in blocks], regions or None, facets)
 
     @classmethod
@@ -231,7 +266,7 @@ class Mesh:
             regions = {old: f"{name}-{old}" for old in [*part.regions, *part._native.regions()[1]]}
             if list(regions) in (["body"], ["body", "body"]):
                 regions = {"body": name}
-            boundaries = {old: f"{name}-{old}" for old in part.boundaries}
+            boundaries = {old: f"{name}-{old}" for old in [*part.boundaries, *part.node_sets]}
             by = (shift or {}).get(name, [0.0] * part.dim)
             placed.append(part._native.placed([float(v) for v in by], regions, boundaries))
         return cls._of(_native.Mesh.joined(placed))
@@ -266,6 +301,16 @@ class Mesh:
             name: np.unique(np.concatenate([empty, *(one.ravel() for one in facets)])) for name, facets in all_of.items()
         }
 
+    @property
+    def node_sets(self) -> dict[str, NDArray[np.uint32]]:
+        """The numbers of the nodes of each set of nodes, in increasing order, by name."""
+        return self._native.node_sets()
+
+    @property
+    def notes(self) -> list[str]:
+        """What of a file or of arrays was not taken as it was stated."""
+        return self._native.notes()
+
     def facets(self, name: str) -> list[NDArray[np.uint32]]:
         """The facets of a boundary: an array, (k, nodes), for each number of nodes that they have."""
         return self._native.boundaries()[name]
@@ -291,7 +336,9 @@ class Mesh:
             names,
             groups,
             {name: [one.astype(np.int64) for one in facets] for name, facets in self._native.boundaries().items()},
-            {},
+            {name: nodes.astype(np.int64) for name, nodes in self.node_sets.items()},
+            [],
+            self.notes,
         )
         return _unpickled, state
 

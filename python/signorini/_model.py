@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from . import _native, _toml
 from ._mesh import Mesh
-from ._problem import Problem
+from ._problem import Problem, _built
 from ._solution import Solution
 
 # A number, an expression of x, y (and z), a value for each node, or what gives these at the nodes, (n, d).
@@ -282,7 +282,7 @@ class Model:
         ModelError
             If the model cannot be meant: the text names the part.
         """
-        return Problem._of(_native.build(self.mesh._native, self.toml))
+        return _built(self.mesh, self.toml)
 
     def solve(self, **keywords: Any) -> Solution:
         """Assemble and solve: keywords, result and errors are those of `Problem.solve`."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+import inspect
 import os
 import warnings
 from collections.abc import Callable, Mapping
@@ -13,9 +15,24 @@ from numpy.typing import ArrayLike
 
 from . import _arrays, _native
 from ._errors import NotConvergedWarning, SolveError
+from ._mesh import Mesh
 from ._solution import Solution, contact_names
 from ._toml import setting
 from ._watch import LOG, Bar, Hearer, Step
+
+
+# The settings of a solve that have no keyword of their own.
+SETTINGS = ("beta", "c_fact", "friction_tolerance", "max_iterations", "max_rounds", "method", "r_tol", "time_limit")
+
+
+def known_settings(settings: Mapping[str, Any], of: Callable[..., Any]) -> None:
+    """Refuse settings that no solve has, with the keyword of `of` that may be meant."""
+    for name in settings:
+        if name not in SETTINGS:
+            known = [*SETTINGS, *list(inspect.signature(of).parameters)[:-1]]
+            meant = [one for one in known if one.startswith(name)] or difflib.get_close_matches(name, known, 1)
+            hint = f"did you mean {meant[0]}?" if meant else f"there are {', '.join(SETTINGS)}"
+            raise ValueError(f"{name}: no solve has such a setting; {hint}")
 
 
 class Problem:
@@ -88,6 +105,7 @@ class Problem:
         if dim not in (None, 2, 3):
             raise ValueError(f"dim: it is 2 or 3, not {dim!r}")
         points = None if coordinates is None else _arrays.table("coordinates", coordinates)
+        self._model: tuple[Any, ...] = ()
         N = _arrays.sparse("normal", normal)
         m = N[0]
         if tangential is None:
@@ -119,9 +137,11 @@ class Problem:
         )
 
     @classmethod
-    def _of(cls, native: _native.Problem) -> Problem:
+    def _of(cls, native: _native.Problem, *model: Any) -> Problem:
         self = cls.__new__(cls)
         self._native = native
+        # The mesh and the tables that it was built of.
+        self._model = model
         return self
 
     @property
@@ -153,6 +173,12 @@ class Problem:
     def contacts(self) -> list[str]:
         """The names of the contacts, as `Solution.contacts` has them; none of a problem from matrices."""
         return contact_names(self._native.contacts())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        parts = self._native.parts()
+        if parts is None:
+            return _built, self._model
+        return _of_parts, (parts,)
 
     def __repr__(self) -> str:
         steps = f", {self.n_steps} load steps" if self.n_steps > 1 else ""
@@ -271,6 +297,7 @@ class Problem:
             raise ValueError("after: expected a Solution")
         if callback is not None and not callable(callback):
             raise ValueError("callback: expected something to call, or None")
+        known_settings(settings, Problem.solve)
         keywords = {
             "tolerance": tolerance,
             "stiffness": stiffness,
@@ -293,6 +320,16 @@ class Problem:
             stopped.solution = solution if native.n_steps else None
             raise stopped
         return _told(solution, check)
+
+
+def _built(mesh: Mesh, tables: str) -> Problem:
+    """The problem of a model: assembled again, as pickles have its mesh and its tables."""
+    return Problem._of(_native.build(mesh._native, tables), mesh, tables)
+
+
+def _of_parts(parts: dict[str, Any]) -> Problem:
+    """A problem from matrices that was pickled; it was checked when it was made."""
+    return Problem._of(_native.Problem.matrices(**parts, interference=True, dependent_rows=True))
 
 
 def _told(solution: Solution, check: bool) -> Solution:
@@ -385,6 +422,7 @@ class Case(Problem):
     """What a case file is about, ready to be solved; `Case.read` makes it."""
 
     path: Path
+    _settings: dict[str, Any]
 
     def __init__(self) -> None:
         raise TypeError("Case.read(path) makes one")
@@ -415,4 +453,9 @@ class Case(Problem):
         self = cls.__new__(cls)
         self._native = _native.read_case(os.fspath(path), texts)
         self.path = Path(path)
+        self._settings = dict(settings or {})
         return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Whoever unpickles it reads the file again.
+        return Case.read, (self.path.absolute(), self._settings)

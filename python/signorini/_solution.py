@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from ._mesh import MESHIO
+from ._mesh import MESHIO, Mesh
 from ._watch import slips
 
 Floats = NDArray[np.float64]
@@ -263,7 +263,8 @@ class LoadStep:
 class Solution:
     """The result of a solve: its load steps, of which the last one is that of the solution itself.
 
-    It may be pickled, with all of its numbers; `write` and the page in notebooks then need the original.
+    It may be pickled, with all of its numbers; `write` and the page in notebooks then need the original. Its arrays are
+    read-only: compute in place on a copy.
 
     Attributes
     ----------
@@ -425,25 +426,46 @@ class Solution:
         return [Path(file) for file in files]
 
     def to_meshio(self) -> Any:
-        """The bodies at the end of the last load step as a mesh of meshio, with displacement and stress."""
+        """The bodies at the end of the last load step as a mesh of meshio.
+
+        Point data: ``displacement``, ``stress`` and, along the axes, what happens at nodes of contacts (0 elsewhere, and NaN for
+        ``contact_gap``): ``contact_pressure``, ``contact_traction`` (all of it), ``contact_slip``, ``contact_gap``, and
+        ``contact_status`` (0 no contact, 1 separated, 2 stick, 3 slip, 4 without friction, 5 tied). Cell data: ``stress``.
+        Regions are cell sets; boundaries and sets of nodes are point sets.
+        """
         import meshio
 
-        points, cells = self._mesh()
-        order = np.concatenate([numbers for _, numbers, _ in cells])
+        points, cells, regions, sets = self._mesh()
+        numbers = [of_kind for _, of_kind, _ in cells]
+        order = np.concatenate(numbers)
         in_elements = self.stress_in_elements
-        ends = np.cumsum([len(numbers) for _, numbers, _ in cells])[:-1]
+        ends = np.cumsum([len(of_kind) for of_kind in numbers])[:-1]
         return meshio.Mesh(
             _in_space(points),
             [(MESHIO[kind], nodes.astype(np.int64)) for kind, _, nodes in cells],
-            point_data={"displacement": _in_space(self.u), "stress": self.stress},
+            point_data={"displacement": _in_space(self.u), "stress": self.stress, **self.last._data("at_nodes")},
             cell_data={"stress": np.split(in_elements[order], ends)},
+            cell_sets={
+                name: [np.flatnonzero(np.isin(of_kind, members)) for of_kind in numbers] for name, members in regions.items()
+            },
+            point_sets={name: nodes.astype(np.int64) for name, nodes in sets.items()},
         )
 
     def to_pyvista(self) -> Any:
-        """The bodies at the end of the last load step as a ``pyvista.UnstructuredGrid``, with displacement and stress."""
+        """The bodies at the end of the last load step as a ``pyvista.UnstructuredGrid``, with the arrays of `to_meshio`; each
+        region is a cell array, each boundary and set of nodes a point array, of 0 and 1."""
         import pyvista
 
-        return pyvista.from_meshio(self.to_meshio())
+        plain = self.to_meshio()
+        cell_sets, plain.cell_sets, plain.point_sets = plain.cell_sets, {}, {}
+        grid = pyvista.from_meshio(plain)
+        sizes = [len(block.data) for block in plain.cells]
+        for name, of_blocks in cell_sets.items():
+            inside = [np.isin(np.arange(size), members) for size, members in zip(sizes, of_blocks)]
+            grid.cell_data[f"region {name}"] = np.concatenate(inside).astype(np.uint8)
+        for name, nodes in self._mesh()[3].items():
+            grid.point_data[f"boundary {name}"] = np.isin(np.arange(len(plain.points)), nodes).astype(np.uint8)
+        return grid
 
     def __repr__(self) -> str:
         loads = len(self.report["steps"])
@@ -465,11 +487,16 @@ class Solution:
     def __getstate__(self) -> dict[str, Any]:
         names = list(_VECTORS)
         if self._mesh_or_none() is not None:
-            names += ["stress", "stress_in_elements", "contacts"]
+            names += ["stress", "stress_in_elements", "contacts", "at_nodes"]
         for step in range(len(self.report["steps"])):
             for name in names:
                 self._data(step, name)
         return {"report": self.report, "_cache": self._cache, "_native": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        for data in self._cache.values():
+            _freeze(data)
 
     def _handle(self, what: str) -> _native.Solved:
         """The solver's own; gone once pickled."""
@@ -479,7 +506,12 @@ class Solution:
 
     def _mesh_or_none(self) -> Any:
         if (0, "mesh") not in self._cache:
-            self._cache[0, "mesh"] = self._handle("mesh").mesh()
+            native = self._handle("mesh").mesh()
+            made: Any = None
+            if native is not None:
+                mesh = Mesh._of(native)
+                made = (mesh.points, native.cells(), mesh.regions, {**mesh.node_sets, **mesh.boundaries})
+            self._cache[0, "mesh"] = made
         return self._cache[0, "mesh"]
 
     def _mesh(self) -> Any:
@@ -508,20 +540,32 @@ class Solution:
             made["state"] = np.array(made["state"], dtype=np.str_)
             if bodies:
                 del made["u"]
-        elif name == "contacts":
-            made["contacts"] = self._contacts(step) if bodies else {}
+        elif name in ("contacts", "at_nodes"):
+            made["contacts"], made["at_nodes"] = self._contacts(step) if bodies else ({}, {})
         else:
             made["stress"], made["stress_in_elements"] = native.stress(step)
         for key, value in made.items():
-            self._cache[step, key] = value
+            self._cache[step, key] = _freeze(value)
 
-    def _contacts(self, step: int) -> dict[str, Contact]:
+    def _contacts(self, step: int) -> tuple[dict[str, Contact], dict[str, NDArray[Any]]]:
         fields = self._handle("contacts").contact(step)
-        pair_of = fields.pop("contact")
+        pair_of, shown = fields.pop("contact"), fields.pop("shown")
         fields["state"] = np.array(fields["state"], dtype=np.str_)
         places, d = fields["points"].shape
         for name, shape in {"traction": (places, d - 1), "slip": (places, d - 1), "tangents": (places, d - 1, d)}.items():
             fields[name] = fields[name].reshape(shape)
+        slip = np.einsum("kt,ktd->kd", fields["slip"], fields["tangents"])
+        status = np.array([STATES.index(state) for state in fields["state"]], dtype=np.int32)
+        at_nodes = {
+            f"contact_{name}": _scattered(shown, of_places, none)
+            for name, of_places, none in [
+                ("pressure", fields["pressure"], 0.0),
+                ("traction", _in_space(fields["traction_vectors"]), 0.0),
+                ("slip", _in_space(slip), 0.0),
+                ("gap", fields["gap"], np.nan),
+                ("status", status, 0),
+            ]
+        }
         reports = self.report["steps"][step]["contacts"]
         names = contact_names([(one["name"], one["boundary"], one["against"]) for one in reports])
         contacts = {}
@@ -532,10 +576,33 @@ class Solution:
             known |= {key: np.array(one[key]) for key in ("force", "moment", "centre")}
             known |= {key: _nan(one[key]) for key in ("normal_force", "tangential_force", "slipping_work", "area")}
             contacts[name] = Contact(name=name, **known)
-        return contacts
+        return contacts, at_nodes
 
 
 _VECTORS = ("u", "lambda_normal", "lambda_tangential", "slip_bound", "slip", "state")
+
+
+# What `contact_status` counts, as in files of ParaView.
+STATES = ("", "separated", "stick", "slip", "contact", "tied")
+
+
+def _freeze(data: Any) -> Any:
+    """Arrays that are handed out again and again may not be changed: whoever computes with one in place takes a copy."""
+    if isinstance(data, np.ndarray):
+        data.setflags(write=False)
+    elif isinstance(data, dict):
+        for value in data.values():
+            _freeze(value)
+    elif isinstance(data, Contact):
+        _freeze(vars(data))
+    return data
+
+
+def _scattered(shown: NDArray[np.int64], of_places: NDArray[Any], none: float) -> NDArray[Any]:
+    """What each node of the mesh shows of the contact places; `none` where it is at none of them."""
+    at_nodes = np.full((len(shown), *of_places.shape[1:]), none, dtype=of_places.dtype)
+    at_nodes[shown >= 0] = of_places[shown[shown >= 0]]
+    return at_nodes
 
 
 def _in_space(vectors: Floats) -> Floats:

@@ -49,6 +49,47 @@ pub fn table<'py, T: Element + Copy, const N: usize>(
     PyArray1::from_slice(py, rows.as_flattened()).reshape([rows.len(), N])
 }
 
+/// A matrix in compressed rows as [`Sparse`] reads it, of entries that come in any order; those outside of it are left out.
+pub fn sparse<'py, E>(
+    py: Python<'py>,
+    n_rows: usize,
+    n_cols: usize,
+    entries: impl Fn() -> E,
+) -> PartsOf<'py>
+where
+    E: Iterator<Item = (usize, usize, f64)>,
+{
+    let inside = || entries().filter(|&(i, j, v)| i < n_rows && j < n_cols && v != 0.0);
+    let mut starts = vec![0i64; n_rows + 1];
+    inside().for_each(|(i, _, _)| starts[i + 1] += 1);
+    (0..n_rows).for_each(|i| starts[i + 1] += starts[i]);
+    let count = starts[n_rows] as usize;
+    let (mut next, mut indices, mut values) = (starts.clone(), vec![0i64; count], vec![0.0; count]);
+    for (i, j, v) in inside() {
+        let at = next[i] as usize;
+        (indices[at], values[at]) = (j as i64, v);
+        next[i] += 1;
+    }
+    (
+        n_rows,
+        n_cols,
+        false,
+        flat(py, starts),
+        flat(py, indices),
+        flat(py, values),
+    )
+}
+
+/// The parts of a sparse matrix for Python: rows, columns, whether by columns, starts, indices, values.
+pub type PartsOf<'py> = (
+    usize,
+    usize,
+    bool,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<f64>>,
+);
+
 /// Indices of 32 or 64 bits.
 pub enum Indices<'py> {
     Narrow(PyReadonlyArray1<'py, i32>),

@@ -1,5 +1,6 @@
 //! Errors of the library as exceptions of Python, and panics, which are defects, as one of them.
 
+use crate::fork::with_threads;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use signorini::case::{BuildError, CaseError};
@@ -7,6 +8,7 @@ use signorini::engine::EngineError;
 use signorini::matrix_market::MatrixMarketError;
 use signorini::mesh::FileError;
 use signorini::solve;
+use signorini::stiffness::cholesky::FactorError;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -50,7 +52,11 @@ pub fn of_build(error: BuildError) -> PyErr {
     }
 }
 
-pub fn of_engine(error: EngineError) -> PyErr {
+pub fn of_engine(mut error: EngineError) -> PyErr {
+    // Python counts from 0.
+    if let EngineError::Factor(FactorError::NotPositiveDefinite { unknown, .. }) = &mut error {
+        *unknown -= 1;
+    }
     SolveError::new_err(error.to_string())
 }
 
@@ -76,6 +82,6 @@ pub fn of_panic(panic: &(dyn Any + Send)) -> PyErr {
 
 /// Works with the interpreter let go; a panic comes back as an exception.
 pub fn guarded<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    py.detach(|| catch_unwind(AssertUnwindSafe(work)))
+    py.detach(|| catch_unwind(AssertUnwindSafe(|| with_threads(work))))
         .map_err(|panic| of_panic(panic.as_ref()))
 }

@@ -2,7 +2,9 @@
 //! and everything that Python says better stand in `signorini/*.py`; no user meets this module itself.
 
 mod arrays;
+mod delassus;
 mod errors;
+mod fork;
 mod mesh;
 mod problem;
 mod settings;
@@ -15,6 +17,8 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
+    use super::delassus::solve_delassus;
+    #[pymodule_export]
     use super::errors::{ModelError, SolveError};
     #[pymodule_export]
     use super::mesh::Mesh;
@@ -24,12 +28,18 @@ mod _native {
     use super::solved::Solved;
     #[pymodule_export]
     use super::{program, version};
+
+    #[pymodule_init]
+    fn init(_module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+        super::fork::loaded();
+        Ok(())
+    }
 }
 
 /// Runs the command line with these arguments, the name of the program first; returns its exit code.
 #[pyfunction]
 fn program(py: Python<'_>, arguments: Vec<std::ffi::OsString>) -> u8 {
-    py.detach(|| signorini::cli::run(arguments))
+    py.detach(|| fork::with_threads(|| signorini::cli::run(arguments)))
 }
 
 /// The version of the package, which is that of the program.

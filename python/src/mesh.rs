@@ -9,8 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use signorini::case::Case;
 use signorini::mesh::{
-    self, AnyMesh, Element, ElementKind, Facet, MeshError, Topology, facet, facet_corners,
-    facet_nodes, structured,
+    self, AnyMesh, Element, ElementKind, Facet, MeshParts, Topology, facet, facet_nodes, structured,
 };
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -37,7 +36,7 @@ macro_rules! either {
 }
 
 impl Mesh {
-    fn new(mesh: AnyMesh) -> Self {
+    pub fn new(mesh: AnyMesh) -> Self {
         Self(Arc::new(mesh))
     }
 
@@ -56,8 +55,9 @@ impl Mesh {
         Ok(Self::new(mesh))
     }
 
-    /// From arrays: points, elements by kind, the region of each element, the names of regions, groups of these by name, and
-    /// facets of boundaries by name (an array for each number of nodes), or sets of nodes in place of them.
+    /// From arrays: points, elements by kind, the region of each element, the names of regions, groups of these by name,
+    /// facets of boundaries by name (an array for each number of nodes), sets of nodes, those among them that stand for
+    /// boundaries alone, and notes.
     #[staticmethod]
     #[expect(clippy::too_many_arguments, reason = "one for each part")]
     fn of_arrays(
@@ -69,6 +69,8 @@ impl Mesh {
         groups: BTreeMap<String, Vec<u32>>,
         facets: BTreeMap<String, Vec<PyReadonlyArray2<i64>>>,
         node_sets: BTreeMap<String, PyReadonlyArray1<i64>>,
+        by_nodes: Vec<String>,
+        notes: Vec<String>,
     ) -> PyResult<Self> {
         let mut parts = Parts {
             kinds: Vec::new(),
@@ -77,6 +79,8 @@ impl Mesh {
             groups,
             facets: BTreeMap::new(),
             node_sets: BTreeMap::new(),
+            by_nodes,
+            notes,
         };
         for (name, nodes) in &cells {
             let kind = (ElementKind::ALL.into_iter())
@@ -102,7 +106,7 @@ impl Mesh {
             parts.facets.insert(name.clone(), all);
         }
         for (name, nodes) in &node_sets {
-            let nodes = numbers("boundaries", nodes.as_slice()?)?;
+            let nodes = numbers("node_sets", nodes.as_slice()?)?;
             parts.node_sets.insert(name.clone(), nodes);
         }
         let mesh = match points.shape()[1] {
@@ -244,6 +248,19 @@ impl Mesh {
         Ok(all)
     }
 
+    /// Sets of nodes by name.
+    fn node_sets<'py>(&self, py: Python<'py>) -> BTreeMap<String, Bound<'py, PyArray1<u32>>> {
+        either!(self, mesh => {
+            let sets = mesh.node_sets.iter();
+            sets.map(|(name, set)| (name.clone(), flat(py, set.clone()))).collect()
+        })
+    }
+
+    /// What is to be said of it.
+    fn notes(&self) -> Vec<String> {
+        either!(self, mesh => mesh.notes.clone())
+    }
+
     /// How many bodies there are: parts that share no node.
     #[getter]
     fn n_bodies(&self) -> usize {
@@ -293,6 +310,9 @@ struct Parts {
     groups: BTreeMap<String, Vec<u32>>,
     facets: BTreeMap<String, Vec<Vec<u32>>>,
     node_sets: BTreeMap<String, Vec<u32>>,
+    /// Which of the sets stand for boundaries alone.
+    by_nodes: Vec<String>,
+    notes: Vec<String>,
 }
 
 impl Parts {
@@ -337,13 +357,29 @@ impl Parts {
             }
             boundaries.insert(name.clone(), of_name);
         }
-        for (name, facets) in outer_facets(&elements, &self.node_sets, nodes.len())? {
-            boundaries.insert(name, facets);
-        }
-        let mesh = mesh::Mesh::new(nodes, elements, self.regions, boundaries);
-        let mut mesh = mesh.map_err(|error: MeshError| error.to_string())?;
-        for (name, members) in self.groups {
-            mesh.groups.insert(name, members);
+        let mesh = mesh::Mesh::from_parts(MeshParts {
+            nodes,
+            elements,
+            regions: self.regions,
+            groups: self.groups,
+            boundaries,
+            node_sets: self.node_sets,
+            notes: self.notes,
+        });
+        let mut mesh = mesh.map_err(|error| error.to_string())?;
+        // Sets of nodes are boundaries, too, as far as these have outer facets: as those of Abaqus input files.
+        let sets = (mesh.node_sets.iter()).filter(|(name, _)| !mesh.boundaries.contains_key(*name));
+        let facets = sets.map(|(name, set)| (name.clone(), mesh.outer_facets_at(set, true)));
+        let facets: Vec<_> = facets.filter(|(_, facets)| !facets.is_empty()).collect();
+        mesh.boundaries.extend(facets);
+        for name in self.by_nodes {
+            mesh.node_sets.remove(&name);
+            if !mesh.boundaries.contains_key(&name) {
+                return Err(format!(
+                    "boundaries: \"{name}\" is a set of nodes that has all corners of no outer facet; give nodes of a contact or \
+                     a support as node_sets"
+                ));
+            }
         }
         Ok(mesh)
     }
@@ -352,53 +388,4 @@ impl Parts {
 /// Whether a kind is one of space.
 fn is_solid(kind: ElementKind) -> bool {
     !matches!(kind.linear(), ElementKind::Triangle | ElementKind::Quad)
-}
-
-/// The facets of one element alone with all corners in a set of nodes, for each of these.
-fn outer_facets<const D: usize>(
-    elements: &[Element<D>],
-    sets: &BTreeMap<String, Vec<u32>>,
-    n_nodes: usize,
-) -> Result<Vec<(String, Vec<Facet<D>>)>, String>
-where
-    ElementKind: Topology<D>,
-{
-    if sets.is_empty() {
-        return Ok(Vec::new());
-    }
-    let mut outer: HashMap<Vec<u32>, Option<Facet<D>>> = HashMap::new();
-    for facet in elements.iter().flat_map(Element::facets) {
-        let mut corners = facet_corners(&facet).to_vec();
-        corners.sort_unstable();
-        outer
-            .entry(corners)
-            .and_modify(|seen| *seen = None)
-            .or_insert(Some(facet));
-    }
-    let mut found = Vec::new();
-    for (name, nodes) in sets {
-        let mut inside = vec![false; n_nodes];
-        for &node in nodes {
-            match inside.get_mut(node as usize) {
-                Some(inside) => *inside = true,
-                None => {
-                    return Err(format!(
-                        "boundaries: \"{name}\" names node {node}, and there are {n_nodes}"
-                    ));
-                }
-            }
-        }
-        let facets = outer.iter().filter_map(|(corners, facet)| {
-            (*facet).filter(|_| corners.iter().all(|&node| inside[node as usize]))
-        });
-        let mut facets: Vec<Facet<D>> = facets.collect();
-        if facets.is_empty() {
-            return Err(format!(
-                "boundaries: \"{name}\" is a set of nodes that has all corners of no outer facet"
-            ));
-        }
-        facets.sort_unstable();
-        found.push((name.clone(), facets));
-    }
-    Ok(found)
 }

@@ -1,7 +1,8 @@
 //! Contact problems that are ready to be solved: from matrices, of a case, of a model on a mesh.
 
-use crate::arrays::{Sparse, entries, rows};
-use crate::errors::{argument, guarded, of_build, of_case, of_engine, of_solve};
+use crate::arrays::{Sparse, entries, flat, rows, sparse, table};
+use crate::errors::{SolveError, argument, guarded, of_build, of_case, of_engine, of_solve};
+use crate::fork;
 use crate::mesh::Mesh;
 use crate::settings;
 use crate::solved::{AnyRun, Run, Solved};
@@ -12,7 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use signorini::case::{Case, CaseProblem};
 use signorini::contact::Space;
-use signorini::engine::{Engine, EngineOptions};
+use signorini::engine::{Device, Engine, EngineOptions};
 use signorini::mesh::{ElementKind, Topology};
 use signorini::model::{Analysis, AnyAnalysis};
 use signorini::output::{EnginePath, Report, StepResults};
@@ -21,10 +22,11 @@ use signorini::problem::{
 };
 use signorini::quasistatic::{self, StepSettings};
 use signorini::solve::{self, Event};
+use signorini::sparse::Csr;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Instant;
 
 /// An engine, and what was asked of it when it was made.
@@ -40,6 +42,8 @@ pub struct Problem {
     title: String,
     settings: StepSettings,
     engine: Mutex<Option<Kept>>,
+    /// The process in which a solve has taken it last.
+    taken_in: AtomicU32,
     /// Of the engine.
     ear: Ear,
 }
@@ -112,7 +116,7 @@ impl Changes {
 }
 
 fn wrong(error: ProblemError) -> PyErr {
-    PyValueError::new_err(error.to_string())
+    PyValueError::new_err(error.from_zero().to_string())
 }
 
 /// A problem of D dimensions from matrices.
@@ -150,7 +154,7 @@ where
             None => Ok(problem),
         }
     });
-    let problem = made.map_err(|error| error.to_string())?;
+    let problem = made.map_err(|error| error.from_zero().to_string())?;
     match Analysis::from(&problem).loose_body() {
         Some(text) => Err(format!("the stiffness matrix K is singular: {text}")),
         None => Ok(problem),
@@ -164,8 +168,28 @@ impl Problem {
             title: title.to_owned(),
             settings,
             engine: Mutex::default(),
+            taken_in: AtomicU32::new(0),
             ear: Ear::default(),
         }
+    }
+
+    /// The engine, as soon as no other solve has it.
+    fn engine(&self) -> Result<MutexGuard<'_, Option<Kept>>, Failure> {
+        let kept = match self.engine.try_lock() {
+            Ok(kept) => kept,
+            Err(TryLockError::Poisoned(error)) => error.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                // The thread that has it may have stayed in the parent.
+                if fork::is_fork() && self.taken_in.load(Ordering::Relaxed) != std::process::id() {
+                    return Err(Failure::Fork(
+                        "a thread was solving this problem while the process was forked",
+                    ));
+                }
+                self.engine.lock().unwrap_or_else(PoisonError::into_inner)
+            }
+        };
+        self.taken_in.store(std::process::id(), Ordering::Relaxed);
+        Ok(kept)
     }
 }
 
@@ -326,6 +350,45 @@ impl Problem {
         }
     }
 
+    /// What [`Self::matrices`] makes the same problem of, but for its keywords; None for a model.
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        fn made<'py, const D: usize>(
+            py: Python<'py>,
+            problem: &ContactProblem<D>,
+        ) -> PyResult<Bound<'py, PyDict>> {
+            let (n, m) = (problem.n(), problem.m());
+            let tied: Vec<bool> = (0..m).map(|i| problem.is_tied(i)).collect();
+            let bounds = problem.slip_bound().iter().zip(&tied);
+            let bounds = bounds.map(|(&g, &tied)| if tied { 0.0 } else { g });
+            let all = PyDict::new(py);
+            all.set_item(
+                "stiffness",
+                sparse(py, n, n, || problem.stiffness().triplets()),
+            )?;
+            let rows = |matrix: &Csr| sparse(py, matrix.n_rows(), n, || matrix.triplets());
+            all.set_item("normal", rows(problem.normal()))?;
+            all.set_item("tangential", rows(problem.tangential()))?;
+            all.set_item("load", flat(py, problem.load()[..n].to_vec()))?;
+            all.set_item("gap", flat(py, problem.gap().to_vec()))?;
+            all.set_item("slip_bound", flat(py, bounds.collect()))?;
+            let some = |values: &[f64]| (!values.is_empty()).then(|| flat(py, values.to_vec()));
+            all.set_item("friction", some(problem.friction_coefficient()))?;
+            let points = problem.coordinates().map(|points| table(py, points));
+            all.set_item("coordinates", points.transpose()?)?;
+            all.set_item("dim", D)?;
+            all.set_item("slip_origin", some(problem.slip_origin()))?;
+            all.set_item("areas", some(problem.areas()))?;
+            all.set_item("compliance", some(problem.contact_compliance()))?;
+            all.set_item("tied", tied)?;
+            Ok(all)
+        }
+        match &*self.source {
+            CaseProblem::Algebraic(AnyProblem::Plane(problem)) => made(py, problem).map(Some),
+            CaseProblem::Algebraic(AnyProblem::Space(problem)) => made(py, problem).map(Some),
+            _ => Ok(None),
+        }
+    }
+
     /// The coefficients of friction of all places; empty without Coulomb's law.
     fn friction_coefficient(&self) -> Vec<f64> {
         match self.source.analysis() {
@@ -399,6 +462,7 @@ impl Problem {
             Failure::Empty => argument("after", "no load step was made in it"),
             Failure::Problem(error) => wrong(error),
             Failure::Engine(error) => of_engine(error),
+            Failure::Fork(what) => SolveError::new_err(format!("{what}: {}", fork::REMEDY)),
         })?;
         let solved = Solved {
             source: Arc::clone(&self.source),
@@ -417,6 +481,8 @@ enum Failure {
     Empty,
     Problem(ProblemError),
     Engine(signorini::engine::EngineError),
+    /// What a fork cannot do.
+    Fork(&'static str),
 }
 
 /// A solve that was asked for.
@@ -472,17 +538,22 @@ impl Job<'_> {
             voice.tell(News::Line(body));
         }
         let asked = format!("{:?}", self.options);
-        let mut kept = self
-            .of
-            .engine
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.of.engine()?;
         let _listening = Listening::to(&self.of.ear, voice);
         // An engine that a panic, or other wishes, have left behind is of no use.
         let usable = kept.take().filter(|kept| kept.asked == asked);
         let mut engine = match usable {
-            Some(kept) => kept.engine,
-            None => {
+            Some(kept) if !(fork::is_fork() && kept.engine.backend() == "gpu") => kept.engine,
+            unusable => {
+                let mut options = self.options.clone();
+                if fork::is_fork() {
+                    // To let a GPU go that the parent has may take for ever.
+                    std::mem::forget(unusable);
+                    if options.place == Device::Gpu || options.gpu.adapter.is_some() {
+                        return Err(Failure::Fork("no GPU can be used after a fork"));
+                    }
+                    options.place = Device::Cpu;
+                }
                 let ear = Arc::clone(&self.of.ear);
                 let log = move |line: &str| {
                     let ear = ear.lock().unwrap_or_else(PoisonError::into_inner);
@@ -490,7 +561,7 @@ impl Job<'_> {
                         let _ = to.send(News::Line(line.to_owned()));
                     }
                 };
-                let engine = Engine::new(&changed, self.options.clone(), log);
+                let engine = Engine::new(&changed, options, log);
                 engine.map_err(Failure::Engine)?
             }
         };

@@ -2,16 +2,16 @@
 
 use crate::arrays::{flat, table};
 use crate::errors::guarded;
-use crate::mesh::Cells;
+use crate::mesh::Mesh;
 use pyo3::exceptions::{PyIndexError, PyOSError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use signorini::case::CaseProblem;
 use signorini::contact::Space;
 use signorini::elasticity::{Stress, stresses};
-use signorini::mesh::ElementKind;
+use signorini::mesh::{AnyMesh, ElementKind};
 use signorini::model::{Analysis, AnyAnalysis, Elastic, StepData};
-use signorini::output::{ContactFields, Draw, OutputError, Report, Results};
+use signorini::output::{ContactFields, Draw, OutputError, Report, Results, shown_at_nodes};
 use signorini::problem::ContactProblem;
 use signorini::quasistatic::{Load, State, StepSolution};
 use signorini::solve;
@@ -156,17 +156,23 @@ impl Solved {
             ElementKind: Space<D>,
         {
             let solution = at(&run.steps, step)?;
-            let (fields, vectors, states) = of_bodies(py, analysis, step, |elastic, data| {
-                let fields = ContactFields::new(analysis.problem, elastic, data, solution);
-                let count = fields.gap.len();
-                let whole = |i| {
-                    let [pressed, rubbed] = fields.traction_vectors(i);
-                    std::array::from_fn(|c| pressed[c] + rubbed[c])
-                };
-                let vectors: Vec<[f64; D]> = (0..count).map(whole).collect();
-                let states: Vec<&str> = (0..count).map(|i| fields.status(i).name()).collect();
-                (fields, vectors, states)
-            })?;
+            let (fields, vectors, states, shown) =
+                of_bodies(py, analysis, step, |elastic, data| {
+                    let fields = ContactFields::new(analysis.problem, elastic, data, solution);
+                    let count = fields.gap.len();
+                    let whole = |i| {
+                        let [pressed, rubbed] = fields.traction_vectors(i);
+                        std::array::from_fn(|c| pressed[c] + rubbed[c])
+                    };
+                    let vectors: Vec<[f64; D]> = (0..count).map(whole).collect();
+                    let states: Vec<&str> = (0..count).map(|i| fields.status(i).name()).collect();
+                    // The place that each node shows.
+                    let mut shown = vec![-1; elastic.mesh.nodes.len()];
+                    for (node, i) in shown_at_nodes(elastic, &fields, None) {
+                        shown[node as usize] = i as i64;
+                    }
+                    (fields, vectors, states, shown)
+                })?;
             let elastic = analysis.elastic.expect("it has bodies");
             let places = &elastic.contact.places;
             let points: Vec<[f64; D]> = places.iter().map(|place| place.place).collect();
@@ -188,21 +194,20 @@ impl Solved {
             all.set_item("slip", flat(py, fields.slip))?;
             all.set_item("traction_vectors", table(py, &vectors)?)?;
             all.set_item("state", states)?;
+            all.set_item("shown", flat(py, shown))?;
             all.set_item("contact", flat(py, elastic.pair_of.clone()))?;
             Ok(all)
         }
         either!(self, (analysis, run) => made(py, analysis, run, step))
     }
 
-    /// The nodes of the mesh and its elements by kind: the name, their numbers, and their nodes; None for a problem from matrices.
-    fn mesh<'py>(&self, py: Python<'py>) -> PyResult<Option<(Bound<'py, PyAny>, Vec<Cells<'py>>)>> {
-        either!(self, (analysis, _run) => {
-            let mesh = analysis.elastic.map(|elastic| &elastic.mesh);
-            let made = mesh.map(|mesh| {
-                Ok((table(py, &mesh.nodes)?.into_any(), crate::mesh::cells(py, mesh)?))
-            });
-            made.transpose()
-        })
+    /// The mesh; None for a problem from matrices.
+    fn mesh(&self) -> Option<Mesh> {
+        let mesh = match self.source.analysis() {
+            AnyAnalysis::Plane(of) => AnyMesh::Plane(of.elastic?.mesh.clone()),
+            AnyAnalysis::Space(of) => AnyMesh::Space(of.elastic?.mesh.clone()),
+        };
+        Some(Mesh::new(mesh))
     }
 
     /// Writes what `signorini solve` writes into a directory; returns the files.

@@ -1,6 +1,7 @@
 //! A solve on its way: it works on a thread of its own, while the thread that Python has called from hears of it and of signals.
 
 use crate::errors::of_panic;
+use crate::fork::with_threads;
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
@@ -90,7 +91,7 @@ pub fn watched<T: Send>(
         let worker = scope.spawn(move || {
             // Dropped at the end: that is how the end is heard.
             let _to = to;
-            work(voice)
+            with_threads(move || work(voice))
         });
         loop {
             let news;

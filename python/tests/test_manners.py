@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import pickle
 import signal
 import subprocess
@@ -198,6 +199,87 @@ def test_pickles() -> None:
         matrices.to_meshio()
     with pytest.raises(AttributeError, match="no mesh"):
         matrices.stress  # noqa: B018
+
+
+def test_problems_are_pickled(block: dict[str, Any]) -> None:
+    """Problems of all kinds work on in another process, to the last bit."""
+    springs = {"K": [[2.0, -1.0], [-1.0, 1.0]], "f": [0.0, 1.0], "normal": [[0.0, 1.0]], "tangential": [[1.0, 0.0]]}
+    of_matrices: list[dict[str, Any]] = [
+        block,
+        points_in_space(),
+        {**springs, "gap": 1.0, "slip_bound": 0.1, "compliance": [0.1, 0.2], "slip_origin": [0.05], "areas": [2.0]},
+        {**springs, "gap": -0.5, "friction": 0.3, "interference": True},
+        {**springs, "slip_bound": 0.1, "tied": [True]},
+        {**springs, "normal": [[0.0, 1.0], [0.0, 2.0]], "tangential": None, "dependent_rows": True},
+    ]
+    problems = [signorini.Problem(**{"friction": None, **one}) for one in of_matrices]
+    problems += [model_block().traction("top", pressure=2e7).build(), signorini.Case.read(EXAMPLES / "press.toml")]
+    for problem in problems:
+        copy = pickle.loads(pickle.dumps(problem))
+        assert type(copy) is type(problem) and repr(copy) == repr(problem)
+        np.testing.assert_array_equal(copy.solve().u, problem.solve().u)
+        np.testing.assert_array_equal(copy.solve().lambda_normal, problem.solve().lambda_normal)
+
+
+def test_arrays_of_solutions_are_read_only() -> None:
+    solution = model_block().traction("top", pressure=2e7).solve()
+    for holder in (solution, pickle.loads(pickle.dumps(solution))):
+        contact = next(iter(holder.contacts.values()))
+        for array in (holder.u, holder.lambda_normal, holder.stress, holder.state, contact.pressure, contact.points):
+            with pytest.raises(ValueError, match="read-only"):
+                array *= 1000
+        millimetres = 1000 * holder.u
+        millimetres *= 2
+
+
+def test_masked_arrays_are_refused(block: dict[str, Any]) -> None:
+    for name in ("f", "gap"):
+        masked = np.ma.masked_less(block[name], -1e300)
+        with pytest.raises(ValueError, match=f"{name}: masked arrays have entries without a value"):
+            signorini.solve(**{**block, name: masked})
+    with pytest.raises(ValueError, match="cells: masked arrays"):
+        signorini.Mesh([[0, 0], [1, 0], [0, 1]], {"triangle": np.ma.array([[0, 1, 2]])})
+
+
+FORK = """
+import multiprocessing, sys
+import numpy as np
+import signorini
+
+def one(load):
+    return signorini.solve([[2, -1], [-1, 1]], [0, load], normal=[[0, 1]], gap=1.0).u.tolist()
+
+def again(load):
+    return problem.solve(f=[0, load]).u.tolist()
+
+def on_gpu(load):
+    try:
+        return signorini.solve([[2, -1], [-1, 1]], [0, load], normal=[[0, 1]], gap=1.0, backend="gpu").status
+    except signorini.SolveError as error:
+        return str(error)
+
+problem = signorini.Problem([[2, -1], [-1, 1]], [0, 1], normal=[[0, 1]], gap=1.0)
+if __name__ == "__main__":
+    # A mesh large enough for all threads to have been at work.
+    model = signorini.Model(signorini.rectangle([3, 1], [60, 20])).material(young=1e9, poisson=0.3).support("left", x=0, y=0)
+    model.traction("top", pressure=1e6).solve()
+    expected = [one(1.0), again(2.0)]
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        assert pool.map_async(one, [1.0] * 4).get(timeout=60) == [expected[0]] * 4
+        assert pool.map_async(again, [2.0] * 4).get(timeout=60) == [expected[1]] * 4
+        assert pool.apply_async(model.solve).get(timeout=60).converged
+        print(pool.apply_async(on_gpu, [1.0]).get(timeout=60))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork on this system")
+def test_children_of_a_fork_work(tmp_path: Any) -> None:
+    """They have no threads of the parent's, and no GPU."""
+    script = tmp_path / "fork.py"
+    script.write_text(FORK)
+    made = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=240)
+    assert made.returncode == 0, made.stderr
+    assert "no GPU can be used after a fork" in made.stdout and '"spawn"' in made.stdout
 
 
 def test_pages_for_notebooks(block: dict[str, Any]) -> None:

@@ -230,6 +230,30 @@ def test_what_is_wrong_is_named(springs: dict[str, Any], name: str, value: Any, 
     assert "defect" not in str(caught.value)
 
 
+def test_what_is_wrong_says_what_to_do(springs: dict[str, Any]) -> None:
+    """Rows and columns count from 0; each text has the keyword, or what else to do."""
+    held = np.array([[1.0, 0.0], [-1.0, 1.0]])
+    wrong: list[tuple[dict[str, Any], str]] = [
+        ({"gap": -0.5}, r"d\(0\) = -5e-1.*set interference to true"),
+        ({"normal": [[0, 1], [0, 2]], "tangential": None, "slip_bound": None, "gap": 1.0}, "rows 0 and 1 .*set dependent_rows to true"),
+        ({"normal": [[0, 1], [1, 1], [1, 0]], "tangential": None, "slip_bound": None, "gap": 1.0}, "3 rows for 2 unknowns.*dependent_rows"),
+        ({"K": held}, r"K\(0, 1\) = 0e0 but K\(1, 0\) = -1e0. A row that holds an unknown.*condense"),
+        ({"K": [[2.0, -1.0], [-0.9, 1.0]]}, r"K\(0, 1\) = -1e0.*\(K \+ Kᵀ\)/2 is the same problem only where"),
+        ({"f": [0.0, np.inf]}, "the load f: entry 1 is inf"),
+        ({"normal": [[0.0, np.nan]]}, r"N: entry \(0, 1\) is NaN"),
+        ({"K": [[2.0, -1.0], [-1.0, -1.0]]}, "diagonal entry 1 is -1e0"),
+    ]
+    for change, text in wrong:
+        with pytest.raises(ValueError, match=text):
+            signorini.Problem(**{**springs, **change})
+    for name, meant in {"tol": "tolerance", "maxiter": "max_iterations", "max_iteration": "max_iterations", "backnd": "backend"}.items():
+        with pytest.raises(ValueError, match=f"{name}: no solve has such a setting; did you mean {meant}"):
+            signorini.solve(**springs, **{name: 1})
+    # A gap that is negative by rounding is none.
+    touching = signorini.solve(**{**springs, "gap": -1e-18})
+    np.testing.assert_array_equal(touching.u, signorini.solve(**{**springs, "gap": 0.0}).u)
+
+
 def test_singular(springs: dict[str, Any]) -> None:
     with pytest.raises(signorini.SolveError, match="singular"):
         solve(springs, K=[[1.0, -1.0], [-1.0, 1.0]])

@@ -290,6 +290,9 @@ def test_what_is_wrong_with_a_model_is_told_when_it_is_built() -> None:
             model = block()
             say(model)
             model.build()
+    bare = signorini.Model(signorini.Mesh([[0, 0], [1, 0], [0, 1]], {"triangle": [[0, 1, 2]]})).material(young=1.0, poisson=0.0)
+    with pytest.raises(signorini.ModelError, match='"left": the mesh has none; name boundaries where the mesh is made'):
+        bare.support("left", x=0).build()
     with pytest.raises(signorini.ModelError, match="there is no material"):
         signorini.Model(signorini.rectangle([1, 1], [2, 2])).build()
     with pytest.raises(ValueError, match="mesh: expected a signorini.Mesh"):
@@ -391,10 +394,15 @@ def test_meshio_there_and_back(tmp_path: Path) -> None:
         signorini.Mesh.from_meshio(level, regions="colour")
 
 
-@pytest.mark.parametrize("kind", ["MeshTri", "MeshQuad", "MeshTri2", "MeshQuad2", "MeshTet", "MeshHex", "MeshTet2", "MeshHex2"])
+@pytest.mark.parametrize("kind", ["MeshTri", "MeshQuad", "MeshTri2", "MeshQuad2", "MeshTet", "MeshHex", "MeshTet2", "MeshHex2", "MeshWedge1"])
 def test_scikit_fem(kind: str) -> None:
     """Every kind of its elements: a body of volume 1 that weight presses on a floor with all that it weighs."""
-    mesh = getattr(skfem, kind)().refined(2) if not kind.endswith("2") else getattr(skfem, kind).from_mesh(getattr(skfem, kind[:-1])().refined(1))
+    of_kind = getattr(skfem, kind)
+    if kind.endswith("2"):
+        mesh = of_kind.from_mesh(getattr(skfem, kind[:-1])().refined(1))
+    else:
+        # It refines no wedges.
+        mesh = of_kind() if kind == "MeshWedge1" else of_kind().refined(2)
     d = mesh.dim()
     low = (lambda x: x[1] == 0.0) if d == 2 else (lambda x: x[2] == 0.0)
     ours = signorini.Mesh.from_skfem(mesh, {"low": low, "side": lambda x: x[0] == 0.0})
@@ -406,6 +414,89 @@ def test_scikit_fem(kind: str) -> None:
         model.support(point=[0, 0, 0], y=0).support(point=[0, 0, 1], y=0)
     contact = model.contact("low", obstacle=floor).solve().contacts["low"]
     np.testing.assert_allclose(contact.normal_force, 1e3, rtol=1e-5)
+
+
+def test_discontinuous_meshes_are_refused() -> None:
+    mesh = skfem.MeshTri1DG.from_mesh(skfem.MeshTri())
+    with pytest.raises(signorini.ModelError, match="elements of a MeshTri1DG share no nodes"):
+        signorini.Mesh.from_skfem(mesh)
+
+
+def grid(copies: bool) -> meshio.Mesh:
+    """A rectangle of 8 × 4 quadrilaterals, all of them in "all"; with copies, the middle ones once more, in "sensor"."""
+    x, y = np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 0.5, 5))
+    corner = (9 * np.arange(4)[:, None] + np.arange(8)).ravel()
+    quads = np.stack([corner, corner + 1, corner + 10, corner + 9], axis=1)
+    cells = [("quad", quads), ("line", np.stack([np.arange(8), np.arange(1, 9)], axis=1))]
+    sets = {"all": [np.arange(32), None], "base": [None, np.arange(8)]}
+    if copies:
+        cells.append(("quad", np.roll(quads[8:24], 1, axis=1)))
+        sets = {name: [*of, None] for name, of in sets.items()} | {"sensor": [None, None, np.arange(16)]}
+    top = {"top": np.arange(36, 45), "corner": np.array([0])}
+    return meshio.Mesh(np.stack([x.ravel(), y.ravel()], axis=1), cells, cell_sets=sets, point_sets=top)
+
+
+def standing(mesh: signorini.Mesh) -> signorini.Solution:
+    model = signorini.Model(mesh).material(young=1e9, poisson=0.3).contact("base", obstacle=FLOOR, friction={"coulomb": 0.3})
+    return model.traction("top", pressure=1e6).solve()
+
+
+def test_copies_of_elements_count_once() -> None:
+    once = signorini.Mesh.from_meshio(grid(False))
+    with pytest.warns(UserWarning, match="16 elements of the mesh are copies of others on the same nodes"):
+        twice = signorini.Mesh.from_meshio(grid(True))
+    assert len(twice.cells["quad"]) == 32 and once.notes == [] and len(twice.notes) == 1
+    assert len(twice.regions["all"]) == 32 and twice.regions["sensor"].tolist() == list(range(8, 24))
+    solution = standing(twice)
+    np.testing.assert_allclose(solution.u, standing(once).u, rtol=0, atol=1e-12)
+    assert any("are copies" in hint for hint in solution.hints)
+    # Boundaries of nodes are those of the elements that are left.
+    cells = {"triangle": [[0, 1, 2], [2, 0, 1]]}
+    with pytest.warns(UserWarning, match="one element of the mesh is a copy"):
+        mesh = signorini.Mesh([[0, 0], [1, 0], [0, 1]], cells, boundaries={"low": [0, 1]})
+    assert mesh.boundaries["low"].tolist() == [0, 1]
+    with pytest.raises(signorini.ModelError, match="elements 0 and 1 overlap"):
+        signorini.Mesh([[0, 0], [1, 0], [1, 1], [0, 1]], {"quad": [[0, 1, 2, 3]], "triangle": [[0, 1, 2]]})
+
+
+def test_point_sets_of_meshio_are_sets_of_nodes() -> None:
+    mesh = signorini.Mesh.from_meshio(grid(False))
+    assert mesh.node_sets["top"].tolist() == list(range(36, 45)) and mesh.node_sets["corner"].tolist() == [0]
+    assert mesh.boundaries["top"].tolist() == list(range(36, 45)) and "corner" not in mesh.boundaries
+    for other in (pickle.loads(pickle.dumps(mesh)), signorini.Mesh.join({"a": mesh})):
+        assert sorted(len(nodes) for nodes in other.node_sets.values()) == [1, 9]
+    both = signorini.Mesh.join({"a": mesh, "b": mesh}, shift={"b": [2, 0]})
+    assert both.node_sets["b-corner"].tolist() == [45]
+    # A support acts on a set that has no facet.
+    model = signorini.Model(mesh).material(young=1e9, poisson=0.3).support(nodes="corner", x=0)
+    model.contact("base", obstacle=FLOOR).traction("top", pressure=1e6)
+    assert abs(model.solve().u[0, 0]) == 0.0
+    with pytest.raises(signorini.ModelError, match="set of nodes \"far\" names node 99"):
+        signorini.Mesh([[0, 0], [1, 0], [0, 1]], {"triangle": [[0, 1, 2]]}, node_sets={"far": [99]})
+
+
+def test_fields_and_groups_go_on() -> None:
+    """What happens at contacts, regions and boundaries reach meshio and PyVista, and come back from there."""
+    solution = standing(signorini.Mesh.from_meshio(grid(False)))
+    base = solution.contacts["base"]
+    grid_of = solution.to_meshio()
+    at = [int(np.argmin(np.abs(grid_of.points[:, :2] - x).sum(axis=1))) for x in base.points]
+    data = grid_of.point_data
+    np.testing.assert_array_equal(data["contact_pressure"][at], base.pressure)
+    np.testing.assert_array_equal(data["contact_gap"][at], base.gap)
+    np.testing.assert_array_equal(data["contact_traction"][at, :2], base.traction_vectors)
+    np.testing.assert_allclose(data["contact_slip"][at, 0], np.abs(base.slip[:, 0]) * np.sign(data["contact_slip"][at, 0]))
+    words = np.array(["", "separated", "stick", "slip", "contact", "tied"])
+    np.testing.assert_array_equal(words[data["contact_status"][at]], base.state)
+    elsewhere = np.setdiff1d(np.arange(45), at)
+    assert not data["contact_pressure"][elsewhere].any() and np.isnan(data["contact_gap"][elsewhere]).all()
+    again = signorini.Mesh.from_meshio(grid_of)
+    assert again.boundaries.keys() == {"base", "top"} and len(again.regions["all"]) == 32
+    shown = solution.to_pyvista()
+    assert shown.cell_data["region all"].sum() == 32 and shown.point_data["boundary base"].sum() == 9
+    np.testing.assert_array_equal(shown.point_data["contact_pressure"], data["contact_pressure"])
+    copy = pickle.loads(pickle.dumps(solution)).to_meshio()
+    np.testing.assert_array_equal(copy.point_data["contact_pressure"], data["contact_pressure"])
 
 
 def test_join_and_map() -> None:

@@ -184,6 +184,21 @@ impl Case {
                     source,
                 };
             }
+            // Who states a mesh in a program has no physical groups.
+            Fault::NoBoundary {
+                ref name,
+                ref known,
+                ..
+            } if self.stated && known.is_empty() => format!(
+                "there is no boundary \"{name}\": the mesh has none; name boundaries where the mesh is made"
+            ),
+            Fault::NoNodeSet {
+                ref name,
+                ref known,
+                is_boundary: false,
+            } if self.stated && known.is_empty() => format!(
+                "there is no set of nodes \"{name}\": the mesh has none; name sets of nodes where the mesh is made"
+            ),
             Fault::NoBoundary {
                 ref name,
                 ref known,

@@ -127,12 +127,12 @@ pub(super) fn suggested(message: &str) -> String {
         return format!("{message}; a friction law is written as {LAWS}");
     }
     // A table where a list of tables is wanted: the line shows which.
-    const LISTS: [&str; 5] = ["material", "support", "traction", "body_force", "contact"];
-    let list = LISTS.iter().find(|name| {
-        message.contains(&format!("[{name}]")) && !message.contains(&format!("[[{name}]]"))
+    let single = message.lines().find_map(|line| {
+        let (_, header) = line.split_once('[')?;
+        header.split_once(']').map(|(name, _)| name)
     });
-    if let Some(name) = list
-        && message.contains("expected a sequence")
+    if let Some(name) = single.filter(|name| !name.contains('['))
+        && message.contains("invalid type: map, expected a sequence")
     {
         return format!(
             "{message}; there may be several of these: write [[{name}]], with double brackets"

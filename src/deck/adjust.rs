@@ -2,7 +2,9 @@
 
 use crate::mesh::foot::on_facet;
 use crate::mesh::vector::{dot, length, minus};
-use crate::mesh::{AnyMesh, ElementKind, Facet, Mesh, MeshError, Topology, bounds, facet_nodes};
+use crate::mesh::{
+    AnyMesh, ElementKind, Facet, Mesh, MeshError, MeshParts, Topology, bounds, facet_nodes,
+};
 use rstar::RTree;
 use rstar::primitives::{GeomWithData, Rectangle};
 
@@ -64,16 +66,16 @@ where
         for (node, place) in places {
             mesh.nodes[node as usize] = place;
         }
-        let (groups, notes) = (mesh.groups, mesh.notes);
-        mesh = Mesh::with_node_sets(
-            mesh.nodes,
-            mesh.elements,
-            mesh.regions,
-            mesh.boundaries,
-            mesh.node_sets,
-        )
-        .map_err(|error| (adjustment.line, error))?;
-        (mesh.groups, mesh.notes) = (groups, notes);
+        let parts = MeshParts {
+            nodes: mesh.nodes,
+            elements: mesh.elements,
+            regions: mesh.regions,
+            groups: mesh.groups,
+            boundaries: mesh.boundaries,
+            node_sets: mesh.node_sets,
+            notes: mesh.notes,
+        };
+        mesh = Mesh::from_parts(parts).map_err(|error| (adjustment.line, error))?;
     }
     Ok(mesh)
 }

@@ -64,7 +64,7 @@ where
     }
 
     /// The outer facets of which all corners, or any, are among some nodes.
-    pub(crate) fn outer_facets_at(&self, nodes: &[u32], all: bool) -> Vec<Facet<D>> {
+    pub fn outer_facets_at(&self, nodes: &[u32], all: bool) -> Vec<Facet<D>> {
         let mut is_one = vec![false; self.nodes.len()];
         nodes.iter().for_each(|&node| is_one[node as usize] = true);
         let is_there = |facet: &Facet<D>| {

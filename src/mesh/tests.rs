@@ -186,3 +186,70 @@ pub(crate) fn in_space(nodes: Vec<[f64; 3]>) -> Mesh<3> {
         notes: Vec::new(),
     }
 }
+
+/// Names of the regions of a group.
+fn of_group<'a>(mesh: &'a Mesh, name: &str) -> Vec<&'a str> {
+    let region = |&region: &u32| mesh.regions[region as usize].as_str();
+    mesh.groups[name].iter().map(region).collect()
+}
+
+#[test]
+fn copies_of_elements_count_once() {
+    // The left triangle stands in "all" and, named otherwise, twice in "sensor"; the right one in "all" alone.
+    let elements = vec![
+        Element::triangle([0, 1, 3], 0),
+        Element::triangle([1, 2, 3], 0),
+        Element::triangle([3, 1, 0], 1),
+        Element::triangle([1, 3, 0], 1),
+    ];
+    let regions = ["all", "sensor"].map(str::to_owned).to_vec();
+    let edges = vec![facet::<2>(&[0, 1]), facet::<2>(&[0, 3])];
+    let boundaries = BTreeMap::from([("side".to_owned(), edges)]);
+    let made = Mesh::new(CORNERS.to_vec(), elements, regions, boundaries);
+    let made = made.unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(made.elements.len(), 2);
+    let area: f64 = made.measures().iter().sum();
+    assert!((area - 2.0).abs() < 1e-15, "{area}");
+    assert_eq!(made.regions, ["all", "all & sensor"]);
+    assert_eq!(of_group(&made, "all"), ["all", "all & sensor"]);
+    assert_eq!(of_group(&made, "sensor"), ["all & sensor"]);
+    let of: Vec<u32> = made.elements.iter().map(|element| element.region).collect();
+    assert_eq!(of, [1, 0]);
+    // What bounds one element is on the outside, though three have it.
+    assert!(made.faults.is_empty());
+    assert_eq!(made.boundaries["side"].len(), 2);
+    let [note] = &made.notes[..] else {
+        panic!("{:?}", made.notes)
+    };
+    assert!(
+        note.starts_with("2 elements of the mesh are copies"),
+        "{note}"
+    );
+}
+
+#[test]
+fn elements_on_one_side_of_an_edge_overlap() {
+    let overlaps = |nodes: &[[f64; 2]], elements: Vec<Element>| match mesh(nodes, elements, &[]) {
+        Err(MeshError::Overlap { elements, .. }) => elements,
+        other => panic!("{other:?}"),
+    };
+    let [a, b, c, d] = [0, 1, 2, 3];
+    let quad = Element::quad([a, b, c, d], 0);
+    let half = vec![quad, Element::triangle([a, b, c], 0)];
+    assert_eq!(overlaps(&CORNERS, half.clone()), [0, 1]);
+    // Both ways to cut a rectangle in two.
+    let cut = [[a, b, c], [a, c, d], [a, b, d], [b, c, d]].map(|t| Element::triangle(t, 0));
+    assert!(overlaps(&CORNERS, cut.to_vec())[1] >= 2);
+    // Of first and of second order on the same corners.
+    let mut nodes = CORNERS[..3].to_vec();
+    nodes.extend([[1.0, 0.0], [2.0, 0.5], [1.0, 0.5]]);
+    let orders = vec![
+        Element::new(ElementKind::Triangle6, &[0, 1, 2, 3, 4, 5], 0),
+        Element::triangle([2, 0, 1], 0),
+    ];
+    assert_eq!(overlaps(&nodes, orders), [0, 1]);
+    let told = mesh(&CORNERS, half, &[]).err();
+    let told = told.map(|error| error.to_string()).unwrap_or_default();
+    let begins = "elements 0 and 1 overlap: both lie on the same side of the edge near (1.000000e0, 0.000000e0)";
+    assert!(told.starts_with(begins), "{told}");
+}

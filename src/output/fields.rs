@@ -239,7 +239,7 @@ where
 
 /// The contact place that each node shows: its own; on a facet that is covered in part the one that has most of it. Of
 /// several the one with the largest pressure. Of all contacts, or of one.
-pub(crate) fn shown_at_nodes<const D: usize>(
+pub fn shown_at_nodes<const D: usize>(
     elastic: &Elastic<D>,
     contact: &ContactFields<D>,
     pair: Option<usize>,

@@ -4,8 +4,10 @@ use super::ContactData;
 use crate::sparse::{BlockCsr, Csr};
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::fmt;
 
-/// A claim of [`ContactProblem`](super::ContactProblem) that the data breaks. Rows and columns count from 1.
+/// A claim of [`ContactProblem`](super::ContactProblem) that the data breaks. Rows and columns count from 1, and from 0 after
+/// [`ProblemError::from_zero`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message of each variant names its fields")]
@@ -82,24 +84,31 @@ pub enum ProblemError {
     #[error("{name}: entry {place} is {value}, not a finite number")]
     NotFinite {
         name: &'static str,
-        place: String,
+        place: Place,
         value: f64,
     },
     /// K is not symmetric.
     #[error(
-        "the stiffness matrix K is not symmetric: K({row}, {col}) = {value:e} but K({col}, {row}) = {mirror:e}"
+        "the stiffness matrix K is not symmetric: K({row}, {col}) = {value:e} but K({col}, {row}) = {mirror:e}. {}",
+        if *held {
+            "A row that holds an unknown has entries in its column: leave held unknowns out of K and f (scikit-fem's condense in place \
+             of enforce), or clear the columns, too"
+        } else {
+            "Find the cause: (K + Kᵀ)/2 is the same problem only where the difference is far below the least eigenvalue of K"
+        }
     )]
     NotSymmetric {
         row: usize,
         col: usize,
         value: f64,
         mirror: f64,
+        held: bool,
     },
     /// K or f is so small or so large that numbers made of it are none any more.
     #[error("{name}: entry {place} is {value:e}: {SIZES}")]
     Size {
         name: &'static str,
-        place: String,
+        place: Place,
         value: f64,
     },
     /// A diagonal entry of K is not positive.
@@ -107,9 +116,13 @@ pub enum ProblemError {
         "the stiffness matrix K is not positive definite: its diagonal entry {row} is {value:e}, must be > 0"
     )]
     Diagonal { row: usize, value: f64 },
+    /// A diagonal entry of W is negative.
+    #[error("W is not positive semidefinite: its diagonal entry {row} is {value:e}, must be ≥ 0")]
+    NegativeDelassus { row: usize, value: f64 },
     /// Bodies overlap before they are loaded.
     #[error(
-        "the gap d has the negative entry d({row}) = {value:e}: the bodies overlap before loading; move them apart"
+        "the gap d has the negative entry d({row}) = {value:e}: the bodies overlap before loading; move them apart, or set \
+         interference to true if the overlap is to be pressed apart"
     )]
     NegativeGap { row: usize, value: f64 },
     /// A slip bound is negative.
@@ -142,15 +155,82 @@ pub enum ProblemError {
         hint: &'static str,
     },
     /// Two multipliers have the same effect.
-    #[error("rows {first} and {second} of (N; T) are parallel, so it has no full row rank: {name}")]
+    #[error(
+        "rows {first} and {second} of (N; T) are parallel, so it has no full row rank: {name}. Leave one out, or set \
+         dependent_rows to true: then forces on the bodies are unique, multipliers need not be"
+    )]
     ParallelRows {
         first: usize,
         second: usize,
         name: &'static str,
     },
     /// There are more multipliers than unknowns.
-    #[error("(N; T) has {rows} rows for {n} unknowns, so it has no full row rank")]
+    #[error(
+        "(N; T) has {rows} rows for {n} unknowns, so it has no full row rank: leave rows out, or set dependent_rows to true"
+    )]
     TooManyRows { rows: usize, n: usize },
+}
+
+/// An entry of a vector or of a matrix.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "they say what they are")]
+pub enum Place {
+    Of(usize),
+    OfLargest(usize),
+    At(usize, usize),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Of(i) => write!(f, "{i}"),
+            Self::OfLargest(i) => write!(f, "{i} (the largest one)"),
+            Self::At(i, j) => write!(f, "({i}, {j})"),
+        }
+    }
+}
+
+impl ProblemError {
+    /// The same with rows and columns counted from 0.
+    pub fn from_zero(mut self) -> Self {
+        match &mut self {
+            Self::Pointers { number: row, .. }
+            | Self::Index { number: row, .. }
+            | Self::Diagonal { row, .. }
+            | Self::NegativeDelassus { row, .. }
+            | Self::NegativeGap { row, .. }
+            | Self::NegativeSlipBound { row, .. }
+            | Self::NegativeFriction { row, .. }
+            | Self::NegativeCompliance { row, .. }
+            | Self::UnequalCompliance { node: row, .. }
+            | Self::Area { row, .. }
+            | Self::ZeroRow { row, .. } => *row -= 1,
+            Self::NotSymmetric {
+                row: first,
+                col: second,
+                ..
+            }
+            | Self::ParallelRows { first, second, .. } => {
+                *first -= 1;
+                *second -= 1;
+            }
+            Self::NotFinite { place, .. } | Self::Size { place, .. } => {
+                *place = match *place {
+                    Place::Of(i) => Place::Of(i - 1),
+                    Place::OfLargest(i) => Place::OfLargest(i - 1),
+                    Place::At(i, j) => Place::At(i - 1, j - 1),
+                };
+            }
+            Self::NotSquare { .. }
+            | Self::Empty
+            | Self::Length { .. }
+            | Self::Shape { .. }
+            | Self::TooLarge { .. }
+            | Self::Parts { .. }
+            | Self::TooManyRows { .. } => {}
+        }
+        self
+    }
 }
 
 /// Entries of K and of f, and what they are made of, are 0 or have a size between these: displacements are their quotients,
@@ -175,7 +255,7 @@ pub(super) fn sized_load(load: &[f64]) -> Result<(), ProblemError> {
     match largest {
         Some((i, &value)) if !is_sized(value) => Err(ProblemError::Size {
             name: "the load f",
-            place: format!("{} (the largest one)", i + 1),
+            place: Place::OfLargest(i + 1),
             value,
         }),
         _ => Ok(()),
@@ -205,7 +285,7 @@ pub(super) fn checked_but_for_rank<const D: usize>(
     if let Some(i) = diagonal.iter().position(|&v| v > 0.0 && !is_sized(v)) {
         return Err(ProblemError::Size {
             name: "the stiffness matrix K",
-            place: format!("({0}, {0})", i + 1),
+            place: Place::At(i + 1, i + 1),
             value: diagonal[i],
         });
     }
@@ -217,6 +297,10 @@ pub(super) fn checked_but_for_rank<const D: usize>(
             value: diagonal[i],
         });
     }
+    let touching = touching(&data, &diagonal);
+    for gap in data.gap.iter_mut().filter(|gap| **gap >= -touching) {
+        *gap = gap.max(0.0);
+    }
     if let Some(i) = data.gap.iter().position(|&v| v < 0.0) {
         return Err(ProblemError::NegativeGap {
             row: i + 1,
@@ -226,6 +310,22 @@ pub(super) fn checked_but_for_rank<const D: usize>(
     slip_bound(&data.slip_bound, data.gap.len())?;
     no_zero_rows(&data, softness, tied)?;
     Ok(data)
+}
+
+/// How far below 0 a gap is by rounding: of the coordinates that it was measured with, and of what the load moves a single unknown
+/// by. (Not of other gaps: a large one means that there is no obstacle.)
+fn touching<const D: usize>(data: &ContactData<D>, diagonal: &[f64]) -> f64 {
+    /// Of coordinates: sums of some hundred terms are known to that.
+    const OF_PLACES: f64 = 1e-14;
+    /// Of a displacement that is less than the largest one: far below what tolerances tell apart.
+    const OF_MOVED: f64 = 1e-10;
+    let largest = |all: &mut dyn Iterator<Item = f64>| {
+        all.filter(|x| x.is_finite())
+            .fold(0.0, |a: f64, x| a.max(x.abs()))
+    };
+    let places = largest(&mut data.coordinates.iter().flatten().flatten().copied());
+    let moved = largest(&mut data.load.iter().zip(diagonal).map(|(f, k)| f / k));
+    (OF_PLACES * places).max(OF_MOVED * moved)
 }
 
 fn shapes<const D: usize>(data: &ContactData<D>) -> Result<(), ProblemError> {
@@ -293,7 +393,7 @@ fn finite_entries<const D: usize>(data: &ContactData<D>) -> Result<(), ProblemEr
     let entry = |name, found: Option<(usize, usize, f64)>| match found {
         Some((i, j, value)) => Err(ProblemError::NotFinite {
             name,
-            place: format!("({}, {})", i + 1, j + 1),
+            place: Place::At(i + 1, j + 1),
             value,
         }),
         None => Ok(()),
@@ -347,7 +447,7 @@ pub(super) fn finite(name: &'static str, vector: &[f64]) -> Result<(), ProblemEr
     match vector.iter().position(|v| !v.is_finite()) {
         Some(i) => Err(ProblemError::NotFinite {
             name,
-            place: format!("{}", i + 1),
+            place: Place::Of(i + 1),
             value: vector[i],
         }),
         None => Ok(()),
@@ -461,6 +561,9 @@ fn symmetric<const D: usize>(k: &BlockCsr<D>) -> Result<(), ProblemError> {
                                 col: D * j + b + 1,
                                 value,
                                 mirror: other,
+                                held: [(D * i + a, value), (D * j + b, other)]
+                                    .iter()
+                                    .any(|&(row, v)| v == 0.0 && holds(k, row)),
                             });
                         }
                     }
@@ -469,6 +572,16 @@ fn symmetric<const D: usize>(k: &BlockCsr<D>) -> Result<(), ProblemError> {
             None
         });
     bad.map_or(Ok(()), Err)
+}
+
+/// Whether a row has no entry but that on the diagonal.
+fn holds<const D: usize>(k: &BlockCsr<D>, row: usize) -> bool {
+    let (cols, blocks) = k.row(row / D);
+    let mut all = (cols.iter().zip(blocks)).flat_map(|(&j, block)| {
+        let entries = (D * j as usize..).zip(block[row % D]);
+        entries.filter(|&(_, v)| v != 0.0)
+    });
+    all.all(|(col, _)| col == row)
 }
 
 /// The nonzero entries of a row.

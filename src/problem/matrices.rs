@@ -1,7 +1,7 @@
 //! The door for matrices of other libraries: scalar entries, in compressed rows or columns, read where they are.
 
 use super::{ContactData, ContactProblem, ProblemError, check};
-use crate::sparse::BlockCsr;
+use crate::sparse::{BlockCsr, Csr};
 use faer::sparse::SparseColMatRef;
 
 /// The data of a [`ContactProblem`] as other libraries have it: scalar sparse matrices and slices. The letters and
@@ -109,9 +109,11 @@ impl<const D: usize> ContactProblem<D> {
             true => Self::of_bodies(data, compliance, &[]),
             false => Self::compliant(data, compliance),
         };
-        checked?
-            .with_friction_coefficient(mu.to_vec())?
-            .with_gap(gap)
+        let problem = checked?.with_friction_coefficient(mu.to_vec())?;
+        match matrices.interference {
+            true => problem.with_gap(gap),
+            false => Ok(problem),
+        }
     }
 }
 
@@ -165,6 +167,14 @@ impl<'a> SparseRef<'a> {
             by_columns: true,
             ..Self::from_rows(n_cols, n_rows, col_ptr, row_idx, values)
         }
+    }
+
+    /// A copy in compressed rows. `name`: what an error calls the matrix.
+    ///
+    /// # Errors
+    /// If its parts do not fit, or an index is out of range.
+    pub fn to_rows(&self, name: &'static str) -> Result<Csr, ProblemError> {
+        self.blocks(name)
     }
 
     /// A copy in blocks, of whose sizes whole numbers are made. `name`: what an error calls the matrix.

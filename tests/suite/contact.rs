@@ -372,12 +372,30 @@ fn what_cannot_be_meant_says_so() {
     );
     let message = parse(&itself);
     assert!(message.contains("both sides"), "{message}");
-    let single = block("", "[contact]\nboundary = \"bottom\"\nagainst = \"top\"\n");
-    let message = parse(&single);
-    assert!(
-        message.contains("[[contact]], with double brackets"),
-        "{message}"
-    );
+    for name in [
+        "contact",
+        "tie",
+        "equal",
+        "force",
+        "temperature",
+        "mesh.part",
+    ] {
+        let single = block("", &format!("[{name}]\nboundary = \"bottom\"\n"));
+        let message = parse(&single);
+        let hint = format!("write [[{name}]], with double brackets");
+        assert!(message.contains(&hint), "{message}");
+    }
+    let matrices = "[algebraic]\nstiffness = \"K\"\nload = \"f\"\nnormal = \"N\"\ntangential = \"T\"\ngap = \"d\"\nslip_bound = \"g\"\n";
+    for (name, table) in [
+        ("tie", "[[tie]]\nboundary = \"a\"\nagainst = \"b\"\n"),
+        ("equal", "[[equal]]\nsets = \"a\"\n"),
+        ("analysis", "[analysis]\nthickness = -3\n"),
+        ("steps", "[steps]\nfactors = [1]\n"),
+    ] {
+        let message = parse(&format!("{matrices}{table}"));
+        let refusal = format!("line 8: [{name}] has no meaning in an [algebraic] case");
+        assert!(message.contains(&refusal), "{message}");
+    }
     let message = parse(&block(
         "",
         "[[contact]]\nboundary = []\nagainst = \"top\"\n",

@@ -3,7 +3,8 @@
 use super::raw::{GroupSets, Raw};
 use super::{Failure, Result};
 use crate::mesh::{
-    AnyMesh, Element, ElementKind, Facet, FacetFault, FaultKind, Mesh, Topology, facet, facet_nodes,
+    AnyMesh, Element, ElementKind, Facet, FacetFault, FaultKind, Mesh, MeshParts, Topology, facet,
+    facet_nodes,
 };
 use std::collections::{BTreeMap, HashMap};
 
@@ -47,7 +48,7 @@ fn plane(mut raw: Raw, scale: f64) -> Result<Mesh> {
     let sets = groups.node_sets(&mut raw);
     let mut mesh = groups.mesh(&mut raw.groups, nodes, raw.faces, raw.lines, sets)?;
     note(&mut mesh, none);
-    mesh.notes = raw.notes;
+    mesh.notes.extend(raw.notes);
     Ok(mesh)
 }
 
@@ -62,7 +63,7 @@ fn solid(mut raw: Raw, scale: f64) -> Result<Mesh<3>> {
     let mut mesh = groups.mesh(&mut raw.groups, nodes, raw.solids, faces, sets)?;
     let none = (raw.without_facets.into_iter()).map(|(name, x)| (name, x.map(|v| v * scale)));
     note(&mut mesh, none.collect());
-    mesh.notes = raw.notes;
+    mesh.notes.extend(raw.notes);
     Ok(mesh)
 }
 
@@ -151,7 +152,7 @@ impl Groups {
     where
         ElementKind: Topology<D>,
     {
-        (sets.merge_copies(&mut elements, nodes.len())).map_err(Failure::NoMesh)?;
+        let copies = (sets.merge_copies(&mut elements, &nodes)).map_err(Failure::NoMesh)?;
         let mut regions: Vec<String> = Vec::new();
         let mut groups: BTreeMap<String, Vec<u32>> = BTreeMap::new();
         let mut region_of_names: HashMap<Vec<String>, u32> = HashMap::new();
@@ -186,9 +187,15 @@ impl Groups {
                 boundary.extend(facets.iter().map(|facet| facet.1));
             }
         }
-        let mut mesh = Mesh::with_node_sets(nodes, elements, regions, boundaries, node_sets)
-            .map_err(Failure::Mesh)?;
-        mesh.groups = groups;
-        Ok(mesh)
+        let parts = MeshParts {
+            nodes,
+            elements,
+            regions,
+            groups,
+            boundaries,
+            node_sets,
+            notes: copies.into_iter().collect(),
+        };
+        Mesh::from_parts(parts).map_err(Failure::Mesh)
     }
 }

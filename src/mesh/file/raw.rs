@@ -1,5 +1,6 @@
 //! What a file adds up to, before it is a mesh.
 
+use crate::mesh::copies::{self, Copies};
 use crate::mesh::{Element, ElementKind, Facet, Topology, facet, facet_corners};
 use std::collections::HashMap;
 
@@ -201,69 +202,33 @@ impl Raw {
 
 impl GroupSets {
     /// Lets every element stand once, in all groups of its copies: MSH 2 writes an element in two physical
-    /// groups twice, and files that were merged may hold parts twice. Nodes are numbered below `n_nodes`.
+    /// groups twice, and files that were merged may hold parts twice. What is said of copies in the same groups.
     pub fn merge_copies<const D: usize>(
         &mut self,
         elements: &mut Vec<Element<D>>,
-        n_nodes: usize,
-    ) -> Result<(), String>
+        nodes: &[[f64; D]],
+    ) -> Result<Option<String>, String>
     where
         ElementKind: Topology<D>,
     {
-        // The elements by their lowest node: few share that.
-        let lowest =
-            |element: &Element<D>| element.nodes().iter().copied().min().unwrap_or(0) as usize;
-        let mut begin = vec![0u32; n_nodes + 1];
-        for element in &*elements {
-            begin[lowest(element) + 1] += 1;
-        }
-        for node in 0..n_nodes {
-            begin[node + 1] += begin[node];
-        }
-        let mut next = begin.clone();
-        let mut order = vec![0u32; elements.len()];
-        for (number, element) in (0..).zip(&*elements) {
-            let place = &mut next[lowest(element)];
-            order[*place as usize] = number;
-            *place += 1;
-        }
-        let key = |element: &Element<D>| {
-            let mut nodes = [u32::MAX; MOST_NODES];
-            nodes[..element.nodes().len()].copy_from_slice(element.nodes());
-            nodes.sort_unstable();
-            nodes
-        };
-        const COPY: u32 = u32::MAX;
         let mut unions = HashMap::new();
-        let mut copies = false;
-        for node in 0..n_nodes {
-            let same = &mut order[begin[node] as usize..begin[node + 1] as usize];
-            if same.len() < 2 {
-                continue;
-            }
-            same.sort_unstable_by_key(|&number| (key(&elements[number as usize]), number));
-            let mut first = same[0] as usize;
-            for &number in &same[1..] {
-                let number = number as usize;
-                if key(&elements[first]) != key(&elements[number]) {
-                    first = number;
-                    continue;
+        let mut copies = Copies::default();
+        copies::merge(
+            elements,
+            nodes.len(),
+            |first, copy| -> Result<u32, String> {
+                let sets = [first.region, copy.region];
+                if sets[0] == sets[1] {
+                    copies.add(copy);
+                    return Ok(sets[0]);
                 }
-                let sets = [elements[first].region, elements[number].region];
-                if sets[0] != sets[1] {
-                    elements[first].region = match unions.get(&sets) {
-                        Some(&union) => union,
-                        None => *unions.entry(sets).or_insert(self.union(sets)?),
-                    };
+                match unions.get(&sets) {
+                    Some(&union) => Ok(union),
+                    None => Ok(*unions.entry(sets).or_insert(self.union(sets)?)),
                 }
-                elements[number].region = COPY;
-                copies = true;
-            }
-        }
-        if copies {
-            elements.retain(|element| element.region != COPY);
-        }
-        Ok(())
+            },
+        )?;
+        Ok(copies.note(nodes))
     }
 
     /// The number of the union of two sets.

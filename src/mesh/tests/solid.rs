@@ -231,3 +231,36 @@ fn faces_that_are_not_outside_are_noted() {
     assert_eq!(facet_nodes(&facet::<3>(&[4, 5, 6])), [4, 5, 6]);
     assert_eq!(facet_nodes(&facet::<2>(&[4, 5])), [4, 5]);
 }
+
+#[test]
+fn elements_on_one_side_of_a_face_overlap() {
+    let hexahedron = Element::hexahedron([0, 1, 2, 3, 4, 5, 6, 7], 0);
+    let mut nodes = corners();
+    nodes.extend([[0.5, 0.5, 2.0], [0.5, 0.5, 0.5]]);
+    let pyramid = |nodes: [u32; 5]| Element::new(ElementKind::Pyramid, &nodes, 0);
+    let made = |other| made(nodes.clone(), vec![hexahedron, other], &[]);
+    // On the top of it, and within it.
+    assert!(made(pyramid([4, 5, 6, 7, 8])).is_ok());
+    let inside = [
+        pyramid([4, 5, 6, 7, 9]),
+        Element::wedge([0, 1, 2, 4, 5, 6], 0),
+        Element::tetrahedron([0, 1, 2, 5], 0),
+        Element::tetrahedron([1, 2, 6, 9], 0),
+    ];
+    for element in inside {
+        let error = made(element).err();
+        assert!(
+            matches!(
+                error,
+                Some(MeshError::Overlap {
+                    elements: [0, 1],
+                    ..
+                })
+            ),
+            "{error:?}"
+        );
+    }
+    let copy = made(Element::hexahedron([4, 5, 6, 7, 0, 1, 2, 3], 0));
+    let copy = copy.unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!((copy.elements.len(), copy.notes.len()), (1, 1));
+}

@@ -1,7 +1,7 @@
 //! Elements and curves in several groups, reversed, between elements and apart from them.
 
 use super::drawing::{Coding, curve, squares, surface};
-use super::{HELD, case, material, measures_are, mesh_of, near, refused, total_load};
+use super::{HELD, case, material, measures_are, mesh_of, message, near, refused, total_load};
 use crate::common::or_panic::OrPanic as _;
 use signorini::mesh::structured::{CellShape, join, rectangle};
 use signorini::mesh::{BoundaryError, FaultKind};
@@ -116,13 +116,17 @@ fn copies_of_elements_count_once() {
         assert_eq!(mesh.faults["middle"].kind, FaultKind::Inside);
         assert!(mesh.outer_facets("left").is_ok(), "{format}");
     }
-    // A triangle and a quadrilateral with three nodes in common are different elements.
+    // A triangle and a quadrilateral with three nodes in common are different elements, one on the other.
     let mut drawing = squares();
     drawing.entities = vec![
         surface(&[1], &[&[2, 3, 4, 5]]),
         surface(&[3], &[&[2, 3, 4]]),
     ];
-    assert_eq!(mesh_of(&drawing.msh4(Coding::Ascii)).elements.len(), 2);
+    let told = message(&drawing.msh4(Coding::Ascii));
+    assert!(
+        told.contains("elements 0 and 1 overlap: both lie on the same side of the edge"),
+        "{told}"
+    );
     // A group may be called like the region of two others; and it keeps its name.
     let mut drawing = squares();
     drawing.names[8] = (2, 3, "steel & rubber");

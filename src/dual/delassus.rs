@@ -1,0 +1,136 @@
+//! The dual operator where it is known itself: the Delassus operator of contacts.
+
+use super::{DualError, DualOperator};
+use crate::control::{Accuracy, Stop};
+use crate::problem::{ContactProblem, Elsewhere, LoadCase};
+use crate::sparse::Csr;
+use std::sync::Arc;
+
+/// How many u are remembered with the forces that they are of.
+const REMEMBERED: usize = 8;
+
+/// A = B W Bᵀ with W as a product y = W x, for [`ContactProblem::from_delassus`].
+///
+/// # Example
+/// A ball that rests on a floor and is pushed along it: it sticks.
+///
+/// ```
+/// use signorini::dual::DelassusDual;
+/// use signorini::problem::ContactProblem;
+/// use signorini::ssnm::{self, NewtonSettings, Status};
+/// use std::ops::ControlFlow;
+///
+/// let q = [-1.0, 0.2, 0.0];
+/// let problem = ContactProblem::<3>::from_delassus(&[2.0; 3], &q, &[0.5])?;
+/// let mut dual = DelassusDual::new(&problem, |x: &[f64], y: &mut [f64]| {
+///     y.iter_mut().zip(x).for_each(|(y, x)| *y = 2.0 * x);
+///     Ok(())
+/// });
+/// let solution = ssnm::solve(&problem, &mut dual, &NewtonSettings::default(), |_| ControlFlow::Continue(()))?;
+/// assert_eq!(solution.status, Status::Converged);
+/// let r = dual.impulses(&solution.lambda);
+/// assert!((r[0] - 0.5).abs() < 1e-9 && (r[1] + 0.1).abs() < 1e-9 && r[2] == 0.0, "{r:?}");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct DelassusDual<W> {
+    contact: Arc<Csr>,
+    product: W,
+    /// (u, K u), the last ones.
+    known: Vec<[Vec<f64>; 2]>,
+}
+
+impl<W> DelassusDual<W>
+where
+    W: FnMut(&[f64], &mut [f64]) -> Result<(), DualError>,
+{
+    /// For a problem, with the product y = W x in the order of its q.
+    pub fn new<const D: usize>(problem: &ContactProblem<D, Elsewhere>, product: W) -> Self {
+        Self {
+            contact: Arc::clone(problem.contact_matrix()),
+            product,
+            known: Vec::new(),
+        }
+    }
+
+    /// r = Bᵀλ: the impulses in the order of q.
+    pub fn impulses(&self, lambda: &[f64]) -> Vec<f64> {
+        let mut r = vec![0.0; self.contact.n_cols()];
+        self.contact.mul_transpose_add(1.0, lambda, &mut r);
+        r
+    }
+
+    /// W x.
+    ///
+    /// # Errors
+    /// Those of the product.
+    pub fn times(&mut self, x: &[f64]) -> Result<Vec<f64>, DualError> {
+        let mut y = vec![0.0; x.len()];
+        (self.product)(x, &mut y)?;
+        Ok(y)
+    }
+
+    /// K⁻¹(f − Bᵀλ), and f − Bᵀλ.
+    fn displaced(&mut self, load: &LoadCase, lambda: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
+        let mut forces = load.force().to_vec();
+        self.contact.mul_transpose_add(-1.0, lambda, &mut forces);
+        Ok([self.times(&forces)?, forces])
+    }
+}
+
+impl<W> DualOperator for DelassusDual<W>
+where
+    W: FnMut(&[f64], &mut [f64]) -> Result<(), DualError>,
+{
+    fn size(&self) -> (usize, usize) {
+        (self.contact.n_cols(), self.contact.n_rows())
+    }
+
+    fn apply(&mut self, p: &[f64], y: &mut [f64], _: Accuracy, _: &Stop) -> Result<(), DualError> {
+        let moved = self.times(&self.impulses(p))?;
+        self.contact.mul(&moved, y);
+        Ok(())
+    }
+
+    fn right_hand_side(
+        &mut self,
+        load: &LoadCase,
+        b: &mut [f64],
+        _: Accuracy,
+        _: &Stop,
+    ) -> Result<(), DualError> {
+        let moved = self.times(load.force())?;
+        self.contact.mul(&moved, b);
+        let offsets = load.offsets();
+        b.iter_mut().zip(offsets).for_each(|(b, c)| *b -= c);
+        Ok(())
+    }
+
+    fn displacement(
+        &mut self,
+        load: &LoadCase,
+        lambda: &[f64],
+        _: f64,
+        _: &Stop,
+    ) -> Result<Vec<f64>, DualError> {
+        let [u, forces] = self.displaced(load, lambda)?;
+        if self.known.len() == REMEMBERED {
+            self.known.remove(0);
+        }
+        self.known.push([u.clone(), forces]);
+        Ok(u)
+    }
+
+    /// Of what [`Self::displacement`] has made, K u is what it was made of: W has no inverse to ask.
+    fn stiffness_times(&mut self, u: &[f64], _: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
+        if u.iter().all(|&u| u == 0.0) {
+            return Ok([vec![0.0; u.len()], vec![0.0; u.len()]]);
+        }
+        let known = self.known.iter().rev().find(|[known, _]| known == u);
+        let [_, forces] = known.ok_or_else(|| {
+            let text = "W has no inverse: only velocities that it has made can be checked";
+            DualError::Other(text.into())
+        })?;
+        let sizes = forces.iter().map(|f| f.abs()).collect();
+        Ok([forces.clone(), sizes])
+    }
+}
