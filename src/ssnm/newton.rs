@@ -62,6 +62,8 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
 pub(super) struct Way<const D: usize> {
     /// P_Λ(λᵏ) and its gradient.
     pub point: Point,
+    /// λᵏ itself, as the inner problem of a step as printed has left it: Step 2 is about that.
+    pub inner: Option<Point>,
     /// errᵏ.
     pub err: f64,
     /// The point that err⁰ is taken at, and err⁰.

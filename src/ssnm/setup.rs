@@ -160,6 +160,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         };
         let mut way = Way {
             point: first.clone(),
+            inner: None,
             first,
             err: 0.0,
             err0: 0.0,
