@@ -25,7 +25,7 @@ pub use check::{Place, ProblemError};
 pub(crate) use floating::Motions;
 pub use floating::{FloatingBodies, FloatingBody};
 pub use kkt::Kkt;
-pub(crate) use kkt::slip_violation;
+pub(crate) use kkt::{beyond, slip_violation};
 pub use load::LoadCase;
 pub use matrices::{Index, Matrices, SparseRef};
 #[cfg(feature = "mpi")]
@@ -110,7 +110,8 @@ impl<const D: usize, K> Deref for ContactProblem<D, K> {
 
 impl<const D: usize> ContactProblem<D> {
     /// Checks the data: shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0, no
-    /// zero or parallel rows in B = (N; T). That K is positive definite shows when it is factorised.
+    /// parallel rows in B = (N; T). That K is positive definite shows when it is factorised. An infinite entry of d is that of a
+    /// node without an obstacle, one of g that of a node that never slips. A row without entries does nothing.
     ///
     /// # Errors
     /// What is wrong with which entry.
@@ -126,7 +127,7 @@ impl<const D: usize> ContactProblem<D> {
         tied: &[bool],
     ) -> Result<Self, ProblemError> {
         let n = data.load.len();
-        let data = check::checked_but_for_rank(data, &compliance, tied)?;
+        let data = check::checked_but_for_rank(data, &compliance)?;
         Self::from_checked(data, n)
             .with_compliance(compliance)?
             .with_ties(tied)
@@ -138,7 +139,7 @@ impl<const D: usize> ContactProblem<D> {
         compliance: Vec<f64>,
     ) -> Result<Self, ProblemError> {
         let n = data.load.len();
-        let data = check::checked_but_for_rank(data, &compliance, &[])?;
+        let data = check::checked_but_for_rank(data, &compliance)?;
         check::rank(&data.normal, &data.tangential, n, &compliance)?;
         Self::from_checked(data, n).with_compliance(compliance)
     }
@@ -188,14 +189,14 @@ impl<const D: usize, K> ContactProblem<D, K> {
         }
     }
 
-    /// Gives contact nodes Coulomb's law, or other coefficients than before: where μᵢ > 0 the slip bound is μᵢλν,i and the entry of `slip_bound` is ignored.
+    /// Gives contact nodes Coulomb's law, or other coefficients than before: where μᵢ > 0 the slip bound is μᵢλν,i and the entry of
+    /// `slip_bound` is ignored. A node with an infinite μᵢ never slips while it is pressed.
     ///
     /// # Errors
-    /// If the length is not m (or 0: no Coulomb friction), an entry is negative or not finite, or is above 0 on a
-    /// node whose rows of T are empty.
-    pub fn with_friction_coefficient(mut self, mu: Vec<f64>) -> Result<Self, ProblemError> {
+    /// If the length is not m (or 0: no Coulomb friction), or an entry is negative or not a number.
+    pub fn with_friction_coefficient(mut self, mut mu: Vec<f64>) -> Result<Self, ProblemError> {
         if !mu.is_empty() {
-            check::friction::<D>(&mu, self.m(), self.tangential())?;
+            check::friction(&mut mu, self.m())?;
         }
         self.case.friction = match mu.iter().all(|&mu| mu == 0.0) {
             true => Arc::default(),
@@ -270,13 +271,15 @@ impl<const D: usize, K> ContactProblem<D, K> {
     }
 
     /// Another gap, which may be negative: what is pressed or shrunk on overlaps where it is to touch (an interference), and a
-    /// prescribed motion may have closed more than there was.
+    /// prescribed motion may have closed more than there was. Where it is infinite there is no obstacle.
     ///
     /// # Errors
-    /// If the length is not m, or an entry is not finite.
-    pub fn with_gap(mut self, gap: Vec<f64>) -> Result<Self, ProblemError> {
+    /// If the length is not m, an entry is −∞ or not a number, or negative where the row of N has no entries.
+    pub fn with_gap(mut self, mut gap: Vec<f64>) -> Result<Self, ProblemError> {
         check::length("the gap d", &gap, self.m(), check::PER_NODE)?;
-        check::finite("the gap d", &gap)?;
+        check::gap(&mut gap)?;
+        let is_tied: Vec<bool> = (0..self.m()).map(|i| self.is_tied(i)).collect();
+        check::no_overlap_of_nothing(&gap, self.normal(), self.contact_compliance(), &is_tied)?;
         self.case.gap = gap;
         Ok(self)
     }
@@ -289,16 +292,25 @@ impl<const D: usize, K> ContactProblem<D, K> {
         let (name, reason) = ("the origin of slip", "one entry per row of T");
         check::length(name, &origin, self.tangential().n_rows(), reason)?;
         check::finite(name, &origin)?;
-        self.case.slip_origin = origin;
+        let case = LoadCase {
+            slip_origin: origin,
+            ..self.case.clone()
+        };
+        self.case = self.without_empty_rows(case);
         Ok(self)
     }
 
-    /// Another slip bound g, length m.
+    /// Another slip bound g, length m. A node with an infinite one never slips, and a tied node stays tied with it.
     ///
     /// # Errors
-    /// If the length differs, or an entry is negative or not finite.
-    pub fn with_slip_bound(mut self, bound: Vec<f64>) -> Result<Self, ProblemError> {
-        check::slip_bound(&bound, self.m())?;
+    /// If the length differs, or an entry is negative or not a number.
+    pub fn with_slip_bound(mut self, mut bound: Vec<f64>) -> Result<Self, ProblemError> {
+        let stays: Vec<bool> = (bound.iter().zip(&self.case.slip_bound))
+            .map(|(g, before)| *g == TIED && *before == TIED)
+            .collect();
+        check::slip_bound(&mut bound, self.m())?;
+        let tied = bound.iter_mut().zip(stays).filter(|(_, stays)| *stays);
+        tied.for_each(|(bound, _)| *bound = TIED);
         self.case.slip_bound = bound;
         Ok(self)
     }
@@ -356,10 +368,19 @@ impl<const D: usize, K> ContactProblem<D, K> {
             [case.force.len(), a, b, c]
         };
         assert_eq!(lengths(&case), lengths(&self.case));
+        let case = self.without_empty_rows(case);
         Self {
             case,
             ..self.clone()
         }
+    }
+
+    /// Along a row of T without entries nothing slips, wherever that is counted from.
+    fn without_empty_rows(&self, mut case: LoadCase) -> LoadCase {
+        let own = &self.own_compliance()[self.m()..];
+        let empty = case.slip_origin.iter_mut().zip(own);
+        (empty.filter(|(_, own)| **own == 0.0)).for_each(|(origin, _)| *origin = 0.0);
+        case
     }
 
     /// Load, gap, and what slip is counted from.

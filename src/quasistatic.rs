@@ -8,7 +8,7 @@
 //! **Coulomb friction** is part of the Newton steps (`ssnm`). As no function falls along them, they may fail.
 //! Then bodies that only contact holds are put on weak springs (`springs`), which show whether anything holds them, and
 //! rounds with frozen slip bounds (`rounds`) go on from the best point, and the monolithic step is tried once more where
-//! they converge.
+//! they converge. Whatever ends a step, its end is the best of all points met, and all that is said of it is about g = μλν.
 
 mod rounds;
 mod springs;
@@ -18,8 +18,8 @@ use crate::dual::{DualOperator, conditions};
 use crate::problem::{ContactProblem, Elsewhere, Kkt, LoadCase, System};
 use crate::sparse::{norm, norm_max};
 use crate::ssnm::{
-    self, Cause, Info, Numbers, RecycledSubspace, Sets, SettingsError, Solution, SolveError,
-    Status, Step, WarmStart,
+    self, Cause, Info, RecycledSubspace, Sets, SettingsError, Solution, SolveError, Status, Step,
+    WarmStart,
 };
 use rounds::Rounds;
 use springs::{OnSprings, Springs, WEAK};
@@ -302,8 +302,17 @@ struct Process<'a, const D: usize, O: ?Sized, V> {
     /// Rᵀū.
     place: Vec<f64>,
     made: Vec<Round>,
+    /// The point so far that breaks Coulomb's law least.
+    best: Option<Met>,
     /// The observer has asked for an end.
     stopped: bool,
+}
+
+/// A point met under Coulomb's law.
+struct Met {
+    lambda: Vec<f64>,
+    /// The largest violation of its conditions, as far as that is known.
+    off: f64,
 }
 
 impl<'a, const D: usize, O, V> Process<'a, D, O, V>
@@ -323,7 +332,7 @@ where
         let origin = start.slip_origin(&whole, load);
         let case = LoadCase {
             acting: load.acting,
-            travelled: whole.ranks().norm_max(&start.u),
+            travelled: Arc::new(whole.body_sizes(&start.u)),
             before: start.lambda.clone(),
             friction: Arc::clone(&whole.load_case().friction),
             ..LoadCase::new(
@@ -342,6 +351,7 @@ where
             observer,
             begin: Instant::now(),
             made: Vec::new(),
+            best: None,
             stopped: false,
         }
     }
@@ -357,11 +367,11 @@ where
         let mut is_held = false;
         if monolithic || !has_coulomb {
             // Where springs can be asked, that is cheaper than patience.
-            let mut numbers = self.settings.ssnm.numbers;
+            let mut settings = self.settings.ssnm.clone();
             if is_free {
-                numbers.patience = numbers.fruitless;
+                settings.numbers.patience = settings.numbers.fruitless;
             }
-            let solution = self.attempt(None, None, &from, tolerance, numbers)?;
+            let solution = self.attempt(None, None, &from, settings)?;
             if !has_coulomb || !has_given_up(solution.status) {
                 return Ok((solution, None));
             }
@@ -387,34 +397,53 @@ where
             solution.imbalance.clear();
             solution.mechanism.clear();
         }
-        if !monolithic || solution.status != Status::Converged {
+        if !has_coulomb || solution.status == Status::NotHeld {
             return Ok((solution, Some(rounds.bounds)));
         }
-        // From where rounds have led, the monolithic step may get on.
-        let again = self.solve(None, &rounds.lambda, tolerance)?;
-        if !has_given_up(again.status) {
-            return Ok((again, None));
+        let status = solution.status;
+        if monolithic && status == Status::Converged {
+            // From where rounds have led, the monolithic step may get on.
+            let again = self.solve(None, &rounds.lambda, tolerance)?;
+            if !has_given_up(again.status) {
+                return Ok((again, None));
+            }
         }
-        self.better_of(solution, rounds.bounds, again)
+        self.best_met(status)
     }
 
-    /// The better of the solution that rounds have converged to and that of a monolithic step that has given up, judged by the
-    /// conditions with g = μλν.
-    fn better_of(
-        &mut self,
-        mut of_rounds: Solution<D>,
-        bounds: Vec<f64>,
-        monolithic: Solution<D>,
-    ) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
-        let kkt = conditions(&self.lawful, self.dual, &of_rounds.u, &of_rounds.lambda)?;
-        if monolithic.info.kkt.max() < kkt.max() {
-            return Ok((monolithic, None));
+    /// The best point met, judged by Coulomb's law: without a step, as steps have led nowhere. `status`: why they have ended.
+    fn best_met(&mut self, status: Status) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
+        let ssnm = &self.settings.ssnm;
+        let (wanted, tolerance) = (self.settings.friction_tolerance(), ssnm.tolerance);
+        // Bounds that rounds have come to are as good as they were asked for, and forces as good as a tenth of that asks for.
+        let mut numbers = ssnm.numbers;
+        let of_rounds = status == Status::Converged;
+        let tolerance = if of_rounds {
+            (ssnm::MET * wanted).max(tolerance)
+        } else {
+            tolerance
+        };
+        if of_rounds {
+            numbers.forces *= (wanted / ssnm::MET).max(ssnm.tolerance) / tolerance;
         }
-        of_rounds.info.kkt = kkt;
-        if !(kkt.max() <= ssnm::MET * self.settings.ssnm.tolerance) {
-            of_rounds.status = Status::Stagnated;
-        }
-        Ok((of_rounds, Some(bounds)))
+        let best = self.best.take().map_or(Vec::new(), |best| best.lambda);
+        let without_steps = ssnm::NewtonSettings {
+            max_iterations: 0,
+            time_limit: None,
+            interrupt: None,
+            tolerance,
+            numbers,
+            ..ssnm.clone()
+        };
+        let most = wanted.max(ssnm::MET * ssnm.tolerance);
+        let mut solution = self.attempt(None, None, &best, without_steps)?;
+        let is_met = solution.status == Status::Converged && solution.info.kkt.max() <= most;
+        solution.status = match (is_met, of_rounds) {
+            (true, _) => Status::Converged,
+            (false, true) => Status::Stagnated,
+            (false, false) => status,
+        };
+        Ok((solution, None))
     }
 
     /// max |μλν − g| / max μλν for what differs of the bounds.
@@ -435,7 +464,11 @@ where
         initial: &[f64],
         tolerance: f64,
     ) -> Result<Solution<D>, SolveError> {
-        self.attempt(frozen, None, initial, tolerance, self.settings.ssnm.numbers)
+        let settings = ssnm::NewtonSettings {
+            tolerance,
+            ..self.settings.ssnm.clone()
+        };
+        self.attempt(frozen, None, initial, settings)
     }
 
     /// The same, on springs if they are stiff at all.
@@ -444,8 +477,7 @@ where
         frozen: Option<&[f64]>,
         springs: Option<f64>,
         initial: &[f64],
-        tolerance: f64,
-        numbers: Numbers,
+        settings: ssnm::NewtonSettings,
     ) -> Result<Solution<D>, SolveError> {
         let mut case = self.lawful.load_case().clone();
         if let Some(bounds) = frozen {
@@ -453,14 +485,11 @@ where
             case.frozen = true;
         }
         let problem = self.lawful.under(case);
-        let ssnm = &self.settings.ssnm;
         let settings = ssnm::NewtonSettings {
-            tolerance,
-            numbers,
-            time_limit: ssnm
+            time_limit: settings
                 .time_limit
                 .map(|limit| limit.saturating_sub(self.begin.elapsed())),
-            ..ssnm.clone()
+            ..settings
         };
         let lambda = Some(initial).filter(|l| l.iter().all(|v| v.is_finite()));
         let (observer, stopped) = (&mut self.observer, &mut self.stopped);
@@ -498,9 +527,17 @@ where
             frozen: frozen.is_some(),
             on_springs: springs.is_some(),
             friction_change,
-            tolerance,
+            tolerance: settings.tolerance,
             info: solution.info.clone(),
         });
+        if self.lawful.has_coulomb() && springs.is_none() {
+            let info = &solution.info;
+            let off = info.kkt.max().max(info.err_relative).max(friction_change);
+            if self.best.as_ref().is_none_or(|best| off < best.off) {
+                let lambda = solution.lambda.clone();
+                self.best = Some(Met { lambda, off });
+            }
+        }
         let goes_on = problem.has_coulomb() && has_given_up(solution.status);
         if frozen.is_some() || springs.is_some() || goes_on {
             let made = self.made.last().expect("just pushed");
@@ -523,10 +560,8 @@ where
         if !(load > BALANCED * acting && stiffness.is_normal()) {
             return Ok(Springs::Break);
         }
-        let &ssnm::NewtonSettings {
-            tolerance, numbers, ..
-        } = &self.settings.ssnm;
-        let solution = self.attempt(None, Some(stiffness), lambda, tolerance, numbers)?;
+        let settings = self.settings.ssnm.clone();
+        let solution = self.attempt(None, Some(stiffness), lambda, settings)?;
         if solution.status != Status::Converged {
             return Ok(Springs::Break);
         }

@@ -10,8 +10,8 @@
 //!
 //! **As printed** (`step`): each outer step predicts the active sets from λ − ρr (Step 2), minimises q
 //! with the inactive multipliers on their bounds by conjugate gradients (Step 3), and measures the
-//! reduced gradient (10) at the projection of the result (Step 3.4). λ goes on from that projection, with the inactive
-//! multipliers on the bounds of the next sets.
+//! reduced gradient (10) at the projection of the result (Step 3.4). The next sets are those of the result itself, and λ goes on
+//! from its projection, with the inactive multipliers on the bounds of these sets.
 //!
 //! | of the paper | where |
 //! |---|---|

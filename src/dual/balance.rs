@@ -229,8 +229,12 @@ impl Balance {
         let Trial {
             eta, mut lambda, ..
         } = now;
-        // Where nothing loads the bodies, forces below the rounding of x are none.
-        if self.e.iter().all(|&e| e == 0.0) && norm_max(&lambda) <= ROUNDING * norm_max(x) {
+        // Where nothing loads the bodies, forces below the rounding of x are none. What is apart has no part in it, however far.
+        let m = x.len() / D;
+        let is_apart = |i: usize| i < m && x[i] < 0.0 && lambda[i] == 0.0;
+        let near = x.iter().enumerate().filter(|&(i, _)| !is_apart(i));
+        let left_of = near.fold(0.0_f64, |most, (_, x)| most.max(x.abs()));
+        if self.e.iter().all(|&e| e == 0.0) && norm_max(&lambda) <= ROUNDING * left_of {
             lambda.fill(0.0);
         }
         let balanced =

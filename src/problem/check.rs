@@ -147,13 +147,11 @@ pub enum ProblemError {
     /// A contact node has no area.
     #[error("the area of contact node {row} is {value:e}, must be > 0")]
     Area { row: usize, value: f64 },
-    /// A multiplier has no effect.
-    #[error("row {row} of {name} has no nonzero entry, so (N; T) has no full row rank{hint}")]
-    ZeroRow {
-        name: &'static str,
-        row: usize,
-        hint: &'static str,
-    },
+    /// Nothing can open a gap.
+    #[error(
+        "row {row} of N has no nonzero entry, so that no motion opens its gap of {gap:e}: it has to be 0 or more"
+    )]
+    ZeroRow { row: usize, gap: f64 },
     /// Two multipliers have the same effect.
     #[error(
         "rows {first} and {second} of (N; T) are parallel, so it has no full row rank: {name}. Leave one out, or set \
@@ -239,6 +237,8 @@ impl ProblemError {
 const SMALLEST: f64 = 1e-70;
 /// See [`SMALLEST`].
 pub(crate) const LARGEST: f64 = 1e70;
+/// What no displacement and no force reaches that can be computed with: an infinite gap and an infinite slip bound become this.
+const BEYOND: f64 = LARGEST / SMALLEST;
 
 /// What to do about others.
 pub(crate) const SIZES: &str = "what is not 0 has to be between 1e-70 and 1e70 in size, to be computed with: state it in other units";
@@ -266,16 +266,14 @@ pub(super) fn sized_load(load: &[f64]) -> Result<(), ProblemError> {
 const SYMMETRY_LIMIT: f64 = 1e-9;
 
 /// The data, with the last block completed where n is no multiple of D, if all is as it should be but for the rank of
-/// B = (N; T): shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0, no rows of B without entries but those
-/// of N with a compliance or a tie.
+/// B = (N; T): shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0.
 pub(super) fn checked_but_for_rank<const D: usize>(
     mut data: ContactData<D>,
     softness: &[f64],
-    tied: &[bool],
 ) -> Result<ContactData<D>, ProblemError> {
     shapes(&data)?;
     compliance::<D>(softness, data.gap.len())?;
-    finite_entries(&data)?;
+    finite_entries(&mut data)?;
     let n = data.load.len();
     if !n.is_multiple_of(D) {
         data = pad(data);
@@ -307,8 +305,8 @@ pub(super) fn checked_but_for_rank<const D: usize>(
             value: data.gap[i],
         });
     }
-    slip_bound(&data.slip_bound, data.gap.len())?;
-    no_zero_rows(&data, softness, tied)?;
+    let m = data.gap.len();
+    slip_bound(&mut data.slip_bound, m)?;
     Ok(data)
 }
 
@@ -386,10 +384,9 @@ pub(super) fn contact_shapes<const D: usize>(
     Ok(())
 }
 
-fn finite_entries<const D: usize>(data: &ContactData<D>) -> Result<(), ProblemError> {
+fn finite_entries<const D: usize>(data: &mut ContactData<D>) -> Result<(), ProblemError> {
     finite("the load f", &data.load)?;
-    finite("the gap d", &data.gap)?;
-    finite("the slip bound g", &data.slip_bound)?;
+    gap(&mut data.gap)?;
     let entry = |name, found: Option<(usize, usize, f64)>| match found {
         Some((i, j, value)) => Err(ProblemError::NotFinite {
             name,
@@ -454,10 +451,25 @@ pub(super) fn finite(name: &'static str, vector: &[f64]) -> Result<(), ProblemEr
     }
 }
 
+/// No entry is −∞ or NaN. Those that are infinite, or larger than `most`, become that.
+fn bounded(name: &'static str, vector: &mut [f64], most: f64) -> Result<(), ProblemError> {
+    vector.iter_mut().for_each(|v| {
+        if *v > most {
+            *v = most;
+        }
+    });
+    finite(name, vector)
+}
+
+/// d is as it should be, but for its sign.
+pub(super) fn gap(d: &mut [f64]) -> Result<(), ProblemError> {
+    bounded("the gap d", d, BEYOND)
+}
+
 /// g is as it should be.
-pub(super) fn slip_bound(g: &[f64], m: usize) -> Result<(), ProblemError> {
+pub(super) fn slip_bound(g: &mut [f64], m: usize) -> Result<(), ProblemError> {
     length("the slip bound g", g, m, PER_NODE)?;
-    finite("the slip bound g", g)?;
+    bounded("the slip bound g", g, BEYOND)?;
     match g.iter().position(|&v| v < 0.0) {
         Some(i) => Err(ProblemError::NegativeSlipBound {
             row: i + 1,
@@ -467,27 +479,17 @@ pub(super) fn slip_bound(g: &[f64], m: usize) -> Result<(), ProblemError> {
     }
 }
 
-/// μ is as it should be: it acts on nodes alone that can slide.
-pub(super) fn friction<const D: usize>(
-    mu: &[f64],
-    m: usize,
-    tangential: &Csr,
-) -> Result<(), ProblemError> {
+/// μ is as it should be.
+pub(super) fn friction(mu: &mut [f64], m: usize) -> Result<(), ProblemError> {
     length("the coefficient of friction μ", mu, m, PER_NODE)?;
-    finite("the coefficient of friction μ", mu)?;
-    for (i, &value) in mu.iter().enumerate() {
-        if value < 0.0 {
-            return Err(ProblemError::NegativeFriction { row: i + 1, value });
-        }
-        if value > 0.0 && !can_slide::<D>(tangential, i) {
-            return Err(ProblemError::ZeroRow {
-                name: "T",
-                row: i * super::tangents::<D>() + 1,
-                hint: " (a node that cannot move sideways needs the coefficient of friction 0)",
-            });
-        }
+    bounded("the coefficient of friction μ", mu, LARGEST)?;
+    match mu.iter().position(|&v| v < 0.0) {
+        Some(i) => Err(ProblemError::NegativeFriction {
+            row: i + 1,
+            value: mu[i],
+        }),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 /// C is as it should be: of length D m or 0, finite, not negative, the same along both tangents of a node.
@@ -591,43 +593,24 @@ fn entries(matrix: &Csr, row: usize) -> impl Iterator<Item = (u32, f64)> {
     entries.filter(|&(_, v)| v != 0.0)
 }
 
-/// Whether contact node i can move sideways, in some direction.
-fn can_slide<const D: usize>(tangential: &Csr, i: usize) -> bool {
-    super::tangents_of::<D>(i).any(|row| entries(tangential, row).next().is_some())
-}
-
-/// That every multiplier has an effect.
-fn no_zero_rows<const D: usize>(
-    data: &ContactData<D>,
+/// Where a row of N has no entries, nothing can open what overlaps, but contact that gives way.
+pub(super) fn no_overlap_of_nothing(
+    gap: &[f64],
+    normal: &Csr,
     compliance: &[f64],
     tied: &[bool],
 ) -> Result<(), ProblemError> {
-    for (name, matrix) in [("N", &data.normal), ("T", &data.tangential)] {
-        for i in (0..matrix.n_rows()).filter(|&i| entries(matrix, i).next().is_none()) {
-            let tangential = name == "T";
-            let is_soft = compliance.get(i).is_some_and(|&c| c > 0.0);
-            if !tangential && (is_soft || tied.get(i).is_some_and(|&tied| tied)) {
-                continue;
-            }
-            if tangential {
-                let node = i / super::tangents::<D>();
-                // In space a node may be free to slide along a line only.
-                if data.slip_bound[node] == 0.0 || can_slide::<D>(matrix, node) {
-                    continue;
-                }
-            }
-            return Err(ProblemError::ZeroRow {
-                name,
-                row: i + 1,
-                hint: if tangential {
-                    " (a node that cannot move sideways needs the slip bound 0)"
-                } else {
-                    ""
-                },
-            });
-        }
+    let gives_way = |i: usize| {
+        compliance.get(i).is_some_and(|&c| c > 0.0) || tied.get(i).is_some_and(|&tied| tied)
+    };
+    let overlaps = |&i: &usize| gap[i] < 0.0 && entries(normal, i).next().is_none();
+    match (0..gap.len()).filter(|&i| !gives_way(i)).find(overlaps) {
+        None => Ok(()),
+        Some(i) => Err(ProblemError::ZeroRow {
+            row: i + 1,
+            gap: gap[i],
+        }),
     }
-    Ok(())
 }
 
 /// What can be seen cheaply of the row rank of B: parallel rows, too many rows. What has a compliance may depend on all else.

@@ -8,7 +8,8 @@
 //! - forces to those that act: the larger of ‖f‖ (without what prescribed displacements add) and ‖Bᵀλ‖.
 //!
 //! A difference that is no more than the rounding of its terms (32 units in the last place) counts as none: f64
-//! holds nothing smaller.
+//! holds nothing smaller. That is a matter of each row: of its own gap, of how far the bodies have moved that it is about, and of
+//! its own compliance.
 
 use super::{ContactProblem, tangents_of};
 use crate::constraint::{TIED, tangential};
@@ -16,7 +17,7 @@ use crate::dense::pseudo_inverse;
 use crate::rigid::{self, Frame};
 use crate::rounding::{DEPENDENT, ROUNDING};
 use crate::sparse::stored::SquareBlocks;
-use crate::sparse::{dot, norm, norm_max};
+use crate::sparse::{add_times, dot, norm, norm_max};
 use faer::Mat;
 
 /// Violations of the optimality conditions, each relative to the size of what it is measured in: see
@@ -32,7 +33,7 @@ pub struct Kkt {
     pub tension: f64,
     /// |λνᵀ(Nu − d)| / (‖λ‖ · the deformation).
     pub complementarity: f64,
-    /// max (|λτ,i| − gᵢ)₊ / ‖g‖∞.
+    /// max (|λτ,i| − gᵢ)₊ / the largest bound, but for those that are larger than all forces.
     pub friction_bound: f64,
     /// max over sticking nodes of the slip, over slipping ones of slip that is not along λτ; / the deformation.
     /// What a tangential force lacks to its bound counts as a length, with the compliance of its node.
@@ -62,8 +63,6 @@ pub(crate) struct Scales {
     pub deformation: f64,
     /// The forces that act.
     pub force: f64,
-    /// The error of a length by rounding alone.
-    pub rounding: f64,
 }
 
 impl<const D: usize> ContactProblem<D> {
@@ -89,22 +88,49 @@ impl<const D: usize, K> ContactProblem<D, K> {
         let back: Vec<f64> = floating.resultants(u).iter().map(|a| -a).collect();
         let mut deformed = u.to_vec();
         floating.add_motion(&back, &mut deformed);
-        let reach = self.load_case().reach();
-        [deformed, u.iter().map(|u| u.abs() + reach).collect()]
+        let mut sizes: Vec<f64> = u.iter().map(|u| u.abs()).collect();
+        if !self.load_case().travelled.is_empty() {
+            add_times(1.0, &self.load_case().travelled, &mut sizes);
+        }
+        [deformed, sizes]
+    }
+
+    /// The lengths that the gap and the slip of each row are differences of, at most: gap or origin of slip, what the bodies had
+    /// moved before, and what the force before did to its own node: a u that it has brought to rest has the rounding of that.
+    pub(crate) fn reach(&self) -> Vec<f64> {
+        let case = self.load_case();
+        let mut reach = match case.travelled.is_empty() {
+            true => vec![0.0; D * self.m()],
+            false => self.row_sizes(&case.travelled),
+        };
+        (reach.iter_mut().zip(case.offsets())).for_each(|(reach, c)| *reach = reach.max(c.abs()));
+        let before = case.before.iter().zip(self.compliance());
+        (reach.iter_mut().zip(before)).for_each(|(reach, (l, c))| *reach = reach.max(c * l.abs()));
+        reach
+    }
+
+    /// What the gap and the slip of each row may be off by through rounding alone, where u is up to `moved` in it.
+    pub(crate) fn rounding(&self, mut moved: Vec<f64>, lambda: &[f64]) -> Vec<f64> {
+        add_times(1.0, &self.reach(), &mut moved);
+        let given_way = self.contact_compliance().iter().zip(lambda);
+        (moved.iter_mut().zip(given_way)).for_each(|(moved, (c, l))| *moved += (c * l).abs());
+        moved.iter().map(|moved| ROUNDING * moved).collect()
     }
 
     /// The optimality conditions at (u, λ) where the product of K with [`ContactProblem::deformed`] is known, with its sizes.
     pub(crate) fn conditions(&self, u: &[f64], lambda: &[f64], product: &[Vec<f64>; 2]) -> Kkt {
         let m = self.m();
         let scales = self.scales(u, lambda);
+        let rounding = self.rounding(self.row_sizes(&self.body_sizes(u)), lambda);
         let (lambda_n, lambda_t) = lambda.split_at(m);
         let mut closing = self.beyond_compliance(self.normal(), 0, u, lambda);
-        for (closing, d) in closing.iter_mut().zip(self.gap()) {
-            *closing = beyond(*closing - d, scales.rounding);
+        for (closing, (d, rounding)) in closing.iter_mut().zip(self.gap().iter().zip(&rounding)) {
+            *closing = beyond(*closing - d, *rounding);
         }
         let mut slip = self.beyond_compliance(self.tangential(), m, u, lambda);
-        for (slip, origin) in slip.iter_mut().zip(self.slip_origin()) {
-            *slip = beyond(*slip - origin, scales.rounding);
+        let origin = self.slip_origin().iter().zip(&rounding[m..]);
+        for (slip, (origin, rounding)) in slip.iter_mut().zip(origin) {
+            *slip = beyond(*slip - origin, *rounding);
         }
         let bound = self.bounds(lambda);
         let positive = |values: &mut dyn Iterator<Item = f64>| {
@@ -131,11 +157,15 @@ impl<const D: usize, K> ContactProblem<D, K> {
         });
         let pulled = &mut (0..m).map(|i| if is_tied(i) { 0.0 } else { -lambda_n[i] });
         let bounded: Vec<usize> = (0..m).filter(|&i| !is_tied(i)).collect();
-        let largest = norm_max(&bounded.iter().map(|&i| bound[i]).collect::<Vec<_>>());
+        let most = norm_max(lambda);
+        let largest = bounded
+            .iter()
+            .map(|&i| bound[i].min(most))
+            .collect::<Vec<_>>();
         Kkt {
             equilibrium: ratio(self.imbalance(lambda, product), scales.force),
             penetration: ratio(positive(closed), scales.length),
-            tension: ratio(positive(pulled), norm_max(lambda)),
+            tension: ratio(positive(pulled), most),
             complementarity: ratio(
                 dot(lambda_n, &closing).abs(),
                 norm(lambda) * scales.deformation,
@@ -144,7 +174,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
                 positive(
                     &mut (bounded.iter()).map(|&i| rigid::length(&lambda_t[at(i)]) - bound[i]),
                 ),
-                largest,
+                norm_max(&largest),
             ),
             slip: ratio(positive(slips), scales.length),
         }
@@ -160,7 +190,8 @@ impl<const D: usize, K> ContactProblem<D, K> {
     ) -> impl Iterator<Item = (usize, [f64; D])> + use<D, K> {
         let m = self.m();
         let scales = self.scales(u, lambda);
-        let least = part * scales.length + scales.rounding;
+        let rounding = self.rounding(self.row_sizes(&self.body_sizes(u)), lambda);
+        let least = part * scales.length;
         let mut slip = self.beyond_compliance(self.tangential(), m, u, lambda);
         for (slip, origin) in slip.iter_mut().zip(self.slip_origin()) {
             *slip -= origin;
@@ -169,7 +200,8 @@ impl<const D: usize, K> ContactProblem<D, K> {
         (0..m).filter_map(move |i| {
             let along = &slip[tangents_of::<D>(i)];
             let way = std::array::from_fn(|a| if a == 0 { 0.0 } else { along[a - 1] });
-            (free[i] && tangential(way) > least).then_some((i, way))
+            let rounding = norm_max(&rounding[m..][tangents_of::<D>(i)]);
+            (free[i] && tangential(way) > least + rounding).then_some((i, way))
         })
     }
 
@@ -207,12 +239,10 @@ impl<const D: usize, K> ContactProblem<D, K> {
             each.map(|(c, l)| c * l).collect()
         };
         let own = times(self.compliance());
-        let given_way = norm_max(&times(self.contact_compliance()));
         Scales {
             length: self.ranks().norm_max(&deformation).max(norm_max(&own)),
             deformation: self.ranks().norm(&deformation).max(norm(&own)),
             force: self.acting_forces(lambda),
-            rounding: ROUNDING * (self.ranks().norm_max(u) + self.load_case().reach() + given_way),
         }
     }
 
@@ -326,7 +356,7 @@ pub(crate) fn slip_violation(lambda: &[f64], slip: &[f64], g: f64, c: f64) -> f6
 }
 
 /// What of a difference is more than the rounding of its terms.
-fn beyond(difference: f64, rounding: f64) -> f64 {
+pub(crate) fn beyond(difference: f64, rounding: f64) -> f64 {
     if difference.abs() <= rounding {
         0.0
     } else {

@@ -1,6 +1,6 @@
 //! What changes from load step to load step.
 
-use crate::sparse::{norm, norm_max};
+use crate::sparse::norm;
 use std::sync::Arc;
 
 /// The load of a contact problem, and where gap and slip are counted from: a small value beside a
@@ -21,8 +21,9 @@ pub struct LoadCase {
     pub(crate) frozen: bool,
     /// ‖forces that act on the bodies‖: ‖f‖, but for what prescribed displacements add to f.
     pub(crate) acting: f64,
-    /// The largest displacement before this load step: what comes out as a difference is rounded accordingly.
-    pub(crate) travelled: f64,
+    /// The largest displacement before this load step of the body that each unknown is of: what comes out as a difference is
+    /// rounded accordingly. Empty at rest.
+    pub(crate) travelled: Arc<Vec<f64>>,
     /// λ before this load step, which the origin of slip has its errors from; empty at rest.
     pub(crate) before: Vec<f64>,
 }
@@ -43,7 +44,7 @@ impl LoadCase {
             slip_bound,
             friction: Arc::default(),
             frozen: false,
-            travelled: 0.0,
+            travelled: Arc::default(),
             before: Vec::new(),
         }
     }
@@ -65,12 +66,5 @@ impl LoadCase {
     /// (d, origin of slip): c in r = c − B u, length D m.
     pub fn offsets(&self) -> Vec<f64> {
         [&self.gap[..], &self.slip_origin].concat()
-    }
-
-    /// The length that displacements, gaps and slips are differences of, at most.
-    pub(crate) fn reach(&self) -> f64 {
-        (self.travelled)
-            .max(norm_max(&self.gap))
-            .max(norm_max(&self.slip_origin))
     }
 }

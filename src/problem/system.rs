@@ -210,6 +210,43 @@ impl<const D: usize> System<D> {
         self.contact_compliance = compliance;
     }
 
+    /// The largest |u| of the body that each unknown is of, a body as far as K connects it: by what share of that rounding may have
+    /// moved the unknown. One that nothing is connected to has its own.
+    pub(crate) fn body_sizes(&self, u: &[f64]) -> Vec<f64> {
+        let here = self
+            .parts
+            .iter()
+            .max()
+            .map_or(0.0, |&last| f64::from(last) + 1.0);
+        let mut sizes = vec![0.0_f64; self.ranks.max(here) as usize];
+        let part = |i: usize| self.parts[i / D] as usize;
+        for (i, u) in u.iter().enumerate().filter(|&(i, _)| self.coupled[i]) {
+            sizes[part(i)] = sizes[part(i)].max(u.abs());
+        }
+        sizes
+            .iter_mut()
+            .for_each(|size| *size = self.ranks.max(*size));
+        let each = u.iter().enumerate();
+        each.map(|(i, u)| {
+            if self.coupled[i] {
+                sizes[part(i)]
+            } else {
+                u.abs()
+            }
+        })
+        .collect()
+    }
+
+    /// The largest |Bᵢⱼ| times the size of unknown j, for each row of B; over all ranks their sum.
+    pub(crate) fn row_sizes(&self, sizes: &[f64]) -> Vec<f64> {
+        let mut rows = vec![0.0_f64; self.contact.n_rows()];
+        for (i, j, v) in self.contact.triplets() {
+            rows[i] = rows[i].max((v * sizes[j]).abs());
+        }
+        self.ranks.sum(&mut rows);
+        rows
+    }
+
     /// M u − Cλ for N or T, over all ranks: what gap and slip bound, beyond what contact gives way by itself. `first` is the row
     /// of λ that the first row of M belongs to.
     pub(crate) fn beyond_compliance(

@@ -289,10 +289,6 @@ fn data_in_space_is_checked() {
         "the coordinates: entry (2, 2) is NaN",
     );
     rejected(
-        &|data| data.tangential = Csr::from_triplets(4, 6, [(0, 0, 1.0), (1, 1, 1.0)]),
-        "row 3 of T has no nonzero entry",
-    );
-    rejected(
         &|data| {
             data.tangential = Csr::from_triplets(4, 6, [(0, 0, 1.0), (1, 0, -2.0), (2, 3, 1.0)])
         },
@@ -303,8 +299,7 @@ fn data_in_space_is_checked() {
     data.tangential = Csr::from_triplets(4, 6, [(1, 1, 1.0)]);
     data.slip_bound = vec![5.0, 0.0];
     let problem = ContactProblem::new(data).unwrap_or_else(|e| panic!("{e}"));
-    let error = problem.with_friction_coefficient(vec![0.3, 0.3]).err();
-    assert!(error.is_some_and(|error| error.to_string().contains("row 3 of T")));
+    assert!(problem.with_friction_coefficient(vec![0.3, 0.3]).is_ok());
 }
 
 #[test]
@@ -338,7 +333,8 @@ fn settings_are_checked() {
         "slip bound g has length 1, expected 2",
     );
     said(data([6, 2, 4, 2], -1.0), "g(1) = -5e-1");
-    said(data([6, 2, 4, 2], f64::INFINITY), "entry 1 is inf");
+    said(data([6, 2, 4, 2], f64::NAN), "entry 1 is NaN");
+    assert!(data([6, 2, 4, 2], f64::INFINITY).is_ok());
 }
 
 /// K, N and T of [`two_nodes`] in compressed rows.

@@ -79,11 +79,18 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             lambda: step.end,
             ..step.start
         };
-        if !self.meets(goal, &end, way.err) {
-            return Ok(Ended::With(Status::Stagnated));
+        if self.meets(goal, &end, way.err) {
+            way.point = end;
+            return Ok(Ended::Again);
         }
-        way.point = end;
-        Ok(Ended::Again)
+        // After unloading they may be those of slip that is rounding of the way before: none are as good.
+        let err = self.error(&way.first);
+        if err <= self.rounding(&way.first) && self.meets(goal, &way.first, err) {
+            way.point.clone_from(&way.first);
+            way.err = err;
+            return Ok(Ended::Again);
+        }
+        Ok(Ended::With(Status::Stagnated))
     }
 
     /// The reason not to make another step.
@@ -96,7 +103,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Whether a point meets the goal, in the units of the problem.
     fn meets(&self, goal: &Goal, point: &Point, err: f64) -> bool {
         let (lambda, r) = self.unscaled(point);
-        goal.met(self.problem, &lambda, &r, self.reach, err)
+        goal.met(self.problem, &lambda, &r, &self.moved, err)
     }
 
     /// The final check of a point that meets the goal: u from K⁻¹, and the optimality conditions against K.
@@ -113,7 +120,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let kkt = self.optimality(point, &u)?;
         goal.err = goal.err.max(self.rounding(point));
         let (lambda, r) = self.unscaled(point);
-        let forces = goal.forces_met(self.problem, &lambda, &r, self.reach);
+        let forces = goal.forces_met(self.problem, &lambda, &r, &self.moved);
         // Equilibrium does not depend on λ: no further step can mend it. A goal that was met again and
         // again and still fails the check is at the limit of rounding.
         let status = if err <= goal.err * (1.0 + 1e-6) && forces && kkt.max() <= MET * tolerance {
@@ -127,8 +134,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             }
             let scales = self.problem.scales(&u, &lambda);
             let part = MET * tolerance;
-            goal.slack = part * scales.length + scales.rounding;
-            goal.work = part * scales.deformation + scales.rounding;
+            goal.slack = part * scales.length;
+            goal.work = part * scales.deformation;
             return Ok(None);
         };
         self.checked = Some((u, kkt));
@@ -186,7 +193,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             let mut goal = Goal::new(self.tolerance, self.numbers);
             goal.by_start = true;
             let (lambda, r) = self.unscaled(&way.point);
-            if err <= self.tolerance && goal.forces_met(self.problem, &lambda, &r, self.reach) {
+            if err <= self.tolerance && goal.forces_met(self.problem, &lambda, &r, &self.moved) {
                 status = Status::Converged;
             }
         }

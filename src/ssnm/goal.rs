@@ -2,7 +2,7 @@
 
 use super::Numbers;
 use crate::constraint::{Disc, at, put};
-use crate::problem::{ContactProblem, slip_violation, tangents_of};
+use crate::problem::{ContactProblem, beyond, slip_violation, tangents_of};
 use crate::rounding::ROUNDING;
 use crate::sparse::{add_times, dot, norm, norm_max};
 use std::array::from_fn;
@@ -14,7 +14,7 @@ pub(super) struct Goal {
     /// ε.
     tolerance: f64,
     numbers: Numbers,
-    /// Penetration, and slip where there should be none, at most; known after the first check.
+    /// Penetration, and slip where there should be none, at most, beyond rounding; known after the first check.
     pub slack: f64,
     /// |λνᵀ(Nu − d)| / ‖λ‖ at most; likewise.
     pub work: f64,
@@ -38,17 +38,17 @@ impl Goal {
         }
     }
 
-    /// Whether a point with gradient r and error err meets it; `reach` as [`Goal::forces_met`] has it. Written so that NaN
+    /// Whether a point with gradient r and error err meets it; `moved` as [`Goal::forces_met`] has it. Written so that NaN
     /// never passes.
     pub fn met<const D: usize, K>(
         &self,
         problem: &ContactProblem<D, K>,
         lambda: &[f64],
         r: &[f64],
-        reach: f64,
+        moved: &[f64],
         err: f64,
     ) -> bool {
-        if !(err <= self.err) || !self.forces_met(problem, lambda, r, reach) {
+        if !(err <= self.err) || !self.forces_met(problem, lambda, r, moved) {
             return false;
         }
         if self.checks == 0 {
@@ -56,6 +56,10 @@ impl Goal {
         }
         let m = problem.m();
         let (ln, lt) = lambda.split_at(m);
+        let rounding = rounding(problem, lambda, r, moved);
+        let r: Vec<f64> = (r.iter().zip(&rounding))
+            .map(|(r, of)| beyond(*r, *of))
+            .collect();
         let (rn, rt) = r.split_at(m);
         let (g, c) = (problem.bounds(lambda), &problem.compliance()[m..]);
         let penetration = (rn.iter().zip(g.iter())).fold(0.0, |acc: f64, (r, &g)| {
@@ -79,33 +83,27 @@ impl Goal {
     /// Gaps r in what ought to be closed are closed by forces δ with (B D⁻¹ Bᵀ + C) δ = −r, D the diagonal of K, as if nothing but
     /// the unknowns under the contact moved: neighbours that meet the same unknowns share them, and a fine mesh on a coarse soft
     /// one has patterns of force that only its own unknowns resist. No gap is known better than to the rounding of what it is the
-    /// difference of, and a force that closes less is none: of displacements up to `reach`, whatever is left of them in B u.
+    /// difference of, and a force that closes less is none: of displacements up to `moved` in its row, whatever is left of them in
+    /// B u.
     pub fn forces_met<const D: usize, K>(
         &self,
         problem: &ContactProblem<D, K>,
         lambda: &[f64],
         r: &[f64],
-        reach: f64,
+        moved: &[f64],
     ) -> bool {
         let Numbers {
             forces, touching, ..
         } = self.numbers;
         let (areas, compliance) = (problem.areas(), problem.compliance());
-        let (bounds, offsets) = (problem.bounds(lambda), problem.load_case().offsets());
-        let terms = offsets
-            .iter()
-            .zip(r)
-            .map(|(c, r)| c.abs().max((c - r).abs()));
-        let reach = reach.max(problem.load_case().reach());
-        let given_way = (problem.contact_compliance().iter().zip(lambda))
-            .fold(0.0_f64, |most, (c, l)| most.max(c * l.abs()));
-        let rounding = ROUNDING * terms.fold(reach.max(given_way), f64::max);
+        let bounds = problem.bounds(lambda);
+        let rounding = rounding(problem, lambda, r, moved);
         let nodes = || bounds.iter().map(|&g| Disc { g }).enumerate();
         // The gap that each node would close by itself, as far as its law lets it.
         let mut missing = vec![0.0; r.len()];
         for (i, disc) in nodes() {
-            let [node, slope, c] = [lambda, r, compliance].map(|x| at::<D>(x, i));
-            let alone: [f64; D] = from_fn(|a| match c[a] > 0.0 && !(slope[a].abs() <= rounding) {
+            let [node, slope, c, none] = [lambda, r, compliance, &rounding].map(|x| at::<D>(x, i));
+            let alone: [f64; D] = from_fn(|a| match c[a] > 0.0 && !(slope[a].abs() <= none[a]) {
                 true => node[a] - slope[a] / c[a],
                 false => node[a],
             });
@@ -128,13 +126,14 @@ impl Goal {
             }
         }
         for (i, disc) in nodes() {
-            let [node, more, c] = [lambda, &closing, compliance].map(|x| at::<D>(x, i));
+            let [node, more, c, none] =
+                [lambda, &closing, compliance, &rounding].map(|x| at::<D>(x, i));
             let met: [f64; D] = disc.project(from_fn(|a| node[a] + more[a]));
             for a in 0..D {
-                if c[a] * node[a].abs() > touching * rounding {
+                if c[a] * node[a].abs() > touching * none[a] {
                     let largest = if a == 0 { &mut pressure } else { &mut traction };
                     *largest = largest.max(node[a].abs() / areas[i]);
-                    off = off.max(rounding / c[a] / areas[i]);
+                    off = off.max(none[a] / c[a] / areas[i]);
                 }
                 let moved = (met[a] - node[a]).abs() / areas[i];
                 if moved.is_nan() || more[a].is_nan() {
@@ -147,6 +146,19 @@ impl Goal {
         let largest = if pressure > 0.0 { pressure } else { traction };
         largest == 0.0 || off <= forces * self.tolerance * largest
     }
+}
+
+/// What each entry of r may be off by through rounding alone.
+fn rounding<const D: usize, K>(
+    problem: &ContactProblem<D, K>,
+    lambda: &[f64],
+    r: &[f64],
+    moved: &[f64],
+) -> Vec<f64> {
+    let offsets = problem.load_case().offsets();
+    let now = offsets.iter().zip(r).map(|(c, r)| (c - r).abs());
+    let moved = moved.iter().zip(now).map(|(moved, now)| moved.max(now));
+    problem.rounding(moved.collect(), lambda)
 }
 
 /// δ with (B D⁻¹ Bᵀ + C) δ = `missing` on the multipliers where that is not zero, by this many steps of conjugate gradients; NaN where
@@ -255,7 +267,7 @@ mod tests {
         lambda[4..].fill(0.0);
         let met = |lambda: &[f64], r: [f64; 4]| {
             let r = [r, [0.0; 4]].concat();
-            goal.forces_met(&problem, lambda, &r, 0.0)
+            goal.forces_met(&problem, lambda, &r, &[0.0; 8])
         };
         assert!(met(&lambda, [0.0; 4]));
         // 0.9e-3 of the largest pressure, and 1.1e-3, where 1e-3 is asked for: together, then against each other.
@@ -270,18 +282,18 @@ mod tests {
         // Rounding of a way of 10⁹ is 7e-6: less than what small forces close is none, somewhat more is not known well enough.
         let near = four_on_two(1e-3);
         let mut case = near.load_case().clone();
-        case.travelled = 1e9;
+        case.travelled = vec![1e9; 6].into();
         let far = near.under(case);
         for (size, expected) in [(1e-8, true), (1e-6, false), (1.0, true)] {
             let lambda: Vec<f64> = lambda.iter().map(|l| size * l).collect();
             assert_eq!(
-                goal.forces_met(&far, &lambda, &[0.0; 8], 0.0),
+                goal.forces_met(&far, &lambda, &[0.0; 8], &[0.0; 8]),
                 expected,
                 "{size:e}"
             );
             // So is it where B u is what is left of displacements of that size.
             assert_eq!(
-                goal.forces_met(&near, &lambda, &[0.0; 8], 1e9),
+                goal.forces_met(&near, &lambda, &[0.0; 8], &[1e9; 8]),
                 expected,
                 "{size:e}"
             );

@@ -163,8 +163,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         }
         // Forces below the rounding of those that they are left of, step by step, are none.
         let none = vec![0.0; point.lambda.len()];
-        let larger = norm_max(&from.lambda).max(norm_max(&self.before));
-        if norm_max(&point.lambda) <= 100.0 * ROUNDING * larger
+        if norm_max(&point.lambda) <= 100.0 * ROUNDING * norm_max(&from.lambda)
             && self.balance.as_ref().is_none_or(|b| b.holds(&none))
         {
             point.lambda = none;

@@ -7,9 +7,10 @@ use super::sets::Sets;
 use super::solution::Step;
 use super::surrogate::Surrogate;
 use super::{EXACT, Method, Numbers};
+use crate::constraint::{TIED, row_of, tangential};
 use crate::dual::balance::{Balance, FaceBalance};
 use crate::dual::{DualError, DualOperator};
-use crate::problem::{ContactProblem, Elsewhere, Kkt};
+use crate::problem::{ContactProblem, Elsewhere, Kkt, beyond};
 use crate::rounding::{DEPENDENT, ROUNDING};
 use crate::sparse::{add_times, difference, norm, norm_max};
 use std::borrow::Cow;
@@ -47,8 +48,10 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub check_accuracy: f64,
     /// ε.
     pub tolerance: f64,
-    /// The largest displacement when u was last seen, but for motions as a whole; 0 before.
-    pub reach: f64,
+    /// Of each row of B what it is a difference of, not scaled: [`ContactProblem::reach`].
+    pub reach: Vec<f64>,
+    /// How far the bodies that each row of B is about had moved when u was last seen, but for motions as a whole; 0 before.
+    pub moved: Vec<f64>,
     /// λ before the load step, scaled; empty at rest.
     pub before: Vec<f64>,
     /// Where bodies that can move as a whole are, as far as nothing moves them: coefficients of their motions.
@@ -59,6 +62,8 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
 pub(super) struct Way<const D: usize> {
     /// P_Λ(λᵏ) and its gradient.
     pub point: Point,
+    /// λᵏ itself, as the inner problem of a step as printed has left it: Step 2 is about that.
+    pub inner: Option<Point>,
     /// errᵏ.
     pub err: f64,
     /// The point that err⁰ is taken at, and err⁰.
@@ -129,15 +134,48 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         norm(&own)
     }
 
-    /// The error of r by rounding alone: no smaller error can be measured in f64.
+    /// The error of err by rounding of r alone: no smaller error can be measured in f64. Each row has its own: that of what it is a
+    /// difference of, and of how far its node has moved. A gap that is open beyond all rounding has no part in err, nor has a
+    /// traction that is held on its bound; in space it turns there.
     pub fn rounding(&self, point: &Point) -> f64 {
-        let mut terms: Vec<f64> = (self.offsets.iter().zip(&point.r))
-            .map(|(c, r)| c.abs().max((c - r).abs()))
-            .collect();
-        for (term, (c, l)) in (terms.iter_mut()).zip(self.compliance.iter().zip(&point.lambda)) {
-            *term = term.max(c * l.abs());
+        let Point { lambda, r, .. } = point;
+        let (m, bounds) = (self.problem.m(), self.law.bounds(lambda));
+        let length = self.gradient_length();
+        let mut terms = vec![0.0; lambda.len()];
+        for (i, &g) in bounds.iter().enumerate() {
+            let rows: [usize; D] = std::array::from_fn(|a| row_of::<D>(m, i, a));
+            // B u, whatever is left of it beside a large c.
+            let moved = rows.iter().fold(0.0_f64, |most, &row| {
+                let (c, r) = (self.offsets[row], r[row]);
+                most.max(beyond(c - r, ROUNDING * c.abs()).abs())
+            });
+            let term = rows.map(|row| {
+                let given_way = self
+                    .compliance
+                    .get(row)
+                    .map_or(0.0, |c| c * lambda[row].abs());
+                let reach = self.reach[row].max(self.moved[row]) * self.products.dual.factor(row);
+                ROUNDING * reach.max(moved).max(given_way)
+            });
+            let z: [f64; D] = std::array::from_fn(|a| lambda[rows[a]] - length * r[rows[a]]);
+            let mut part = [1.0; D];
+            if g != TIED {
+                let length = self.numbers.touching * length;
+                let is_open = z[0] < -length * term[0];
+                part[0] = if is_open { 0.0 } else { 1.0 };
+                let off = term[1..].iter().fold(0.0_f64, |off, term| off.max(*term));
+                let beyond = tangential(z) > g + length * off;
+                let turns = if D == 2 { 0.0 } else { g / tangential(z) };
+                let bears = if beyond { turns } else { 1.0 };
+                // Under Coulomb's law a bound of 0 may be one of rounding.
+                let none = g == 0.0 && (is_open || self.law.mu(i) == 0.0);
+                part[1..].fill(if none { 0.0 } else { bears });
+            }
+            for (row, (part, term)) in rows.into_iter().zip(part.into_iter().zip(term)) {
+                terms[row] = part * term;
+            }
         }
-        0.5 * ROUNDING * norm(&terms)
+        0.5 * norm(&terms)
     }
 
     /// A projected gradient step of length ρ from a point, with the α that keeps the bodies in balance on it. The point
@@ -269,7 +307,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Replaces r by c − Bu.
     pub fn take_from(&mut self, u: &[f64], point: &mut Point) {
         let problem = self.problem;
-        self.reach = problem.ranks().norm_max(u);
+        self.moved = problem.row_sizes(&problem.body_sizes(u));
         let (rn, rt) = point.r.split_at_mut(problem.m());
         rn.copy_from_slice(&problem.times(problem.normal(), u));
         rt.copy_from_slice(&problem.times(problem.tangential(), u));

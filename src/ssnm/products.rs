@@ -9,8 +9,9 @@ use super::scaling::Scaled;
 use super::{EXACT, Method, NewtonSettings, Numbers};
 use crate::control::{Accuracy, Correction, Stop};
 use crate::dual::{DualError, DualOperator};
-use crate::problem::LoadCase;
-use crate::sparse::{add_times, difference, norm};
+use crate::problem::{LoadCase, beyond};
+use crate::rounding::ROUNDING;
+use crate::sparse::{add_times, norm};
 
 /// The dual operator, how accurately it is used, and how often.
 pub(super) struct Products<'a, O: ?Sized> {
@@ -142,7 +143,10 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         if !self.follow(lambda, &mut r, along, accuracy)? {
             return Ok(None);
         }
-        let (moved, change) = (norm(&difference(&r, expected)), self.correction.change);
+        let moved: Vec<f64> = (r.iter().zip(expected))
+            .map(|(r, expected)| beyond(r - expected, ROUNDING * r.abs()))
+            .collect();
+        let (moved, change) = (norm(&moved), self.correction.change);
         if change > 0.0 && moved > 0.0 {
             let gain = moved / change;
             // Where PCG is slow, what it has mended at first hardly moves the contact, what it has left does.

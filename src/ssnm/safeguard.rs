@@ -1,11 +1,16 @@
 //! The safeguard of the algorithms as printed: what counts as progress, and what is done without.
 //!
+//! With a large ρ neither q nor err falls in each step, and the sets find their way all the same. So a step is replaced only
+//! where the algorithm goes in circles: the sets of an earlier step come back, after others and without any progress since, or
+//! there is none in many steps.
+//!
 //! Under given bounds q falls along safeguarded steps, which is a proof: a projected gradient step with
 //! ρ = 1/σ_max < 2/σ_max lowers q by at least half of ρ‖r̃_ρ‖² (Kučera 2008, reference 2 of the paper). Under Coulomb's law
 //! there is nothing but the error to go by, and no step is known to lower it.
 
 use super::newton::{Newton, Way};
 use super::point::Point;
+use super::sets::Sets;
 use super::{Numbers, Status};
 use crate::dual::{DualError, DualOperator};
 
@@ -18,16 +23,15 @@ pub(super) enum Plan {
     Gradient,
 }
 
-/// Steps that lower neither the best q nor the best error are discarded and replaced by projected gradient steps, each
-/// time for twice as many steps.
-pub(super) struct Safeguard {
-    /// The point of lowest q (under Coulomb's law of the least error), and the first one.
+/// Steps that go in circles are discarded and replaced by projected gradient steps, each time for twice as many steps.
+pub(super) struct Safeguard<const D: usize> {
+    /// The point of lowest q (under Coulomb's law of the least error).
     best: Point,
-    first: Point,
     /// The least error.
     best_err: f64,
-    /// Steps in a row without progress.
+    /// Steps in a row without progress, and their sets: those of steps with the same sets one after the other once.
     fruitless: usize,
+    seen: Vec<Sets<D>>,
     /// What sets are predicted with.
     rho: f64,
     /// Safeguarded steps still to make, and how many the next discarded steps will cost.
@@ -38,17 +42,14 @@ pub(super) struct Safeguard {
     numbers: Numbers,
 }
 
-impl Safeguard {
+impl<const D: usize> Safeguard<D> {
     /// What it has to say before the first step.
-    pub fn new<O: DualOperator + ?Sized, const D: usize>(
-        newton: &Newton<O, D>,
-        way: &Way<D>,
-    ) -> Self {
+    pub fn new<O: DualOperator + ?Sized>(newton: &Newton<O, D>, way: &Way<D>) -> Self {
         Self {
             best: way.point.clone(),
-            first: way.point.clone(),
             best_err: way.err,
             fruitless: 0,
+            seen: Vec::new(),
             rho: newton.rho(),
             guarded: 0,
             penalty: 1,
@@ -86,20 +87,35 @@ impl Safeguard {
         self.fruitless = if progress { 0 } else { self.fruitless + 1 };
     }
 
-    /// Whether to discard what has led here. More than half of all progress lost counts at once, and so does NaN.
-    fn discards(&self, lost: f64, gained: f64, safeguarded: bool) -> bool {
+    /// Takes note of the sets of a step; whether those of an earlier one have come back, after others.
+    fn come_back(&mut self, sets: &Sets<D>) -> bool {
+        if self.fruitless == 0 {
+            self.seen.clear();
+        }
+        if self.seen.last() == Some(sets) {
+            return false;
+        }
+        let before = self.seen.contains(sets);
+        self.seen.push(sets.clone());
+        before
+    }
+
+    /// Whether to discard what has led here; NaN is discarded at once.
+    fn discards(&self, lost: f64, come_back: bool, safeguarded: bool) -> bool {
         if self.is_coulomb {
             return self.fruitless >= self.numbers.fruitless;
         }
-        self.fruitless >= self.numbers.denied
+        self.fruitless >= self.numbers.fruitless
+            || come_back
             || (safeguarded && self.fruitless > 0)
-            || !(lost <= 0.5 * gained)
+            || lost.is_nan()
     }
 
     /// Acts, for twice as many steps as the last time.
     fn act(&mut self, err: f64, alpha: f64) {
         self.best_err = err;
         self.fruitless = 0;
+        self.seen.clear();
         self.rho = self.rho.min(alpha);
         self.guarded = self.penalty;
         self.penalty *= 2;
@@ -111,7 +127,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// is the end. `stopped`: the observer has asked for it.
     pub fn judge(
         &mut self,
-        safeguard: &mut Safeguard,
+        safeguard: &mut Safeguard<D>,
         way: &mut Way<D>,
         stopped: bool,
     ) -> Result<Option<Status>, DualError> {
@@ -119,7 +135,10 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let lost = safeguard.best.q_change(&way.point);
         let error = self.error_with(&safeguard.best, self.gradient_length());
         safeguard.note(lost, 0.5 * self.gradient_length() * error.powi(2), way.err);
-        let gained = -safeguard.first.q_change(&safeguard.best);
+        let come_back = way
+            .sets
+            .as_ref()
+            .is_some_and(|sets| safeguard.come_back(sets));
         let better = match safeguard.is_coulomb {
             true => way.err < safeguard.best_err,
             false => lost < 0.0,
@@ -132,10 +151,11 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             way.point.clone_from(&safeguard.best);
             return Ok(Some(Status::Interrupted));
         }
-        if !safeguard.discards(lost, gained, safeguarded) {
+        if !safeguard.discards(lost, come_back, safeguarded) {
             return Ok(None);
         }
         way.point.clone_from(&safeguard.best);
+        way.inner = None;
         way.err = self.update_error(&mut way.point);
         // Not even a projected gradient step lowers q or the error.
         if safeguard.is_coulomb || (safeguarded && safeguard.fruitless > 0) {
@@ -150,17 +170,17 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 mod tests {
     use super::*;
 
-    fn safeguard() -> Safeguard {
+    fn safeguard() -> Safeguard<2> {
         let point = Point {
             lambda: vec![0.0; 2],
             r: vec![0.0; 2],
             motion: Vec::new(),
         };
         Safeguard {
-            best: point.clone(),
-            first: point,
+            best: point,
             best_err: 1.0,
             fruitless: 0,
+            seen: Vec::new(),
             rho: 20.0,
             guarded: 0,
             penalty: 1,
@@ -182,20 +202,35 @@ mod tests {
     }
 
     #[test]
-    fn four_steps_without_progress_cost_safeguarded_ones() {
+    fn sets_that_come_back_without_progress_are_circles() {
+        let sets = |normal: f64| Sets::<2>::predict(&[normal, 0.0], &[0.0; 2], 1.0, &[1.0]);
+        let (a, b) = (sets(1.0), sets(-1.0));
         let mut safeguard = safeguard();
-        for _ in 0..3 {
+        let mut step = |err: f64, sets: &Sets<2>| {
+            safeguard.note(0.0, 1.0, err);
+            safeguard.best_err = safeguard.best_err.min(err);
+            safeguard.come_back(sets)
+        };
+        // The same sets as in the last step are no circle, nor are those of a step before progress.
+        assert!(!step(1.0, &a) && !step(1.0, &a) && !step(1.0, &b));
+        assert!(!step(0.5, &a) && !step(0.5, &b));
+        assert!(step(0.5, &a));
+    }
+
+    #[test]
+    fn circles_cost_safeguarded_steps() {
+        let mut safeguard = safeguard();
+        for _ in 0..safeguard.numbers.fruitless - 1 {
             safeguard.note(0.0, 1.0, 1.0);
-            assert!(!safeguard.discards(0.0, 1.0, false));
+            assert!(!safeguard.discards(0.0, false, false));
             assert!(
-                safeguard.discards(0.0, 1.0, true),
+                safeguard.discards(0.0, false, true),
                 "a safeguarded one at once"
             );
         }
-        // A step that loses too much of all progress, too.
-        assert!(safeguard.discards(0.6, 1.0, false) && safeguard.discards(f64::NAN, 1.0, false));
+        assert!(safeguard.discards(0.0, true, false) && safeguard.discards(f64::NAN, false, false));
         safeguard.note(0.0, 1.0, 1.0);
-        assert!(safeguard.discards(0.0, 1.0, false));
+        assert!(safeguard.discards(0.0, false, false));
 
         assert_eq!(safeguard.plan(), Plan::Newton { rho: 20.0 });
         for steps in [1, 2, 4, 8] {

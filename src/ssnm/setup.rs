@@ -142,7 +142,8 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             checked: None,
             check_accuracy: settings.tolerance,
             tolerance: settings.tolerance,
-            reach: 0.0,
+            reach: problem.reach(),
+            moved: vec![0.0; D * problem.m()],
             before,
             place: warm.motion,
             offsets,
@@ -159,6 +160,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         };
         let mut way = Way {
             point: first.clone(),
+            inner: None,
             first,
             err: 0.0,
             err0: 0.0,

@@ -30,6 +30,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             match self.step_1(way, &mut goal)? {
                 Ended::With(status) => return Ok(status),
                 Ended::Again => {
+                    way.inner = None;
                     safeguard.go_on_from(&way.point, way.err);
                     continue;
                 }
@@ -48,8 +49,11 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             // Steps 2, 3.2 and 3.3, or what the safeguard puts in their place.
             let plan = safeguard.plan();
             let made = match plan {
-                Plan::Newton { rho } => self.newton_step(&mut way.point, rho, target),
-                Plan::Gradient => self.safeguarded_step(&mut way.point, target),
+                Plan::Newton { rho } => self.newton_step(way, rho, target),
+                Plan::Gradient => {
+                    way.inner = None;
+                    self.safeguarded_step(&mut way.point, target)
+                }
             };
             let (sets, inner) = match made {
                 Ok(made) => made,
@@ -83,14 +87,18 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// Steps 2 and 3 of the paper, to a residual of `target`, then P_Λ; returns the sets and the number of inner iterations.
     fn newton_step(
         &mut self,
-        point: &mut Point,
+        way: &mut Way<D>,
         rho: f64,
         target: f64,
     ) -> Result<(Sets<D>, usize), DualError> {
+        let point = &mut way.point;
         // Step 2.
         let GradientStep { end, start } = self.step_from(point, rho);
         *point = start;
-        let sets = self.predict(point, rho);
+        let sets = match way.inner.take() {
+            Some(inner) => self.predict(&inner, rho),
+            None => self.predict(point, rho),
+        };
         // Step 3.2: inactive multipliers on their bounds.
         let mut start = point.lambda.clone();
         sets.set_bounds(&mut start, &self.law);
@@ -101,7 +109,12 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         self.move_to(point, start)?;
         // Step 3.3.
         let iterations = self.solve_inner(point, face, target)?;
-        // Step 3.4 takes the error at a point of Λ, and the next step goes on from there.
+        // Step 3.4 takes the error at a point of Λ, and the next step goes on from there; but what the inner problem has pulled or
+        // driven beyond its bound leaves its set, whatever r is at the projection. (What the paper has not, balance and Coulomb's
+        // law, is about feasible forces.)
+        if self.balance.is_none() && !self.law.is_coulomb() {
+            way.inner = Some(point.clone());
+        }
         self.move_into(point)?;
         self.refresh(point, 0.0)?;
         Ok((sets, iterations))

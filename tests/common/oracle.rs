@@ -150,6 +150,12 @@ impl Oracle {
         largest(&self.deformed(u)).max(largest(&self.own(lambda)))
     }
 
+    /// What the displacements before are differences of: a node that sticks has hardly moved, and K⁻¹f and K⁻¹Bᵀλ are as large
+    /// as what its force does.
+    fn before(&self, start: &State) -> f64 {
+        largest(&start.u).max(largest(&self.own(&start.lambda)))
+    }
+
     /// What each contact force does to its own node at least.
     fn own(&self, lambda: &[f64]) -> Vec<f64> {
         (self.compliance.iter().zip(lambda))
@@ -182,7 +188,7 @@ impl Oracle {
     /// What closes or opens no more of a gap than rounding does, at each node: forces that are none.
     pub fn noise(&self, load: &Load, start: &State, u: &[f64]) -> Vec<f64> {
         let reach = largest(u)
-            .max(largest(&start.u))
+            .max(self.before(start))
             .max(largest(&load.gap))
             .max(largest(&load.slide));
         (self.compliance.iter())
@@ -279,7 +285,7 @@ impl Oracle {
         let origin: Vec<f64> = (0..rows)
             .map(|i| before[i] - (load.slide[i] - start.slide[i]))
             .collect();
-        let reach = (largest(&start.u))
+        let reach = (self.before(start))
             .max(largest(&load.gap))
             .max(largest(&origin));
 

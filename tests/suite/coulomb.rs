@@ -21,6 +21,7 @@
 //! - `COULOMB_PATHS`: `cholesky` or `pcg`, to try one path only;
 //! - `COULOMB_ONLY`: the number of a single problem, which is printed with the history of each of its solves.
 
+mod best;
 mod problems;
 mod tally;
 

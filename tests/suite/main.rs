@@ -7,6 +7,7 @@
 mod common;
 
 mod axisymmetric;
+mod by_row;
 mod campaign;
 mod case_c;
 mod compliance;

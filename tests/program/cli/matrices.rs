@@ -146,18 +146,8 @@ fn broken_matrices_are_explained() {
         ),
         (
             "N.mtx",
-            coordinate("1 2 0", "1 2 1"),
-            "row 1 of N has no nonzero entry",
-        ),
-        (
-            "N.mtx",
             coordinate("1 2 1", "1 3 1"),
             "N is 1 × 3, expected 1 × 2",
-        ),
-        (
-            "T.mtx",
-            coordinate("", "1 2 0"),
-            "row 1 of T has no nonzero entry",
         ),
         (
             "T.mtx",
