@@ -94,6 +94,8 @@ pub struct PairOptions<'a, const D: usize = 2> {
     pub edge_angle: f64,
     /// Of nodes on planes of symmetry: the normals of those. The averaged normals of a boundary lie in these planes.
     pub symmetry: Option<&'a HashMap<u32, Vec<[f64; D]>>>,
+    /// Between bodies: orthonormal directions along which nodes are held, by supports or as they move alike with others.
+    pub held: Option<&'a HashMap<u32, Vec<[f64; D]>>>,
     /// What lies farther apart is no candidate for contact between bodies, and Tresca's bound does not act there
     /// on an obstacle; None: half the diagonal of the box around the smaller boundary.
     pub search_distance: Option<f64>,
@@ -111,6 +113,7 @@ impl<const D: usize> Default for PairOptions<'_, D> {
             stiffness: [None; 2],
             edge_angle: EDGE_ANGLE,
             symmetry: None,
+            held: None,
             search_distance: None,
         }
     }
@@ -206,6 +209,8 @@ pub struct ContactPlace<const D: usize = 2> {
     pub own: Vec<(u32, f64)>,
     /// The nodes of the other body that it meets, with weights that add up to 1; none for a rigid obstacle.
     pub partners: Vec<(u32, f64)>,
+    /// Both of these in the row along each direction of the frame, where nodes of its own side are held; else empty.
+    pub directed: Vec<[Vec<(u32, f64)>; 2]>,
     /// Orthonormal directions, one a row: ν towards the obstacle or the other body, then the tangents, as [`frame`]
     /// makes them. (Of nodes that move alike the axes along which they do, and zeros for the others.)
     pub frame: [[f64; D]; D],
@@ -225,6 +230,14 @@ pub struct ContactPlace<const D: usize = 2> {
 }
 
 impl<const D: usize> ContactPlace<D> {
+    /// The nodes of its own body and those that it meets in the row along direction `a` of its frame.
+    pub fn sides(&self, a: usize) -> [&[(u32, f64)]; 2] {
+        match self.directed.get(a) {
+            Some([own, partners]) => [own, partners],
+            None => [&self.own, &self.partners],
+        }
+    }
+
     /// The mean over its own nodes: of their places, displacements and so on.
     pub fn mean(&self, of: impl Fn(u32) -> [f64; D]) -> [f64; D] {
         mean(&self.own, of)
@@ -258,6 +271,27 @@ pub fn frame<const D: usize>(normal: [f64; D]) -> [[f64; D]; D] {
         *tangent = std::array::from_fn(|c| f64::from(u8::from(c == k)) - part * mirror[c]);
     }
     frame
+}
+
+/// Turns the tangents of a frame, in space, so that the first has no part in the only direction of a projector.
+fn turn_tangents<const D: usize>(frame: &mut [[f64; D]; D], onto: &[[f64; D]; D]) {
+    let trace: f64 = (0..D).map(|c| onto[c][c]).sum();
+    if D != 3 || (trace - 1.0).abs() > 1e-9 {
+        return;
+    }
+    let [s, t] = [frame[1], frame[2]];
+    // The column of the projector that is longest is along the direction.
+    let way = (0..D)
+        .map(|c| onto[c])
+        .max_by(|a, b| length(*a).total_cmp(&length(*b)));
+    let way = way.map_or([0.0; D], unit);
+    let parts = [dot(way, s), dot(way, t)];
+    let length = parts[0].hypot(parts[1]);
+    if length > 0.0 {
+        let (cos, sin) = (parts[1] / length, parts[0] / length);
+        frame[1] = std::array::from_fn(|i| cos * s[i] - sin * t[i]);
+        frame[2] = std::array::from_fn(|i| sin * s[i] + cos * t[i]);
+    }
 }
 
 impl SlipBound {

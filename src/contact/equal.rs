@@ -40,6 +40,7 @@ where
                 node: Some(node),
                 own: vec![(node, 1.0)],
                 partners: vec![(first, 1.0)],
+                directed: Vec::new(),
                 frame,
                 gap: 0.0,
                 area: if area > 0.0 { area } else { 1.0 },

@@ -20,6 +20,14 @@
 //!   of a segment, `mortar/hull.rs` in space). Since Σβ = 1 and Σβᵢxᵢ = x, Σψ = 1 and ∫ ψᵢ x ds = Dᵢ xᵢ: a uniform
 //!   pressure is handed on exactly, and the force of a place acts just there, on the border of what is covered. With the
 //!   facet's own functions it would act at nodes beyond, and a body would stand on what is not there.
+//! - **A facet with nodes that supports hold** in a direction, or that move alike with others, has no multipliers of its own
+//!   at these in that direction: their β are handed on to the free places F beside them, β̃ = β + Σ c βₕ, and ψ = C β̃ among
+//!   those with C = diag(1ᵀG) G⁻¹, Gᵢⱼ = ∫ β̃ᵢ βⱼ over F. Then Σψ = 1 again, and where one place is free ψ = 1. (With ψ of
+//!   both signs a held place would have a row of the master's nodes alone, which forbids that to bend away; with βₕ there
+//!   were more rows than the slave can follow.) Where all are held, ψ = β ≥ 0. Along tangents with friction a place that is
+//!   free along its normal keeps what rubs there: ψₕ = βₕ. Each direction e has its own ψ, and a row those of all with the
+//!   weights (v·e)², where v is the normal or the tangent of the facet. Facets of second order that are held along their normals have the places of their corners, with
+//!   linear β, as if they were covered in part: β of second order have both signs.
 //! - **Curved facets** are what their shape functions say: normals, gaps and measures are those of the true surface, and a
 //!   point of one facet is found on the other by Newton's method. In space what two of them have in common is clipped between
 //!   straight lines from node to node, on a plane for each facet of the slave.
@@ -40,21 +48,22 @@ mod segments;
 mod surface;
 
 use super::search::{Bounds, Search};
-use super::{ContactError, ContactPlace, Friction, PairOptions, rounding};
+use super::{ContactError, ContactPlace, Friction, PairOptions, frame, rounding, turn_tangents};
 use crate::dense;
 use crate::elasticity::{Body, Depth};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Topology, facet_nodes};
 use faer::Mat;
+use faer::linalg::solvers::DenseSolveCore as _;
 use places::Places;
 use rayon::prelude::*;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use surface::Surface;
 
 pub use super::search::Beam;
 
 /// A facet of the slave boundary, the one that has the multipliers.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct SlaveFacet<const D: usize> {
     /// How many nodes it has.
     len: usize,
@@ -68,6 +77,96 @@ pub struct SlaveFacet<const D: usize> {
     slack: f64,
     /// How far the body reaches perpendicular to the plane.
     depth: Depth,
+    /// The directions along which some of its nodes are held.
+    held: Vec<HeldAlong<D>>,
+}
+
+/// Directions along which the same nodes of a facet are held.
+#[derive(Clone, Debug)]
+struct HeldAlong<const D: usize> {
+    /// The projector onto these directions.
+    onto: [[f64; D]; D],
+    /// The nodes that are held.
+    nodes: [bool; 9],
+}
+
+impl<const D: usize> HeldAlong<D> {
+    /// The directions along which some of the nodes are held, if `ways` of a node are the unit vectors along which it is.
+    fn of(nodes: &[u32], ways: &HashMap<u32, Vec<[f64; D]>>) -> Vec<Self> {
+        let ways_of = |node: &u32| ways.get(node).map_or(&[][..], |ways| ways);
+        let axes: [[f64; D]; D] =
+            std::array::from_fn(|a| std::array::from_fn(|c| f64::from(u8::from(a == c))));
+        let is_axis = |way: &[f64; D]| way.iter().any(|c| c.abs() > 1.0 - SAME);
+        let mut oblique = nodes.iter().flat_map(ways_of).filter(|way| !is_axis(way));
+        let basis = oblique.next().map_or(axes, |&way| frame(way));
+        let mut all: Vec<Self> = Vec::new();
+        for way in basis {
+            let mut held = [false; 9];
+            for (held, node) in held.iter_mut().zip(nodes) {
+                let along = ways_of(node).iter().map(|w| dot(*w, way).powi(2));
+                *held = along.sum::<f64>() > 0.5;
+            }
+            if !held.contains(&true) {
+                continue;
+            }
+            let alike = all.iter().position(|other| other.nodes == held);
+            let at = alike.unwrap_or_else(|| {
+                all.push(Self {
+                    onto: [[0.0; D]; D],
+                    nodes: held,
+                });
+                all.len() - 1
+            });
+            for a in 0..D {
+                for b in 0..D {
+                    all[at].onto[a][b] += way[a] * way[b];
+                }
+            }
+        }
+        all
+    }
+
+    /// The part of it in a unit vector: vᵀ P v. Within 6° of these directions, or of all across them, it is all or nothing:
+    /// no place is left with a hundredth of itself.
+    fn part(onto: &[[f64; D]; D], v: [f64; D]) -> f64 {
+        const ALL: f64 = 0.99;
+        match dot(v, onto.map(|row| dot(row, v))) {
+            part if part > ALL => 1.0,
+            part if part < 1.0 - ALL => 0.0,
+            part => part,
+        }
+    }
+
+    /// Which vertices of what is covered are held.
+    fn vertices(&self, cover: &Cover<D>, len: usize, n_corners: usize) -> Vec<bool> {
+        if cover.is_whole {
+            return self.nodes[..len].to_vec();
+        }
+        // Between nodes so much of a vertex is held as its place says, linear from corner to corner.
+        let n_middles = if n_corners == 2 { 1 } else { n_corners };
+        let mut part = [0.0; 9];
+        for (k, part) in part[..n_corners].iter_mut().enumerate() {
+            let beside = [k, (k + n_middles - 1) % n_middles].map(|edge| n_corners + edge);
+            let inner = n_corners + n_middles..len;
+            let near = beside.into_iter().filter(|&b| b < len).chain(inner);
+            *part = f64::from(u8::from(
+                self.nodes[k] || near.into_iter().any(|k| self.nodes[k]),
+            ));
+        }
+        let corners = part;
+        for k in n_corners..len {
+            part[k] = match k - n_corners {
+                edge if edge < n_middles => 0.5 * (corners[edge] + corners[(edge + 1) % n_corners]),
+                _ => corners[..n_corners].iter().sum::<f64>() / n_corners as f64,
+            };
+        }
+        (cover.vertices.iter())
+            .map(|vertex| {
+                let held = (vertex.shape.iter().zip(part)).map(|(phi, part)| phi * part);
+                held.sum::<f64>() > 0.5 + SAME
+            })
+            .collect()
+    }
 }
 
 /// A facet of the master boundary that the slave may meet.
@@ -120,15 +219,39 @@ pub enum Site {
     Inside,
 }
 
+/// A place where what is covered of a facet hands forces on.
+#[derive(Clone, Copy, Debug)]
+pub struct Vertex<const D: usize> {
+    site: Site,
+    place: [f64; D],
+    /// The angle of what is covered there, in half turns (in the plane a half for either end): those of all that is covered
+    /// around a place on its border add up to 1 or, at a corner, to less.
+    angle: f64,
+    /// φ of the nodes of the facet there.
+    shape: [f64; 9],
+}
+
+impl<const D: usize> Vertex<D> {
+    /// The node `k` of a facet.
+    fn at_node(slave: &SlaveFacet<D>, k: usize, angle: f64) -> Self {
+        let mut shape = [0.0; 9];
+        shape[k] = 1.0;
+        Self {
+            site: Site::Node(k),
+            place: slave.nodes[k],
+            angle,
+            shape,
+        }
+    }
+}
+
 /// What one connected part of the master boundary covers of a slave facet.
 #[derive(Clone, Debug)]
 pub struct Cover<const D: usize> {
     /// The smooth part of the master boundary.
     part: u32,
-    /// The places that it hands forces on at, the vertices of its convex hull, with its angle there in half turns (in the
-    /// plane a half for either end): those of all that is covered around a place on its border add up to 1 or, at a
-    /// corner, to less.
-    vertices: Vec<(Site, [f64; D], f64)>,
+    /// The places that it hands forces on at, the vertices of its convex hull.
+    vertices: Vec<Vertex<D>>,
     /// Integration points, those with one facet one after the other.
     points: Vec<IntegrationPoint<D>>,
     /// Whether that is the whole facet: its vertices are its nodes then.
@@ -250,9 +373,19 @@ where
     let shares: Vec<FacetShares<D>> = (0..facets.len())
         .into_par_iter()
         .map(|number| {
-            let slave = SlaveFacet::new(body, &first, number);
+            let mut slave = SlaveFacet::new(body, &first, number);
+            if let Some(held) = options.held {
+                slave.held = HeldAlong::of(facet_nodes(&facets[number]), held);
+            }
             let near = second.near(mesh, &search, &slave, distance);
-            integrate(&slave, &near, distance, rounding, options)
+            integrate(
+                &slave,
+                facet_nodes(&facets[number]),
+                &near,
+                distance,
+                rounding,
+                options,
+            )
         })
         .collect();
     if let Some(worst) = shares
@@ -352,7 +485,26 @@ impl<const D: usize> SlaveFacet<D> {
             normal: surface.outward[number],
             slack: surface.slack[number],
             depth: body.depth(),
+            held: Vec::new(),
         }
+    }
+
+    /// How many of its nodes are corners.
+    fn n_corners(&self) -> usize {
+        match (D, self.len) {
+            (2, _) => 2,
+            (_, 3 | 6) => 3,
+            _ => 4,
+        }
+    }
+
+    /// Whether it is of second order and held along its normal: its places are its corners then, wherever it is covered.
+    fn is_linear(&self) -> bool {
+        let held = self.held.iter();
+        let across: f64 = held
+            .map(|held| HeldAlong::part(&held.onto, self.normal))
+            .sum();
+        self.len > self.n_corners() && across > 0.5
     }
 
     /// Where its nodes are.
@@ -424,6 +576,46 @@ struct Share<const D: usize> {
     own: Option<[f64; 9]>,
     /// (j, ∫ ψᵢ φⱼ).
     partners: Vec<(u32, f64)>,
+    /// What held directions change of these.
+    held: Option<Change<D>>,
+}
+
+/// What held directions change of the integrals of a place.
+#[derive(Clone, Debug)]
+struct Change<const D: usize> {
+    /// The projector onto the directions that are held, if the same nodes are in all of them.
+    onto: Option<[[f64; D]; D]>,
+    /// In the rows along ν and along each tangent.
+    rows: [Integrals; D],
+}
+
+/// The integrals of some ψ.
+#[derive(Clone, Debug, Default)]
+struct Integrals {
+    /// ∫ ψ.
+    area: f64,
+    /// ∫ ψ gap.
+    gap: f64,
+    /// (k, ∫ ψ φₖ) over the nodes of the slave.
+    own: Vec<(u32, f64)>,
+    /// (j, ∫ ψ φⱼ) over those of the master.
+    partners: Vec<(u32, f64)>,
+}
+
+impl Integrals {
+    /// Adds `factor` times others.
+    fn add(&mut self, factor: f64, other: &Self) {
+        self.area += factor * other.area;
+        self.gap += factor * other.gap;
+        for (to, from) in [
+            (&mut self.own, &other.own),
+            (&mut self.partners, &other.partners),
+        ] {
+            for &(node, weight) in from {
+                add_to(to, node, factor * weight);
+            }
+        }
+    }
 }
 
 /// Adds to the entry of a node.
@@ -437,6 +629,7 @@ fn add_to(entries: &mut Vec<(u32, f64)>, node: u32, value: f64) {
 /// The integrals over one facet of the slave boundary. (One text: all of them are sums over the same points, made once.)
 fn integrate<const D: usize>(
     slave: &SlaveFacet<D>,
+    nodes: &[u32],
     near: &[MasterFacet<D>],
     distance: f64,
     rounding: f64,
@@ -451,6 +644,10 @@ where
         depth: 0.0,
         place: [0.0; D],
         folded: None,
+    };
+    let gap_at = |point: &IntegrationPoint<D>| {
+        let slack = slave.slack + near[point.other].slack;
+        options.gap_at(point.place, point.distance, rounding.max(slack))
     };
     for cover in <ElementKind as Mortar<D>>::covers(slave, near, distance) {
         let n = cover.vertices.len();
@@ -469,10 +666,10 @@ where
         let dual = dual(&mass, &area);
         let vertices = cover.vertices.iter().zip(&area);
         let mut vertices: Vec<Share<D>> = vertices
-            .map(|(&(site, place, angle), &area)| Share {
-                site,
-                place,
-                angle,
+            .map(|(vertex, &area)| Share {
+                site: vertex.site,
+                place: vertex.place,
+                angle: vertex.angle,
                 area,
                 bound: 0.0,
                 gap: 0.0,
@@ -480,8 +677,68 @@ where
                 normals: [[0.0; D]; 2],
                 own: (!cover.is_whole).then_some([0.0; 9]),
                 partners: Vec::new(),
+                held: None,
             })
             .collect();
+        // Which vertices are held along the normal.
+        let of_vertices = |held: &HeldAlong<D>| held.vertices(&cover, slave.len, slave.n_corners());
+        let mut across = vec![0.0; n];
+        for held in &slave.held {
+            let part = HeldAlong::part(&held.onto, slave.normal);
+            let vertices = across.iter_mut().zip(of_vertices(held));
+            vertices.for_each(|(sum, is)| *sum += part * f64::from(u8::from(is)));
+        }
+        // Functions of second order have no place of their own to hand on to.
+        let hands_on = !cover.is_whole || slave.len == slave.n_corners();
+        let is_tied = matches!(options.friction, Friction::Tied);
+        let mut frame = frame(slave.normal);
+        let onto = match &slave.held[..] {
+            [only] => Some(only.onto),
+            _ => None,
+        };
+        if let Some(onto) = &onto {
+            turn_tangents(&mut frame, onto);
+        }
+        for held in &slave.held {
+            let is_held = of_vertices(held);
+            if !is_held.contains(&true) {
+                continue;
+            }
+            let role = |a: usize| -> Vec<Role> {
+                let all = is_held.iter().zip(&across);
+                all.map(|(&is_held, &across)| match is_held {
+                    false => Role::Free,
+                    true if hands_on && (a == 0 || is_tied || across > 0.5) => Role::HandsOn,
+                    true => Role::Keeps,
+                })
+                .collect()
+            };
+            // The same part at all places, so that their ψ add up to 1.
+            let rows = (0..D).map(|a| (a, HeldAlong::part(&held.onto, frame[a])));
+            for (a, part) in rows.filter(|row| row.1 > 0.0) {
+                let change = held_dual(&mass, &area, &role(a)) - &dual;
+                for (i, share) in vertices.iter_mut().enumerate() {
+                    let change_of = share.held.get_or_insert_with(|| Change {
+                        onto,
+                        rows: std::array::from_fn(|_| Integrals::default()),
+                    });
+                    let sums = &mut change_of.rows[a];
+                    for (number, point) in cover.points.iter().enumerate() {
+                        let (beta, other) = (functions(number), &near[point.other]);
+                        let psi: f64 = (0..n).map(|k| change[(i, k)] * beta[k]).sum();
+                        let w = part * point.weight * psi;
+                        sums.area += w;
+                        sums.gap += w * gap_at(point);
+                        for (&node, phi) in nodes.iter().zip(point.slave) {
+                            add_to(&mut sums.own, node, w * phi);
+                        }
+                        for (&node, phi) in other.nodes().iter().zip(point.master) {
+                            add_to(&mut sums.partners, node, w * phi);
+                        }
+                    }
+                }
+            }
+        }
         for (number, point) in cover.points.iter().enumerate() {
             let &IntegrationPoint {
                 place: x,
@@ -497,7 +754,7 @@ where
                 all.folded = Some(x);
             }
             let beta = functions(number);
-            let gap = options.gap_at(x, point.distance, rounding.max(slave.slack + other.slack));
+            let gap = gap_at(point);
             // NaN from an expression must stay.
             if gap < -all.depth && !options.may_overlap() {
                 all.depth = -gap;
@@ -558,4 +815,64 @@ fn dual(mass: &Mat<f64>, area: &[f64]) -> Mat<f64> {
         }
     };
     Mat::from_fn(n, n, |i, j| area[i] * inverse[(i.max(j), i.min(j))])
+}
+
+/// What becomes of the β of a vertex.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Role {
+    /// It has a dual function among those that are free.
+    Free,
+    /// It is held, and its ψ is its β.
+    Keeps,
+    /// It is held, and its β goes to its neighbours.
+    HandsOn,
+}
+
+/// C of ψ = C β where some vertices are held: see the module. Vertices are in their order around what is covered.
+///
+/// Where that leaves a vertex less than a part of its ∫ β (on no facet that meshes have), none is held: the pressure of a
+/// place is its force by ∫ ψ.
+fn held_dual(mass: &Mat<f64>, area: &[f64], roles: &[Role]) -> Mat<f64> {
+    /// Of a rectangle with one held corner the opposite one keeps 2/3.
+    const KEEPS: f64 = 0.25;
+    let n = area.len();
+    let of_role = |role: Role| (0..n).filter(|&i| roles[i] == role).collect::<Vec<_>>();
+    let [free, hand_on] = [Role::Free, Role::HandsOn].map(of_role);
+    // β̃ from β.
+    let mut taken = Mat::<f64>::identity(n, n);
+    if hand_on.len() < n {
+        for &h in &hand_on {
+            taken[(h, h)] = 0.0;
+            let takes = |i: &usize| roles[*i] != Role::HandsOn;
+            let mut to: Vec<usize> = vec![(h + 1) % n, (h + n - 1) % n];
+            to.retain(takes);
+            to.dedup();
+            if to.is_empty() {
+                to = (0..n).filter(takes).collect();
+            }
+            to.iter()
+                .for_each(|&i| taken[(i, h)] = 1.0 / to.len() as f64);
+        }
+    }
+    let lower = |i: usize, j: usize| mass[(i.max(j), i.min(j))];
+    let coupled = Mat::from_fn(free.len(), free.len(), |a, b| {
+        (0..n).fold(0.0, |sum, k| sum + taken[(free[a], k)] * lower(k, free[b]))
+    });
+    let mut all = taken.clone();
+    if !free.is_empty() {
+        let inverse = coupled.partial_piv_lu().inverse();
+        for (a, &i) in free.iter().enumerate() {
+            let whole: f64 = (0..free.len()).map(|b| coupled[(b, a)]).sum();
+            for k in 0..n {
+                let sum = (free.iter().enumerate()).map(|(b, &j)| inverse[(a, b)] * taken[(j, k)]);
+                all[(i, k)] = whole * sum.sum::<f64>();
+            }
+        }
+    }
+    let keeps = |i: &usize| (0..n).map(|j| all[(*i, j)] * area[j]).sum::<f64>() >= KEEPS * area[*i];
+    if free.iter().all(keeps) {
+        all
+    } else {
+        dual(mass, area)
+    }
 }

@@ -143,6 +143,7 @@ where
             node: Some(node),
             own: vec![(node, 1.0)],
             partners,
+            directed: Vec::new(),
             frame: frame(normal),
             gap,
             area,

@@ -200,6 +200,7 @@ where
                 node: Some(node),
                 own: transformed.own(node),
                 partners: Vec::new(),
+                directed: Vec::new(),
                 frame: frame(normal),
                 gap: felt(node, &gap_of),
                 area: area[i],

@@ -5,7 +5,7 @@
 //! unique then, multipliers need not be. On rigid obstacles they do not: where a direction has no unknowns of its own,
 //! there is no friction along it ([`contact_rows`]).
 
-use super::{ContactError, ContactPlace, SlipBound};
+use super::{ContactError, ContactPlace, SlipBound, turn_tangents};
 use crate::constraint::TIED;
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
@@ -74,7 +74,7 @@ where
     // What supports prescribe along the tangents of nodes that they keep from sliding there.
     let mut kept = Vec::new();
     for (number, candidate) in candidates.iter().enumerate() {
-        let (entries, motion) = row(unknowns, candidate, candidate.frame[0]);
+        let (entries, motion) = row(unknowns, candidate.sides(0), candidate.frame[0]);
         // On an obstacle a place moves with its node; the others that it may have only say what of that counts.
         let left = unknowns.free_part(candidate.own[0].0, candidate.frame[0]);
         let is_held = candidate.partners.is_empty() && length(left) <= 1e-8;
@@ -92,8 +92,8 @@ where
         rows[0].push(entries);
         held[0].push(motion);
         let place = turned(candidate, unknowns);
-        for &tangent in &place.frame[1..] {
-            let (entries, motion) = row(unknowns, &place, tangent);
+        for (a, &tangent) in place.frame.iter().enumerate().skip(1) {
+            let (entries, motion) = row(unknowns, place.sides(a), tangent);
             tie(&entries, &motion);
             // A tie is about what neighbours deform by, too.
             let is_kept =
@@ -212,7 +212,10 @@ where
     ElementKind: Topology<D>,
 {
     let mut kept = tangent;
-    for &(node, weight) in &place.own {
+    // Where a place has neighbours of its node in its row, since that is held, the node says it.
+    let at_node = place.node.filter(|_| !place.directed.is_empty());
+    let node = at_node.map(|node| [(node, 1.0)]);
+    for &(node, weight) in node.as_ref().map_or(&place.own[..], |node| node) {
         let free = unknowns.free_part(node, tangent);
         (0..D).for_each(|c| kept[c] -= weight * free[c]);
     }
@@ -260,31 +263,25 @@ fn turned<const D: usize>(place: &ContactPlace<D>, unknowns: &Unknowns<D>) -> Co
             .iter()
             .all(|&(node, _)| held(node).contains(way))
     };
-    if let (3, [way]) = (D, &first[..])
+    if let [way] = &first[..]
         && everywhere(way)
     {
-        let [s, t] = [place.frame[1], place.frame[2]];
-        let parts = [dot(*way, s), dot(*way, t)];
-        let length = parts[0].hypot(parts[1]);
-        if length > 0.0 {
-            let (cos, sin) = (parts[1] / length, parts[0] / length);
-            place.frame[1] = std::array::from_fn(|i| cos * s[i] - sin * t[i]);
-            place.frame[2] = std::array::from_fn(|i| sin * s[i] + cos * t[i]);
-        }
+        let onto = way.map(|c| way.map(|d| c * d));
+        turn_tangents(&mut place.frame, &onto);
     }
     place
 }
 
-/// The relative motion of a contact place along v: v at its own nodes, −v at their partners, with their weights; what is
-/// unknown of it, and what is prescribed.
+/// The relative motion of the sides of a contact place along v: v at its own nodes, −v at their partners, with their weights;
+/// what is unknown of it, and what is prescribed.
 fn row<const D: usize>(
     unknowns: &Unknowns<D>,
-    candidate: &ContactPlace<D>,
+    [own, partners]: [&[(u32, f64)]; 2],
     v: [f64; D],
 ) -> (Vec<Entry>, Vec<Held>) {
     let (mut entries, mut held) = (Vec::new(), Vec::new());
-    let partners = candidate.partners.iter().map(|&(node, w)| (node, -w));
-    for (node, factor) in candidate.own.iter().copied().chain(partners) {
+    let partners = partners.iter().map(|&(node, w)| (node, -w));
+    for (node, factor) in own.iter().copied().chain(partners) {
         if let Some(frame) = unknowns.frame(node) {
             // What is prescribed along directions of its own is taken out; the unknowns are along the axes.
             for (c, value) in unknowns.prescribed(node).iter().enumerate() {

@@ -151,7 +151,7 @@ where
         let forces = definition.forces(&body, 0)?;
 
         let pairing = Instant::now();
-        let mut candidates = definition.candidates(&body)?;
+        let mut candidates = definition.candidates(&body, &unknowns)?;
         let pairing_seconds = pairing.elapsed().as_secs_f64();
         let contact = contact_rows(&body, &unknowns, &candidates.places)
             .map_err(|error| Entity::all(EntityKind::Contact).error(Fault::Contact(error)))?;

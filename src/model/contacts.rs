@@ -5,14 +5,14 @@ use super::entities::Target;
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::outer_facets;
 use super::pair::{Against, Law};
-use super::supports::{Prescriptions, nodes_of_sets};
+use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
 use super::{Definition, Equal, Pair, Units};
 use crate::contact::{
     ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Friction, Met, Obstacle, PairOptions,
     Space, Unmet, equal_nodes, mortar_contact, node_contact, obstacle_contact,
 };
 use crate::elasticity::{Body, Unknowns};
-use crate::mesh::vector::{length, minus};
+use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes};
 use std::collections::{HashMap, HashSet};
 
@@ -191,6 +191,23 @@ where
     facets.iter().map(size).fold(0.0, f64::max)
 }
 
+/// Unit vectors that belong to nodes.
+type Directions<const D: usize> = HashMap<u32, Vec<[f64; D]>>;
+
+/// Whether all nodes of facets are held along the normals of these.
+fn held_across<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>], held: &Directions<D>) -> bool
+where
+    ElementKind: Topology<D>,
+{
+    facets.iter().all(|facet| {
+        let (_, normal) = mesh.facet_normal(facet);
+        facet_nodes(facet).iter().all(|node| {
+            let ways = held.get(node).into_iter().flatten();
+            ways.map(|way| dot(*way, normal).powi(2)).sum::<f64>() > 0.5
+        })
+    })
+}
+
 /// The contact places of a pair, and what is known of it so far.
 type Found<const D: usize> = (Vec<ContactPlace<D>>, PairData<D>);
 
@@ -198,19 +215,21 @@ impl<const D: usize> Pair<D>
 where
     ElementKind: Space<D>,
 {
-    /// Looks for its contact places; `symmetry` has the planes of symmetry of nodes.
+    /// Looks for its contact places; `symmetry` has the planes of symmetry of nodes, `held` the directions along which they
+    /// are held.
     fn find(
         &self,
         body: &Body<D>,
         units: &Units,
-        symmetry: &HashMap<u32, Vec<[f64; D]>>,
+        symmetry: &Directions<D>,
+        held: &Directions<D>,
     ) -> Result<Found<D>, Fault> {
         let mesh = body.mesh;
         let nodes = match self.by_nodes {
             true => nodes_of_sets(mesh, &self.boundary)?,
             false => Vec::new(),
         };
-        let facets = match self.by_nodes {
+        let mut facets = match self.by_nodes {
             true => mesh.outer_facets_at(&nodes, false),
             false => outer_facets(mesh, self.boundary.all())?,
         };
@@ -256,12 +275,21 @@ where
             offset: self.offset,
             edge_angle: self.edge_angle.unwrap_or(EDGE_ANGLE),
             symmetry: Some(symmetry),
+            held: Some(held),
             search_distance: self.search_distance,
         };
         let (mut others, mut unmet) = (Vec::new(), None);
+        let mut boundary = self.boundary.to_string();
         let (found, against, search_distance) = match &self.against {
             Against::Boundary(names) => {
                 others = outer_facets(body.mesh, names.all())?;
+                let mut against = names.to_string();
+                // Multipliers belong to a side that can give way.
+                let is_held = |facets: &[Facet<D>]| held_across(mesh, facets, held);
+                if !self.by_nodes && is_held(&facets) && !is_held(&others) {
+                    std::mem::swap(&mut facets, &mut others);
+                    std::mem::swap(&mut boundary, &mut against);
+                }
                 if self.is_tie() {
                     options.search_distance = Some(match self.adjust {
                         0.0 => TIE_DISTANCE * largest_facet(body.mesh, &facets),
@@ -277,7 +305,7 @@ where
                         found.places
                     }),
                 };
-                (found, names.to_string(), distance)
+                (found, against, distance)
             }
             Against::Obstacle(obstacle) => {
                 let name = format!("rigid {}", obstacle.name());
@@ -303,12 +331,7 @@ where
             search_distance,
             unmet,
             sagitta: off,
-            ..PairData::between(
-                &self.name,
-                self.boundary.to_string(),
-                against,
-                self.friction(units),
-            )
+            ..PairData::between(&self.name, boundary, against, self.friction(units))
         };
         let found = found.map_err(|error| match error {
             ContactError::Apart { distance, nearest } if self.is_tie() && nearest > distance => {
@@ -327,11 +350,10 @@ impl<const D: usize> Equal<D>
 where
     ElementKind: Space<D>,
 {
-    /// Its places.
-    fn find(&self, body: &Body<D>) -> Result<Found<D>, Fault> {
+    /// Its sets of nodes.
+    fn nodes(&self, mesh: &Mesh<D>) -> Result<Vec<Vec<u32>>, Fault> {
         let mut sets = Vec::new();
         for name in self.sets.all() {
-            let mesh = body.mesh;
             let is_boundary =
                 mesh.boundaries.contains_key(name) && !mesh.node_sets.contains_key(name);
             let target = match is_boundary {
@@ -346,6 +368,12 @@ where
             }
             sets.push(nodes);
         }
+        Ok(sets)
+    }
+
+    /// Its places.
+    fn find(&self, body: &Body<D>) -> Result<Found<D>, Fault> {
+        let sets = self.nodes(body.mesh)?;
         let law = format!("equal along {}", self.directions());
         let data = PairData {
             tied: true,
@@ -359,17 +387,52 @@ impl<const D: usize> Definition<D>
 where
     ElementKind: Space<D>,
 {
+    /// The directions along which supports hold nodes, or along which they move alike with others: orthonormal.
+    fn held_directions(
+        &self,
+        mesh: &Mesh<D>,
+        unknowns: &Unknowns<D>,
+    ) -> Result<Directions<D>, ModelError> {
+        let mut held: Directions<D> = HashMap::new();
+        for node in 0..mesh.nodes.len() as u32 {
+            for (c, value) in unknowns.prescribed(node).iter().enumerate() {
+                if value.is_some() {
+                    let frame = unknowns.frame(node);
+                    let way = frame.map_or_else(|| Way::Axis(c).vector(), |frame| frame[c]);
+                    held.entry(node).or_default().push(way);
+                }
+            }
+        }
+        for (number, equal) in self.equals.iter().enumerate() {
+            let number = self.pairs.len() + self.ties.len() + number;
+            let sets = equal.nodes(mesh);
+            let sets = sets.map_err(|fault| self.pair_entity(number).error(fault))?;
+            for node in sets.into_iter().flatten() {
+                for axis in (0..D).filter(|&axis| equal.bound[axis]) {
+                    let ways = held.entry(node).or_default();
+                    extended(ways, Way::Axis(axis).vector(), SAME);
+                }
+            }
+        }
+        Ok(held)
+    }
+
     /// The contact places of all contacts.
-    pub(super) fn candidates(&self, body: &Body<D>) -> Result<Candidates<D>, ModelError> {
+    pub(super) fn candidates(
+        &self,
+        body: &Body<D>,
+        unknowns: &Unknowns<D>,
+    ) -> Result<Candidates<D>, ModelError> {
         let units = self.units();
         let symmetry = self.symmetry_planes(body.mesh)?;
+        let held = self.held_directions(body.mesh, unknowns)?;
         let mut all = Candidates {
             places: Vec::new(),
             pair_of: Vec::new(),
             pairs: Vec::new(),
         };
         let pairs = self.pairs.iter().chain(&self.ties);
-        let pairs = pairs.map(|pair| pair.find(body, &units, &symmetry));
+        let pairs = pairs.map(|pair| pair.find(body, &units, &symmetry, &held));
         let equals = self.equals.iter().map(|equal| equal.find(body));
         for (number, found) in pairs.chain(equals).enumerate() {
             let (mut places, data) =

@@ -68,6 +68,7 @@ struct Place {
     is_coulomb: bool,
     compliance: [f64; 2],
     is_node: bool,
+    is_directed: bool,
 }
 
 /// A body that can move as a whole.
@@ -120,8 +121,9 @@ pub(crate) struct Part {
     forces: Vec<(Vec<u32>, Vec<f64>)>,
     /// Entries of N and T in the columns of own unknowns.
     rows: [Vec<(u32, u32, f64)>; 2],
-    /// The nodes of places: place, node, weight; own sides and partners, and the node that a place is.
-    sides: [Vec<(u32, u32, f64)>; 2],
+    /// The nodes of places: place, node, weight; own sides and partners, the same in the rows of each direction where these
+    /// are others, and the node that a place is.
+    sides: Vec<[Vec<(u32, u32, f64)>; 2]>,
     place_nodes: Vec<(u32, u32)>,
     /// The connected part of K of each own block.
     pub parts: Vec<u32>,
@@ -490,11 +492,14 @@ where
             }));
         }
         for (place, i) in contact.places.iter().zip(0u32..) {
-            for (sides, nodes) in part.sides.iter_mut().zip([&place.own, &place.partners]) {
-                let here = nodes
-                    .iter()
-                    .filter_map(|&(node, w)| Some((i, local(node)?, w)));
-                sides.extend(here);
+            part.sides.resize(1 + D, Default::default());
+            let directed = place.directed.iter().map(|[own, partners]| [own, partners]);
+            let all = std::iter::once([&place.own, &place.partners]).chain(directed);
+            for (sides, from) in part.sides.iter_mut().zip(all) {
+                for (side, nodes) in sides.iter_mut().zip(from) {
+                    let here = nodes.iter();
+                    side.extend(here.filter_map(|&(node, w)| Some((i, local(node)?, w))));
+                }
             }
             let node = place.node.and_then(local);
             part.place_nodes.extend(node.map(|node| (i, node)));
@@ -705,6 +710,7 @@ impl Place {
             is_coulomb,
             compliance: place.compliance,
             is_node: place.node.is_some(),
+            is_directed: !place.directed.is_empty(),
         }
     }
 
@@ -715,6 +721,7 @@ impl Place {
             node: self.is_node.then_some(NONE),
             own: Vec::new(),
             partners: Vec::new(),
+            directed: vec![Default::default(); if self.is_directed { D } else { 0 }],
             frame: rows(&self.frame),
             gap: self.gap,
             area: self.area,
@@ -768,12 +775,20 @@ where
         part.coordinates = Vec::new();
         let unknowns = part.unknowns(mesh.nodes.len(), 0);
         let mut places: Vec<ContactPlace<D>> = common.places.iter().map(Place::made).collect();
-        let [own, partners] = std::mem::take(&mut part.sides);
-        for (i, node, weight) in own {
-            places[i as usize].own.push((node, weight));
-        }
-        for (i, node, weight) in partners {
-            places[i as usize].partners.push((node, weight));
+        for (a, sides) in std::mem::take(&mut part.sides).into_iter().enumerate() {
+            for (side, nodes) in sides.into_iter().enumerate() {
+                for (i, node, weight) in nodes {
+                    let place = &mut places[i as usize];
+                    let to = match a {
+                        0 => [&mut place.own, &mut place.partners],
+                        _ => place.directed[a - 1].each_mut(),
+                    };
+                    to.into_iter()
+                        .nth(side)
+                        .expect("two sides")
+                        .push((node, weight));
+                }
+            }
         }
         for &(i, node) in &part.place_nodes {
             places[i as usize].node = Some(node);

@@ -13,13 +13,13 @@ use crate::problem::{LARGEST, SIZES};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// The sine of an angle between directions below which they count as one.
-const SAME: f64 = 1e-5;
+pub(super) const SAME: f64 = 1e-5;
 /// Facets whose normals differ by more than this are not of one plane: files have six digits at least.
 const PLANE: f64 = 1e-5;
 
 /// A direction that is prescribed at a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Way<const D: usize> {
+pub(super) enum Way<const D: usize> {
     /// One of the axes.
     Axis(usize),
     /// A unit vector.
@@ -27,7 +27,7 @@ enum Way<const D: usize> {
 }
 
 impl<const D: usize> Way<D> {
-    fn vector(self) -> [f64; D] {
+    pub(super) fn vector(self) -> [f64; D] {
         match self {
             Self::Axis(axis) => std::array::from_fn(|c| f64::from(u8::from(c == axis))),
             Self::Along(vector) => vector,
@@ -382,7 +382,11 @@ impl<const D: usize> Prescriptions<D> {
 }
 
 /// Adds what is left of a unit vector across those of an orthonormal basis, if that is longer than `least`.
-fn extended<const D: usize>(basis: &mut Vec<[f64; D]>, vector: [f64; D], least: f64) -> bool {
+pub(super) fn extended<const D: usize>(
+    basis: &mut Vec<[f64; D]>,
+    vector: [f64; D],
+    least: f64,
+) -> bool {
     let mut left = vector;
     for _ in 0..2 {
         for before in basis.iter() {

@@ -227,15 +227,15 @@ where
 {
     let (elastic, data) = (of.elastic, of.data);
     let mut outer = data.forces.clone();
-    let forces = contact_forces(elastic, solution);
-    for (place, [pressed, rubbed]) in (elastic.contact.places.iter()).zip(forces) {
-        for c in 0..D {
-            let force = pressed[c] + rubbed[c];
-            for &(node, weight) in &place.own {
-                outer[node as usize][c] += weight * force;
-            }
-            for &(partner, weight) in &place.partners {
-                outer[partner as usize][c] -= weight * force;
+    let (normal, tangential) = solution.lambda.split_at(elastic.contact.places.len());
+    let places = elastic.contact.places.iter().zip(normal);
+    for ((place, normal), tangential) in places.zip(tangential.chunks(D - 1)) {
+        let forces = std::iter::once(normal).chain(tangential);
+        for (a, (way, force)) in place.frame.iter().zip(forces).enumerate() {
+            for (side, sign) in place.sides(a).into_iter().zip([-1.0, 1.0]) {
+                for &(node, weight) in side {
+                    (0..D).for_each(|c| outer[node as usize][c] += sign * weight * force * way[c]);
+                }
             }
         }
     }

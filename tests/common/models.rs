@@ -177,10 +177,18 @@ where
         let mut forces = internal_forces(&body, unknowns, &self.displacement());
         let mut contact = [0.0; D];
         for i in 0..self.m() {
-            let force = self.contact_force(i);
-            for (node, weight) in self.hands_on(i) {
-                (0..D).for_each(|c| forces[node as usize][c] -= weight * force[c]);
-                (0..D).for_each(|c| contact[c] += weight * force[c]);
+            let place = &self.built.elastic.contact.places[i];
+            let tangential = &self.solution.lambda[self.m() + (D - 1) * i..][..D - 1];
+            let all = std::iter::once(&self.solution.lambda[i]).chain(tangential);
+            for (a, (way, force)) in place.frame.iter().zip(all).enumerate() {
+                for (side, sign) in place.sides(a).into_iter().zip([-1.0, 1.0]) {
+                    for (c, &(node, weight)) in
+                        (0..D).flat_map(|c| side.iter().map(move |s| (c, s)))
+                    {
+                        forces[node as usize][c] -= sign * weight * force * way[c];
+                        contact[c] += sign * weight * force * way[c];
+                    }
+                }
             }
         }
         let mut support = [0.0; D];

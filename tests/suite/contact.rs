@@ -109,21 +109,18 @@ fn punch(first: &str, second: &str, fine: usize, friction: &str) -> [f64; 2] {
 #[test]
 fn it_matters_little_which_side_is_named_first_where_supports_hold_corners() {
     for friction in ["\"none\"", "{ coulomb = 0.4 }"] {
-        let mut before: Option<[[f64; 2]; 2]> = None;
+        let mut before = f64::INFINITY;
         for fine in [2, 4, 8] {
             let a = punch("die-top", "punch-bottom", fine, friction);
             let b = punch("punch-bottom", "die-top", fine, friction);
             let off = ((a[0] - b[0]).hypot(a[1] - b[1])) / a[0].hypot(a[1]);
             println!("{friction}, {fine}: {a:?} {b:?}, off by {off:.4}");
-            // The edges of a held punch are singular: forces settle slowly as the mesh is refined.
-            if let Some([a0, b0]) = before {
-                let change = |new: [f64; 2], old: [f64; 2]| {
-                    (new[0] - old[0]).hypot(new[1] - old[1]) / old[0].hypot(old[1])
-                };
-                assert!(off < change(a, a0).max(change(b, b0)), "{off}");
-            }
-            before = Some([a, b]);
+            // The edges of a held punch are singular: forces settle slowly as the mesh is refined, from above where its
+            // corners are points of the die's facets, from below where they have no forces of their own.
+            assert!(off < 0.9 * before, "{off}");
+            before = off;
         }
+        assert!(before < 0.12, "{before}");
     }
 }
 
@@ -139,12 +136,12 @@ fn a_side_that_cannot_move_at_all_carries_contact() {
             support("\"punch-bottom\"", Some(0.0), Some(-1e-3)),
         )
     };
-    let a = resultant(&run(&text("punch-bottom", "die-top")))[1];
+    // Whichever side is named first, the die has the multipliers.
+    let a = -resultant(&run(&text("punch-bottom", "die-top")))[1];
     let b = -resultant(&run(&text("die-top", "punch-bottom")))[1];
-    assert!(a > 1e5 && (a / b - 1.0).abs() < 0.15, "{a} {b}");
-    // With more contact forces than unknowns that they meet, rows depend on each other: the resultant is what it is.
+    assert!(a > 1e5 && a == b, "{a} {b}");
     let fine = text("punch-bottom", "die-top").replace("cells = [3, 2]", "cells = [90, 2]");
-    let c = resultant(&run(&fine))[1];
+    let c = -resultant(&run(&fine))[1];
     assert!((c / b - 1.0).abs() < 0.15, "{c} {b}");
 }
 

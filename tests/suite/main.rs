@@ -10,6 +10,7 @@ mod axisymmetric;
 mod by_row;
 mod campaign;
 mod case_c;
+mod clamped;
 mod compliance;
 mod contact;
 mod coulomb;

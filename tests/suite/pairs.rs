@@ -6,5 +6,6 @@
 mod assemblies;
 mod curved;
 mod extruded;
+mod moved;
 mod patch;
 mod spheres;

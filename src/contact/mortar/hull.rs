@@ -14,10 +14,18 @@ pub(super) struct Hull {
 }
 
 impl Hull {
-    /// Of some points that do not all lie on one line (Andrew 1979).
-    pub fn around(mut points: Vec<Flat>) -> Self {
+    /// Of some points that do not all lie on one line (Andrew 1979). Of points that are as near to each other as `same` one
+    /// is taken: the direction from one to the other is rounding.
+    pub fn around(mut points: Vec<Flat>, same: f64) -> Self {
         points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-        points.dedup();
+        let mut kept: Vec<Flat> = Vec::with_capacity(points.len());
+        for p in points {
+            let beside = kept.iter().rev().take_while(|q| p[0] - q[0] <= same);
+            if !beside.into_iter().any(|q| length(minus(p, *q)) <= same) {
+                kept.push(p);
+            }
+        }
+        let points = kept;
         let half = |points: &mut dyn Iterator<Item = &Flat>| {
             let mut chain: Vec<Flat> = Vec::new();
             for &p in points {
@@ -70,6 +78,23 @@ impl Hull {
         } else {
             Self { vertices }
         }
+    }
+
+    /// How far a point is outside of it.
+    pub fn distance(&self, p: Flat) -> f64 {
+        if edges(&self.vertices).all(|(a, b)| turn(a, b, p) >= 0.0) {
+            return 0.0;
+        }
+        let to_edge = |(a, b): (Flat, Flat)| {
+            let (along, to) = (minus(b, a), minus(p, a));
+            let part =
+                (along[0] * to[0] + along[1] * to[1]) / (along[0].powi(2) + along[1].powi(2));
+            let part = part.clamp(0.0, 1.0);
+            length([to[0] - part * along[0], to[1] - part * along[1]])
+        };
+        edges(&self.vertices)
+            .map(to_edge)
+            .fold(f64::INFINITY, f64::min)
     }
 
     /// Its least width: that across one of its edges.
@@ -137,19 +162,19 @@ mod tests {
             [0.0, 1.0],
             [0.5, 0.5],
         ];
-        let hull = Hull::around(points).simplified();
+        let hull = Hull::around(points, 0.0).simplified();
         assert_eq!(
             hull.vertices,
             [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]]
         );
         // However thin it is.
         let thin = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1e-9], [0.0, 1e-9]];
-        assert_eq!(Hull::around(thin).simplified().vertices.len(), 4);
+        assert_eq!(Hull::around(thin, 0.0).simplified().vertices.len(), 4);
     }
 
     #[test]
     fn of_a_round_spot_few_vertices_are_left() {
-        let round = Hull::around(regular(200, 1.0));
+        let round = Hull::around(regular(200, 1.0), 0.0);
         let width = 0.6;
         let few = round.clone().simplified();
         assert!(
@@ -169,7 +194,7 @@ mod tests {
     fn functions_are_barycentric() {
         for n in [3, 4, 5, 9, 24] {
             for scale in [1.0, 1e-7] {
-                let hull = Hull::around(regular(n, scale));
+                let hull = Hull::around(regular(n, scale), 0.0);
                 for p in [[0.1, 0.05], [-0.3, 0.02], [0.0, 0.0]].map(|p| p.map(|c| c * scale)) {
                     let beta = hull.functions(p);
                     assert!(beta.iter().all(|&b| b > 0.0));

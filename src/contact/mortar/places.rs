@@ -1,9 +1,11 @@
 //! The places of a contact: what the facets of the slave boundary add up to at each.
 
 use super::surface::Surface;
-use super::{FacetShares, Mortar, Share, Shares, Site, add_to};
+use super::{Change, FacetShares, Integrals, Mortar, Share, Shares, Site, add_to};
 use crate::contact::transformed::Transformed;
-use crate::contact::{ContactError, ContactPlace, PairOptions, checked, frame, mean};
+use crate::contact::{
+    ContactError, ContactPlace, Friction, PairOptions, checked, frame, mean, turn_tangents,
+};
 use crate::dense;
 use crate::elasticity::{Body, Depth};
 use crate::mesh::vector::{dot, length, minus, unit};
@@ -23,6 +25,8 @@ const APART: f64 = 0.7;
 const SLIVER: f64 = 1e-3;
 /// The border of what is covered has a corner where it turns by more than this, in half turns (10°).
 const TURN: f64 = 10.0 / 180.0;
+/// What is left of a place that has handed all on is rounding if it is below this part of it.
+const NOTHING: f64 = 1e-9;
 /// Points on an edge that two facets say differently by less than this part of it are one.
 const ONE: f64 = 1e-2;
 
@@ -119,7 +123,9 @@ where
         }
         let (mut places, mut of_parts, mut whole) = (Vec::new(), Vec::new(), Vec::new());
         for (key, sums) in self.sums {
-            let place = sums.contact_place(body.mesh, first, key, options)?;
+            let Some(place) = sums.contact_place(body.mesh, first, key, options)? else {
+                continue;
+            };
             whole.push(match key {
                 Key::Node { node, .. } if sums.is_curved => full[&(node, sums.parts.0)],
                 _ => (place.own.iter())
@@ -134,17 +140,51 @@ where
     }
 }
 
+/// Sizes, distances and so on are the same where they differ by less than this part of them: rounding must not decide which of
+/// them comes first.
+const TIE: f64 = 1e-9;
+
+/// The order of things from the smallest to the largest, of equal ones from the innermost to the outermost and then by number:
+/// sizes and distances from the middle do not depend on how a model is turned or its nodes are numbered.
+fn ranked<const D: usize>(all: &[(f64, [f64; D])]) -> Vec<usize> {
+    let middle = all.iter().fold([0.0; D], |sum, (_, x)| {
+        std::array::from_fn(|c| sum[c] + x[c] / all.len() as f64)
+    });
+    let far: Vec<f64> = all.iter().map(|(_, x)| length(minus(*x, middle))).collect();
+    let size: Vec<f64> = all.iter().map(|(size, _)| *size).collect();
+    // The number of the class of equal figures that each is in.
+    let classes = |figures: &[f64]| {
+        let largest = figures
+            .iter()
+            .fold(0.0_f64, |max, figure| max.max(figure.abs()));
+        let mut order: Vec<usize> = (0..figures.len()).collect();
+        order.sort_by(|&a, &b| figures[a].total_cmp(&figures[b]));
+        let mut class = vec![0; figures.len()];
+        for pair in order.windows(2) {
+            let is_next = figures[pair[1]] - figures[pair[0]] > TIE * largest;
+            class[pair[1]] = class[pair[0]] + usize::from(is_next);
+        }
+        class
+    };
+    let (size, far) = (classes(&size), classes(&far));
+    let mut order: Vec<usize> = (0..all.len()).collect();
+    order.sort_by_key(|&i| (size[i], far[i], i));
+    order
+}
+
 /// Makes one place of those that lie too near to each other.
 fn hand_on<const D: usize>(sums: &mut BTreeMap<Key, Sums<D>>) {
-    let mut few: Vec<(f64, Key)> = (sums.iter())
+    let few: Vec<Key> = (sums.iter())
         .filter(|(_, sums)| sums.is_partial && sums.angle < 2.0 - TURN)
-        .map(|(&key, sums)| (sums.area, key))
+        .map(|(&key, _)| key)
         .collect();
     if few.is_empty() {
         return;
     }
     // The smaller one goes to the larger one.
-    few.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let sizes: Vec<_> = (few.iter())
+        .map(|key| (sums[key].area, sums[key].place))
+        .collect();
     let mut targets: HashMap<Parts, Vec<GeomWithData<[f64; D], Key>>> = HashMap::new();
     for (&key, sums) in sums.iter().filter(|(_, sums)| !sums.is_corner()) {
         let place = GeomWithData::new(sums.place, key);
@@ -153,19 +193,31 @@ fn hand_on<const D: usize>(sums: &mut BTreeMap<Key, Sums<D>>) {
     let targets: HashMap<Parts, RTree<_>> = (targets.into_iter())
         .map(|(parts, places)| (parts, RTree::bulk_load(places)))
         .collect();
-    for (_, key) in few {
+    for key in ranked(&sizes).into_iter().map(|i| few[i]) {
         let own = &sums[&key];
-        let far = if own.is_corner() { SLIVER } else { APART } * own.edge;
-        let near = targets.get(&own.parts).and_then(|tree| {
-            let mut others = tree.nearest_neighbor_iter(own.place);
-            others.find(|place| place.data != key && sums.contains_key(&place.data))
-        });
-        let near = near.filter(|place| length(minus(*place.geom(), own.place)) <= far);
-        if let Some(to) = near.map(|place| place.data)
-            && let Some(from) = sums.remove(&key)
-            && let Some(taker) = sums.get_mut(&to)
-        {
-            taker.take(&from);
+        let far = if own.is_corner() { SLIVER } else { APART } * own.edge * (1.0 + TIE);
+        let Some(tree) = targets.get(&own.parts) else {
+            continue;
+        };
+        let others = (tree.nearest_neighbor_iter(own.place))
+            .filter(|place| place.data != key && sums.contains_key(&place.data))
+            .map(|place| (length(minus(*place.geom(), own.place)), place.data));
+        // The nearest one, or those that are as near.
+        let mut takers: Vec<(f64, Key)> = Vec::new();
+        for (apart, to) in others {
+            let limit = takers.first().map_or(far, |first| first.0 + TIE * own.edge);
+            if apart > limit {
+                break;
+            }
+            takers.push((apart, to));
+        }
+        let Some(from) = (!takers.is_empty()).then(|| sums.remove(&key)).flatten() else {
+            continue;
+        };
+        for (_, to) in &takers {
+            if let Some(taker) = sums.get_mut(to) {
+                taker.take(&from, 1.0 / takers.len() as f64);
+            }
         }
     }
 }
@@ -264,6 +316,8 @@ struct Sums<const D: usize> {
     normals: [[f64; D]; 2],
     own: Vec<(u32, f64)>,
     partners: Vec<(u32, f64)>,
+    /// What directions that supports hold add.
+    held: Option<Change<D>>,
 }
 
 impl<const D: usize> Sums<D> {
@@ -282,6 +336,7 @@ impl<const D: usize> Sums<D> {
             normals: [[0.0; D]; 2],
             own: Vec::new(),
             partners: Vec::new(),
+            held: None,
         }
     }
 
@@ -290,24 +345,57 @@ impl<const D: usize> Sums<D> {
         self.angle < 1.0 - TURN
     }
 
-    /// Adds those of a place that is none any more.
-    fn take(&mut self, other: &Self) {
-        self.area += other.area;
-        self.bound += other.bound;
-        self.gap += other.gap;
+    /// Adds a part of those of a place that is none any more.
+    fn take(&mut self, other: &Self, part: f64) {
+        self.area += part * other.area;
+        self.bound += part * other.bound;
+        self.gap += part * other.gap;
         self.overlaps |= other.overlaps;
-        self.add_normals(&other.normals);
+        self.add_normals(&other.normals, part);
         for &(node, weight) in &other.own {
-            add_to(&mut self.own, node, weight);
+            add_to(&mut self.own, node, part * weight);
         }
         for &(node, weight) in &other.partners {
-            add_to(&mut self.partners, node, weight);
+            add_to(&mut self.partners, node, part * weight);
+        }
+        self.add_held(other.held.as_ref(), part);
+    }
+
+    fn add_held(&mut self, other: Option<&Change<D>>, part: f64) {
+        let Some(other) = other else { return };
+        let held = self.held.get_or_insert_with(|| Change {
+            onto: other.onto,
+            rows: std::array::from_fn(|_| Integrals::default()),
+        });
+        if held.onto != other.onto {
+            held.onto = None;
+        }
+        let rows = held.rows.iter_mut().zip(&other.rows);
+        rows.for_each(|(rows, other)| rows.add(part, other));
+    }
+
+    /// The integrals of ψ where nothing is held.
+    fn plain(&self) -> Integrals {
+        Integrals {
+            area: self.area,
+            gap: self.gap,
+            own: self.own.clone(),
+            partners: self.partners.clone(),
         }
     }
 
-    fn add_normals(&mut self, others: &[[f64; D]; 2]) {
+    /// Those of the ψ that the rows along direction `a` of the frame have.
+    fn along(&self, a: usize) -> Integrals {
+        let mut all = self.plain();
+        if let Some(held) = &self.held {
+            all.add(1.0, &held.rows[a]);
+        }
+        all
+    }
+
+    fn add_normals(&mut self, others: &[[f64; D]; 2], part: f64) {
         for (sum, other) in self.normals.iter_mut().zip(others) {
-            (0..D).for_each(|c| sum[c] += other[c]);
+            (0..D).for_each(|c| sum[c] += part * other[c]);
         }
     }
 
@@ -319,7 +407,7 @@ impl<const D: usize> Sums<D> {
         self.bound += share.bound;
         self.gap += share.gap;
         self.overlaps |= share.overlaps;
-        self.add_normals(&share.normals);
+        self.add_normals(&share.normals, 1.0);
         match (share.own, share.site) {
             (None, Site::Node(k)) => {
                 for (node, weight) in transformed.own(nodes[k]) {
@@ -335,30 +423,37 @@ impl<const D: usize> Sums<D> {
         for &(other, weight) in &share.partners {
             add_to(&mut self.partners, other, weight);
         }
+        self.add_held(share.held.as_ref(), 1.0);
     }
 
+    /// None where what supports hold leaves nothing of it.
     fn contact_place(
         &self,
         mesh: &Mesh<D>,
         first: &Surface<D>,
         key: Key,
         options: &PairOptions<D>,
-    ) -> Result<ContactPlace<D>, ContactError>
+    ) -> Result<Option<ContactPlace<D>>, ContactError>
     where
         ElementKind: Topology<D>,
     {
-        let weights = |entries: &[(u32, f64)]| -> Vec<(u32, f64)> {
+        let weights = |entries: &[(u32, f64)], area: f64| -> Vec<(u32, f64)> {
             let mut weights: Vec<(u32, f64)> = (entries.iter())
-                .map(|&(node, weight)| (node, weight / self.area))
+                .map(|&(node, weight)| (node, weight / area))
                 .filter(|p| p.1.abs() > 1e-14)
                 .collect();
             weights.sort_unstable_by_key(|p| p.0);
             weights
         };
-        let mut own = weights(&self.own);
-        if let [only] = &mut own[..] {
-            only.1 = 1.0;
-        }
+        let is_nothing = |sums: &Integrals| !(sums.area > NOTHING * self.area);
+        let own_of = |sums: &Integrals| {
+            let mut own = weights(&sums.own, sums.area);
+            if let [only] = &mut own[..] {
+                only.1 = 1.0;
+            }
+            own
+        };
+        let own = own_of(&self.plain());
         let nodes: Vec<u32> = own.iter().map(|p| p.0).collect();
         let x = mean(&own, |node| mesh.nodes[node as usize]);
         let [outward, facing] = self.normals;
@@ -379,27 +474,48 @@ impl<const D: usize> Sums<D> {
         // ν lies between the normals of both sides, so that it does not matter which of them is named first.
         let normal = unit(minus(outward, facing.map(|c| c / self.area)));
         let normal = options.within_planes(normal, &nodes);
-        let gap = self.gap / self.area * dot(outward, normal);
+        let mut frame = frame(normal);
+        if let Some(onto) = self.held.as_ref().and_then(|held| held.onto.as_ref()) {
+            turn_tangents(&mut frame, onto);
+        }
+        // The sides of a row along a direction of the frame, and the mean place of its own one.
+        let sides = |sums: &Integrals| {
+            if is_nothing(sums) {
+                return (x, [Vec::new(), Vec::new()]);
+            }
+            let own = own_of(sums);
+            let x = mean(&own, |node| mesh.nodes[node as usize]);
+            let mut partners = weights(&sums.partners, sums.area);
+            centre(mesh, x, &frame, self.edge, &mut partners);
+            (x, [own, partners])
+        };
+        let rows: Vec<Integrals> = (0..D).map(|a| self.along(a)).collect();
+        let is_tied = matches!(options.friction, Friction::Tied);
+        // Without a row along ν only a tie is left anything.
+        let Some(across) = rows
+            .iter()
+            .take(if is_tied { D } else { 1 })
+            .find(|row| !is_nothing(row))
+        else {
+            return Ok(None);
+        };
+        let gap = across.gap / across.area * dot(outward, normal);
         if let Some(interference) = options.interference {
             checked("interference", x, interference(x))?;
         }
         if !gap.is_finite() {
             checked("gap", x, f64::NAN)?;
         }
-        let frame = frame(normal);
-        let mut partners = weights(&self.partners);
-        centre(
-            mesh,
-            x,
-            &frame,
-            self.area.powf(1.0 / (D as f64 - 1.0)),
-            &mut partners,
-        );
+        let (mean_place, [own, partners]) = sides(across);
+        let directed = match self.held {
+            None => Vec::new(),
+            Some(_) => rows.iter().map(|row| sides(row).1).collect(),
+        };
         // On a curved surface a uniform pressure p is the force p ∫ β n.
         let area = if is_whole_curve {
-            length(self.normals[0])
+            length(self.normals[0]) * across.area / self.area
         } else {
-            self.area
+            across.area
         };
         // What is handed on to a node moves its place away from it.
         let at_node = match key {
@@ -411,13 +527,14 @@ impl<const D: usize> Sums<D> {
             }
             _ => None,
         };
-        Ok(ContactPlace {
+        Ok(Some(ContactPlace {
             place: at_node
                 .filter(|_| self.is_curved)
-                .map_or(x, |node| mesh.nodes[node as usize]),
+                .map_or(mean_place, |node| mesh.nodes[node as usize]),
             node: at_node,
             own,
             partners,
+            directed,
             frame,
             // ψ has negative parts, so that the mean of a gap that is nowhere negative may be, by O(h²).
             gap: if self.overlaps && options.may_overlap() {
@@ -429,7 +546,7 @@ impl<const D: usize> Sums<D> {
             pool: 0,
             slip_bound,
             compliance: options.compliance_at(x, area)?,
-        })
+        }))
     }
 }
 
@@ -441,7 +558,7 @@ fn centre<const D: usize>(
     mesh: &Mesh<D>,
     x: [f64; D],
     frame: &[[f64; D]; D],
-    size_of_facets: f64,
+    edge: f64,
     partners: &mut [(u32, f64)],
 ) where
     ElementKind: Topology<D>,
@@ -472,7 +589,7 @@ fn centre<const D: usize>(
     }
     let scale = (0..D - 1).map(|a| spread[(a, a)]).sum::<f64>().sqrt();
     // Rounding needs no correction, and partners in one place allow none.
-    if !(length(off) > 1e-11 * size_of_facets && length(off) < 0.5 * scale) {
+    if !(length(off) > 1e-11 * edge && length(off) < 0.5 * scale) {
         return;
     }
     let inverse = dense::pseudo_inverse(&spread, 1e-6);
@@ -497,7 +614,8 @@ fn pool<const D: usize>(
     depth: Depth,
 ) {
     let ways = D as i32 - 1;
-    let enough = |i: usize| whole[i] * depth.at(places[i].place) * 0.25_f64.powi(ways);
+    let enough =
+        |i: usize| (1.0 - TIE) * whole[i] * depth.at(places[i].place) * 0.25_f64.powi(ways);
     let enough: Vec<f64> = (0..places.len()).map(enough).collect();
     let few: Vec<usize> = (0..places.len())
         .filter(|&i| places[i].area < enough[i])
@@ -507,15 +625,23 @@ fn pool<const D: usize>(
         let mut area: Vec<f64> = places.iter().map(|place| place.area).collect();
         let all = (places.iter().enumerate()).map(|(i, place)| GeomWithData::new(place.place, i));
         let tree = RTree::bulk_load(all.collect());
-        for i in few {
+        let sizes: Vec<_> = few
+            .iter()
+            .map(|&i| (places[i].area, places[i].place))
+            .collect();
+        for i in ranked(&sizes).into_iter().map(|k| few[k]) {
             // What is farther than two facets is no neighbour.
             let reach = 2.0 * whole[i].abs().powf(1.0 / f64::from(ways));
+            // Of those that are as far away all are taken.
+            let mut before = 0.0;
             for near in tree.nearest_neighbor_iter(places[i].place) {
                 let (mine, j) = (groups.of(i as u32), near.data);
                 let to = minus(*near.geom(), places[i].place);
-                if area[mine as usize] >= enough[i] || length(to) > reach {
+                let far = length(to);
+                if (area[mine as usize] >= enough[i] && far > before + TIE * reach) || far > reach {
                     break;
                 }
+                before = far;
                 let other = groups.of(j as u32);
                 if other != mine && parts[j] == parts[i] {
                     let sum = area[mine as usize] + area[other as usize];

@@ -9,7 +9,8 @@ use super::super::frame;
 use super::flat::{Flat, area, edges, turn};
 use super::hull::Hull;
 use super::{
-    Beam, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet, missed,
+    Beam, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet, Vertex,
+    missed,
 };
 use crate::contact::transformed::Transformed;
 use crate::mesh::shape::{FaceAt, LINE5, LINE8, ShapeFunctions, Visit, face_kind, triangle_points};
@@ -18,9 +19,6 @@ use crate::mesh::{Groups, Topology, face_parts, face_ring};
 use std::f64::consts::PI;
 
 type Polygon = Vec<Flat>;
-
-/// Polygons below this part of the area of the smaller one of both facets are rounding.
-const NOTHING: f64 = 1e-9;
 
 /// The mean of the corners.
 fn middle(polygon: &[Flat]) -> Flat {
@@ -45,7 +43,13 @@ fn left_of(polygon: &[Flat], a: Flat, b: Flat) -> Polygon {
     part
 }
 
-/// The part of a polygon within a convex one; nothing if that is no more than `least`.
+/// Whether a polygon is so thin that it is rounding: twice its area by its circumference is between its width and half of that.
+fn is_thin(polygon: &[Flat], least: f64) -> bool {
+    let around: f64 = edges(polygon).map(|(a, b)| length(minus(b, a))).sum();
+    !(2.0 * area(polygon) > least * around)
+}
+
+/// The part of a polygon within a convex one; nothing if that is no wider than `least`.
 fn within(polygon: &[Flat], convex: &[Flat], least: f64) -> Option<Polygon> {
     let mut part = polygon.to_vec();
     for (a, b) in edges(convex) {
@@ -54,16 +58,16 @@ fn within(polygon: &[Flat], convex: &[Flat], least: f64) -> Option<Polygon> {
             return None;
         }
     }
-    (area(&part) > least).then_some(part)
+    (!is_thin(&part, least)).then_some(part)
 }
 
-/// The part of a polygon outside of a convex one, as polygons that are larger than `least`.
+/// The part of a polygon outside of a convex one, as polygons that are wider than `least`.
 fn without(polygon: &[Flat], convex: &[Flat], least: f64) -> Vec<Polygon> {
     let mut rest = polygon.to_vec();
     let mut parts = Vec::new();
     for (a, b) in edges(convex) {
         let part = left_of(&rest, b, a);
-        if part.len() > 2 && area(&part) > least {
+        if part.len() > 2 && !is_thin(&part, least) {
             parts.push(part);
         }
         rest = left_of(&rest, a, b);
@@ -341,7 +345,7 @@ pub(super) fn covers(
         let mut of_part: Vec<Piece> = Vec::new();
         for (other, flat) in &others {
             let other = *other;
-            let least = NOTHING * size.min(area(flat));
+            let least = SAME * size.min(area(flat)).sqrt();
             let Some(polygon) = within(flat, &part, least) else {
                 continue;
             };
@@ -365,8 +369,13 @@ pub(super) fn covers(
         .into_iter()
         .map(|pieces| {
             let corners = pieces.iter().flat_map(|piece| piece.polygon.clone());
-            let hull = Hull::around(corners.collect());
+            let hull = Hull::around(corners.collect(), SAME * area(&outline).sqrt());
             let (hull, sites) = places(&outline, face_ring(own.len), own.bend(), hull);
+            // All of a facet, but with the places of its corners.
+            let (hull, sites) = match sites {
+                None if slave.is_linear() => corners_of(&own),
+                sites => (hull, sites),
+            };
             let is_whole = sites.is_none();
             let mut cover = Cover {
                 part: near[pieces[0].other].part,
@@ -376,18 +385,23 @@ pub(super) fn covers(
                 functions: Vec::new(),
             };
             cover.vertices = match &sites {
-                None => (slave
-                    .places()
-                    .iter()
-                    .zip(angles_at_nodes(&slave.nodes, own.n_corners())))
-                .enumerate()
-                .map(|(k, (&place, angle))| (Site::Node(k), place, angle))
-                .collect(),
+                None => (0..slave.len)
+                    .zip(angles_at_nodes(&slave.nodes, own.n_corners()))
+                    .map(|(k, angle)| Vertex::at_node(slave, k, angle))
+                    .collect(),
                 Some(sites) => (sites.iter().zip(&hull.vertices))
                     .zip(hull.angles())
-                    .map(|((&site, &v), angle)| match site {
-                        Site::Node(k) => (site, slave.nodes[k], angle),
-                        _ => (site, weighted(&own.at(v).shape, &slave.nodes), angle),
+                    .map(|((&site, &v), angle)| {
+                        if let Site::Node(k) = site {
+                            return Vertex::at_node(slave, k, angle);
+                        }
+                        let shape = own.at(v).shape;
+                        Vertex {
+                            site,
+                            place: weighted(&shape, &slave.nodes),
+                            angle,
+                            shape,
+                        }
                     })
                     .collect(),
             };
@@ -482,12 +496,8 @@ fn places(
     let size = area(outline).sqrt();
     let near = |p: Flat, q: Flat, same: f64| length(minus(p, q)) <= same;
     // Curved facets hardly ever have a border just where another one has it.
-    let covers = |p: Flat| match bend {
-        None => hull.vertices.iter().any(|&v| near(p, v, SAME * size)),
-        Some(bend) => (edges(&hull.vertices))
-            .all(|(a, b)| turn(a, b, p) >= -missed(bend) * size * length(minus(b, a))),
-    };
-    if outline.iter().all(|&p| covers(p)) {
+    let far = missed(bend.unwrap_or(0.0)) * size;
+    if outline.iter().all(|&p| hull.distance(p) <= far) {
         return (hull, None);
     }
     let hull = hull.simplified();
@@ -507,6 +517,15 @@ fn places(
     };
     let sites = hull.vertices.iter().map(site).collect();
     (hull, Some(sites))
+}
+
+/// The corners of a facet with their hull; its edges are those of the polygon that the nodes make.
+fn corners_of(own: &Seen) -> (Hull, Option<Vec<Site>>) {
+    let n = own.n_corners();
+    let hull = Hull {
+        vertices: own.flat[..n].to_vec(),
+    };
+    (hull, Some((0..n).map(Site::Node).collect()))
 }
 
 /// Adds a piece without what other pieces have in common with it and are nearer to; those lose what it is nearer to.

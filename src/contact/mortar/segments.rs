@@ -2,7 +2,8 @@
 //! averaged normals of the slave boundary.
 
 use super::{
-    CONVERGED, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet, missed,
+    CONVERGED, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet, Vertex,
+    missed,
 };
 use crate::contact::transformed::Transformed;
 use crate::mesh::shape::{LINE8, edge_at, edge_points, sum};
@@ -41,6 +42,16 @@ fn nearest_root(a: f64, b: f64, c: f64) -> Option<f64> {
 }
 
 impl Edge<'_> {
+    /// Its shape functions at s ∈ [0, 1].
+    fn shape(&self, s: f64) -> [f64; 9] {
+        if self.x.len() > 2 {
+            return edge_at(self.x, 2.0 * s - 1.0).shape;
+        }
+        let mut shape = [0.0; 9];
+        [shape[0], shape[1]] = [1.0 - s, s];
+        shape
+    }
+
     /// The place at s ∈ [0, 1] and the unit normal there.
     fn at(&self, s: f64) -> (Point, Point) {
         if self.x.len() > 2 {
@@ -128,17 +139,30 @@ pub(super) fn covers(
         let (from, to) = (segments[0].1, segments[segments.len() - 1].2);
         let same = SAME.min(SAME_OF_WIDTH * (to - from));
         let missed = bend.map_or(same, missed);
-        let is_whole = from <= missed && 1.0 - to <= missed;
-        let site = |s: f64| match s {
-            s if s <= same => (Site::Node(0), edge.x[0], 0.5),
-            s if 1.0 - s <= same => (Site::Node(1), edge.x[1], 0.5),
-            s if is_curved && (s - 0.5).abs() <= same => (Site::Node(2), edge.x[2], 0.5),
-            _ => (Site::Inside, edge.at(s).0, 0.5),
+        let is_covered = from <= missed && 1.0 - to <= missed;
+        // A whole one is covered from end to end, whatever it misses.
+        let (from, to) = if is_covered && is_curved {
+            (0.0, 1.0)
+        } else {
+            (from, to)
+        };
+        let is_whole = is_covered && !slave.is_linear();
+        let vertex = |s: f64| match s {
+            s if s <= same => Vertex::at_node(slave, 0, 0.5),
+            s if 1.0 - s <= same => Vertex::at_node(slave, 1, 0.5),
+            s if is_curved && (s - 0.5).abs() <= same => Vertex::at_node(slave, 2, 0.5),
+            _ => Vertex {
+                site: Site::Inside,
+                place: edge.at(s).0,
+                angle: 0.5,
+                shape: edge.shape(s),
+            },
         };
         let vertices = match is_whole && is_curved {
-            false => vec![site(from), site(to)],
-            true => (edge.x.iter().zip([0.5, 0.5, 1.0]).enumerate())
-                .map(|(k, (&place, angle))| (Site::Node(k), place, angle))
+            false => vec![vertex(from), vertex(to)],
+            true => (0..3)
+                .zip([0.5, 0.5, 1.0])
+                .map(|(k, angle)| Vertex::at_node(slave, k, angle))
                 .collect(),
         };
         let [a, b] = [from, to].map(|s| edge.at(s).0);
