@@ -830,7 +830,7 @@ enum Role {
 
 /// C of ψ = C β where some vertices are held: see the module. Vertices are in their order around what is covered.
 ///
-/// Where that leaves a vertex less than a part of its ∫ β (on no facet that meshes have), none is held: the pressure of a
+/// Where that leaves a vertex less than a part of its ∫ β (on no facet that meshes have), all keep theirs: the pressure of a
 /// place is its force by ∫ ψ.
 fn held_dual(mass: &Mat<f64>, area: &[f64], roles: &[Role]) -> Mat<f64> {
     /// Of a rectangle with one held corner the opposite one keeps 2/3.
@@ -873,6 +873,6 @@ fn held_dual(mass: &Mat<f64>, area: &[f64], roles: &[Role]) -> Mat<f64> {
     if free.iter().all(keeps) {
         all
     } else {
-        dual(mass, area)
+        Mat::identity(n, n)
     }
 }
