@@ -332,7 +332,7 @@ where
         let origin = start.slip_origin(&whole, load);
         let case = LoadCase {
             acting: load.acting,
-            travelled: Arc::new(whole.body_sizes(&start.u)),
+            travelled: Some(Arc::new(whole.body_sizes(&start.u))),
             before: start.lambda.clone(),
             friction: Arc::clone(&whole.load_case().friction),
             ..LoadCase::new(

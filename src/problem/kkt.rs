@@ -89,8 +89,8 @@ impl<const D: usize, K> ContactProblem<D, K> {
         let mut deformed = u.to_vec();
         floating.add_motion(&back, &mut deformed);
         let mut sizes: Vec<f64> = u.iter().map(|u| u.abs()).collect();
-        if !self.load_case().travelled.is_empty() {
-            add_times(1.0, &self.load_case().travelled, &mut sizes);
+        if let Some(travelled) = &self.load_case().travelled {
+            add_times(1.0, travelled, &mut sizes);
         }
         [deformed, sizes]
     }
@@ -99,9 +99,9 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// moved before, and what the force before did to its own node: a u that it has brought to rest has the rounding of that.
     pub(crate) fn reach(&self) -> Vec<f64> {
         let case = self.load_case();
-        let mut reach = match case.travelled.is_empty() {
-            true => vec![0.0; D * self.m()],
-            false => self.row_sizes(&case.travelled),
+        let mut reach = match &case.travelled {
+            None => vec![0.0; D * self.m()],
+            Some(travelled) => self.row_sizes(travelled),
         };
         (reach.iter_mut().zip(case.offsets())).for_each(|(reach, c)| *reach = reach.max(c.abs()));
         let before = case.before.iter().zip(self.compliance());

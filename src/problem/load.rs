@@ -22,8 +22,8 @@ pub struct LoadCase {
     /// ‖forces that act on the bodies‖: ‖f‖, but for what prescribed displacements add to f.
     pub(crate) acting: f64,
     /// The largest displacement before this load step of the body that each unknown is of: what comes out as a difference is
-    /// rounded accordingly. Empty at rest.
-    pub(crate) travelled: Arc<Vec<f64>>,
+    /// rounded accordingly. None at rest, on all ranks.
+    pub(crate) travelled: Option<Arc<Vec<f64>>>,
     /// λ before this load step, which the origin of slip has its errors from; empty at rest.
     pub(crate) before: Vec<f64>,
 }
@@ -44,7 +44,7 @@ impl LoadCase {
             slip_bound,
             friction: Arc::default(),
             frozen: false,
-            travelled: Arc::default(),
+            travelled: None,
             before: Vec::new(),
         }
     }

@@ -282,7 +282,7 @@ mod tests {
         // Rounding of a way of 10⁹ is 7e-6: less than what small forces close is none, somewhat more is not known well enough.
         let near = four_on_two(1e-3);
         let mut case = near.load_case().clone();
-        case.travelled = vec![1e9; 6].into();
+        case.travelled = Some(vec![1e9; 6].into());
         let far = near.under(case);
         for (size, expected) in [(1e-8, true), (1e-6, false), (1.0, true)] {
             let lambda: Vec<f64> = lambda.iter().map(|l| size * l).collect();
