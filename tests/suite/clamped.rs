@@ -214,13 +214,6 @@ fn leaves_that_are_pulled_apart_do_not_touch() {
     pulled_apart::<3, InSpace>(1001, 25);
 }
 
-#[test]
-#[ignore = "two minutes"]
-fn many_leaves_that_are_pulled_apart_do_not_touch() {
-    pulled_apart::<2, InPlane>(100_001, 800);
-    pulled_apart::<3, InSpace>(200_001, 300);
-}
-
 /// A leaf spring of two equal leaves bends as one half of the load on each; the contact hands that half on.
 #[test]
 fn a_leaf_spring_hands_half_of_its_load_on() {
