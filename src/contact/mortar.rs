@@ -48,6 +48,7 @@ mod segments;
 mod surface;
 
 use super::search::{Bounds, Search};
+use super::transformed::n_middles;
 use super::{ContactError, ContactPlace, Friction, PairOptions, frame, rounding, turn_tangents};
 use crate::dense;
 use crate::elasticity::{Body, Depth};
@@ -143,7 +144,7 @@ impl<const D: usize> HeldAlong<D> {
             return self.nodes[..len].to_vec();
         }
         // Between nodes so much of a vertex is held as its place says, linear from corner to corner.
-        let n_middles = if n_corners == 2 { 1 } else { n_corners };
+        let n_middles = n_middles(n_corners);
         let mut part = [0.0; 9];
         for (k, part) in part[..n_corners].iter_mut().enumerate() {
             let beside = [k, (k + n_middles - 1) % n_middles].map(|edge| n_corners + edge);

@@ -30,7 +30,7 @@ fn is_transformed(depth: Depth, n_nodes: usize, n_corners: usize) -> bool {
 }
 
 /// How many middles of edges it has, each between the corner of the same number and the next one.
-fn n_middles(n_corners: usize) -> usize {
+pub(super) fn n_middles(n_corners: usize) -> usize {
     match n_corners {
         2 => 1,
         n => n,

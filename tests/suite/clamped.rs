@@ -298,6 +298,17 @@ fn tied_leaves_bend_as_one_whichever_side_is_first() {
     of::<3, InSpace>(Order::Lagrange, cells, [1e-3, 1e-3]);
 }
 
+/// One of height 1, of first order.
+fn leaf(low: f64, nx: usize) -> Leaf {
+    Leaf {
+        low,
+        height: 1.0,
+        cells: [nx, 2, 2],
+        order: Order::First,
+        is_split: false,
+    }
+}
+
 /// Where supports hold the whole boundary that is named first, the other one has the multipliers.
 #[test]
 fn a_rigid_side_may_be_named_first() {
@@ -305,13 +316,6 @@ fn a_rigid_side_may_be_named_first() {
     where
         ElementKind: Space<D>,
     {
-        let leaf = |low: f64, nx: usize| Leaf {
-            low,
-            height: 1.0,
-            cells: [nx, 2, 2],
-            order: Order::First,
-            is_split: false,
-        };
         let sides = [false, true].map(|is_swapped| {
             let all = [leaf(0.0, 13), leaf(1.0, 7)];
             let loads = [0.0, -0.3];
@@ -343,13 +347,6 @@ fn nodes_that_supports_drive_rub_as_well() {
     where
         ElementKind: Space<D>,
     {
-        let leaf = |low: f64, nx: usize| Leaf {
-            low,
-            height: 1.0,
-            cells: [nx, 2, 2],
-            order: Order::First,
-            is_split: false,
-        };
         for is_swapped in [false, true] {
             let mut sides = ["low-top", "up-bottom"];
             if is_swapped {
@@ -381,13 +378,6 @@ fn nodes_that_supports_drive_rub_as_well() {
 /// A face whose nodes move alike is held by what moves them.
 #[test]
 fn a_face_that_moves_as_one_is_no_clamp_to_what_touches_it() {
-    let leaf = |low: f64, nx: usize| Leaf {
-        low,
-        height: 1.0,
-        cells: [nx, 2, 1],
-        order: Order::First,
-        is_split: false,
-    };
     for is_swapped in [false, true] {
         let all = [leaf(0.0, 9), leaf(1.0, 7)];
         let model = leaves::<2, InPlane>(&all, &[-0.01, 0.01], is_swapped, 0.3, touch);

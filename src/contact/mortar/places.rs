@@ -489,7 +489,9 @@ impl<const D: usize> Sums<D> {
             centre(mesh, x, &frame, self.edge, &mut partners);
             (x, [own, partners])
         };
-        let rows: Vec<Integrals> = (0..D).map(|a| self.along(a)).collect();
+        // Where nothing is held all rows are as the one along ν.
+        let directions = if self.held.is_some() { D } else { 1 };
+        let rows: Vec<Integrals> = (0..directions).map(|a| self.along(a)).collect();
         let is_tied = matches!(options.friction, Friction::Tied);
         // Without a row along ν only a tie is left anything.
         let Some(across) = rows
