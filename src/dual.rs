@@ -7,13 +7,14 @@ mod nested;
 
 pub use delassus::DelassusDual;
 pub use direct::DirectDual;
+pub(crate) use direct::LARGEST_MATRIX;
 pub(crate) use direct::plan;
 pub use nested::NestedDual;
 
 use crate::control::{Accuracy, Correction, Costs, Stop, Stopped};
 use crate::dense::{symmetric_eigen, tridiagonal_largest};
 use crate::problem::{ContactProblem, Kkt, LoadCase};
-use crate::sparse::{dot, norm};
+use crate::sparse::{Csr, dot, norm};
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::PcgError;
 use faer::Mat;
@@ -196,6 +197,16 @@ pub trait DualOperator {
     fn linear_iterations(&mut self, _tolerance: f64) -> Result<Option<usize>, DualError> {
         Ok(None)
     }
+    /// A itself, where it is at hand as a matrix: the method then asks it whatever it wants to know, and takes no more products than
+    /// it takes steps.
+    fn matrix(&self) -> Option<Csr> {
+        None
+    }
+    /// Refines u from here on as far as f64 goes, and makes r from it, where K is badly conditioned and that has not been done; false
+    /// where nothing is to be gained.
+    fn refine(&mut self) -> bool {
+        false
+    }
     /// What it has cost so far, where K⁻¹ is applied by iterations.
     fn costs(&self) -> Option<Costs> {
         None
@@ -353,7 +364,6 @@ mod tests {
     use crate::engine::{Device, Engine, EngineOptions, Stiffness};
     use crate::lattice::lattice;
     use crate::problem::{ContactData, ContactProblem};
-    use crate::sparse::Csr;
 
     /// A lattice whose base (z = 0) meets a plane below, away from where it is held.
     fn in_space() -> ContactProblem<3> {

@@ -9,6 +9,7 @@ use crate::control::{Accuracy, Correction, Costs, Stop};
 use crate::dual::{DirectDual, DualError, DualOperator, NestedDual, plan};
 use crate::memory;
 use crate::problem::{ContactProblem, LoadCase};
+use crate::sparse::Csr;
 use crate::ssnm::RecycledSubspace;
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::{PcgError, Preconditioner};
@@ -563,6 +564,20 @@ impl DualOperator for Engine {
 
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
         self.with_fallback(|dual| dual.stiffness_times(u, s))
+    }
+
+    fn refine(&mut self) -> bool {
+        match &mut self.path {
+            Path::Cholesky(dual) => dual.refine(),
+            _ => false,
+        }
+    }
+
+    fn matrix(&self) -> Option<Csr> {
+        match &self.path {
+            Path::Cholesky(dual) => dual.matrix(),
+            _ => None,
+        }
     }
 
     fn linear_iterations(&mut self, tolerance: f64) -> Result<Option<usize>, DualError> {

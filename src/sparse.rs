@@ -4,6 +4,7 @@
 //! see [`Csr`]) and the coarse matrices and prolongations of multigrid (3 × 3 and 2 × 3). Column indices
 //! are `u32` and sorted within a row.
 
+pub(crate) mod lu;
 pub mod stored;
 
 use pulp::{Simd, WithSimd};
@@ -172,6 +173,32 @@ impl<const B: usize> BlockCsr<B> {
         (count as usize, component)
     }
 
+    /// The block rows of each connected part; None where one has more than `most`.
+    pub(crate) fn small_components(&self, most: usize) -> Option<Vec<Vec<usize>>> {
+        let mut is_seen = vec![false; self.n_block_rows];
+        let mut parts = Vec::new();
+        for seed in 0..self.n_block_rows {
+            if std::mem::replace(&mut is_seen[seed], true) {
+                continue;
+            }
+            let mut part = vec![seed];
+            let mut next = 0;
+            while let Some(&i) = part.get(next) {
+                for &j in self.row(i).0 {
+                    if !std::mem::replace(&mut is_seen[j as usize], true) {
+                        part.push(j as usize);
+                    }
+                }
+                if part.len() > most {
+                    return None;
+                }
+                next += 1;
+            }
+            parts.push(part);
+        }
+        Some(parts)
+    }
+
     /// The scalar diagonal of the matrix; zero where nothing is stored.
     pub fn diagonal(&self) -> Vec<f64> {
         let mut diagonal = vec![0.0; self.n_rows()];
@@ -183,6 +210,37 @@ impl<const B: usize> BlockCsr<B> {
             }
         }
         diagonal
+    }
+}
+
+impl Csr {
+    /// The product with another matrix; None where it has more than `most` entries.
+    pub(crate) fn times(&self, other: &Self, most: usize) -> Option<Self> {
+        let mut triplets = Vec::new();
+        // Of the present row: its entries, and whether there is one in a column.
+        let mut sums = vec![0.0; other.n_cols()];
+        let mut is_met = vec![false; other.n_cols()];
+        for i in 0..self.n_rows() {
+            let mut met = Vec::new();
+            let (cols, values) = self.row(i);
+            for (&k, [[value]]) in cols.iter().zip(values) {
+                let (cols, others) = other.row(k as usize);
+                for (&j, [[other]]) in cols.iter().zip(others) {
+                    if !std::mem::replace(&mut is_met[j as usize], true) {
+                        met.push(j as usize);
+                    }
+                    sums[j as usize] += value * other;
+                }
+            }
+            if triplets.len() + met.len() > most {
+                return None;
+            }
+            for j in met {
+                is_met[j] = false;
+                triplets.push((i, j, std::mem::take(&mut sums[j])));
+            }
+        }
+        Some(Self::from_triplets(self.n_rows(), other.n_cols(), triplets))
     }
 }
 

@@ -52,6 +52,7 @@ mod check;
 mod face;
 mod goal;
 mod inner;
+mod known;
 mod law;
 mod multisecant;
 mod newton;

@@ -13,6 +13,7 @@ use signorini::dual::{DelassusDual, DualError};
 use signorini::engine::EngineOptions;
 use signorini::problem::{ContactProblem, ProblemError};
 use signorini::quasistatic::{self, Load, State, StepError, StepSettings};
+use signorini::sparse::Csr;
 use signorini::ssnm::{Cause, RecycledSubspace};
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -98,8 +99,8 @@ pub fn solve_delassus<'py>(
         entries("friction", &friction)?,
     ];
     let (made, stopped) = watched(py, hears.as_ref(), &interrupt, |voice| match dimension {
-        2 => solved::<2>(given, times, &settings, &voice),
-        _ => solved::<3>(given, times, &settings, &voice),
+        2 => solved::<2>(given, times, matrix.as_ref(), &settings, &voice),
+        _ => solved::<3>(given, times, matrix.as_ref(), &settings, &voice),
     })?;
     let made = made?;
     let all = PyDict::new(py);
@@ -113,12 +114,16 @@ pub fn solve_delassus<'py>(
 fn solved<const D: usize>(
     [diagonal, q, friction]: [&[f64]; 3],
     times: impl FnMut(&[f64], &mut [f64]) -> Result<(), DualError>,
+    matrix: Option<&Csr>,
     settings: &StepSettings,
     voice: &Voice,
 ) -> Result<Made, Failure> {
     let problem = ContactProblem::<D>::from_delassus(diagonal, q, friction);
     let problem = problem.map_err(Failure::Problem)?;
     let mut dual = DelassusDual::new(&problem, times);
+    if let Some(matrix) = matrix {
+        dual = dual.with_matrix(matrix.clone());
+    }
     voice.tell(News::Begins(1, 1, 1.0));
     let solution = quasistatic::solve_step(
         &problem,

@@ -35,6 +35,8 @@ const REMEMBERED: usize = 8;
 pub struct DelassusDual<W> {
     contact: Arc<Csr>,
     product: W,
+    /// W, where it is more than a product.
+    matrix: Option<Csr>,
     /// (u, K u), the last ones.
     known: Vec<[Vec<f64>; 2]>,
 }
@@ -48,7 +50,16 @@ where
         Self {
             contact: Arc::clone(problem.contact_matrix()),
             product,
+            matrix: None,
             known: Vec::new(),
+        }
+    }
+
+    /// The same where W is at hand as a matrix: few steps then solve what has many contacts that depend on each other.
+    pub fn with_matrix(self, matrix: Csr) -> Self {
+        Self {
+            matrix: Some(matrix),
+            ..self
         }
     }
 
@@ -103,6 +114,19 @@ where
         let offsets = load.offsets();
         b.iter_mut().zip(offsets).for_each(|(b, c)| *b -= c);
         Ok(())
+    }
+
+    fn matrix(&self) -> Option<Csr> {
+        // Of each entry of q the row of B that it is.
+        let mut rows = vec![0; self.contact.n_cols()];
+        (self.contact.triplets()).for_each(|(row, entry, _)| rows[entry] = row);
+        let entries = self.matrix.as_ref()?.triplets();
+        let n = rows.len();
+        Some(Csr::from_triplets(
+            n,
+            n,
+            entries.map(|(i, j, v)| (rows[i], rows[j], v)),
+        ))
     }
 
     fn displacement(

@@ -8,10 +8,12 @@
 
 use super::{DualError, DualOperator};
 use crate::control::{Accuracy, Correction, Stop};
+use crate::dense;
 use crate::problem::{ContactProblem, LoadCase};
 use crate::sparse::stored::SquareBlocks;
 use crate::sparse::{Csr, norm};
 use crate::stiffness::cholesky::{Factor, FactorError, Plan};
+use faer::Mat;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -21,6 +23,10 @@ const PROBE_LIMIT: f64 = 1e-6;
 /// Slender bodies have large residuals beside small loads: there K x is a small difference of large terms.
 const BACKWARD_LIMIT: f64 = 1e-12;
 const FORWARD_LIMIT: f64 = 1e-4;
+/// The unknowns of a rigid body in space, twice: blocks of K may be shared by two bodies.
+const RIGID: usize = 12;
+/// Entries of A as a matrix at most: those of 1 000 contacts in space that all depend on each other, where a Newton step takes seconds.
+pub(crate) const LARGEST_MATRIX: usize = 10_000_000;
 /// Steps of iterative refinement at most.
 const REFINEMENTS: usize = 3;
 /// The dual operator of a problem on the factor of K.
@@ -38,6 +44,8 @@ pub struct DirectDual {
     /// K is so badly conditioned that displacements are refined with residuals of twice the precision, and r is made
     /// from them.
     refined: bool,
+    /// A, where K is that of rigid bodies.
+    matrix: Option<Csr>,
     /// Seconds for one full solve with K (the probe).
     pub solve_seconds: f64,
 }
@@ -82,6 +90,7 @@ impl DirectDual {
             load: Arc::clone(problem.load_case().force()),
             reduced_load: Vec::new(),
             workspace: vec![0.0; trailing],
+            matrix: of_rigid_bodies(problem),
             refined: false,
             solve_seconds: 0.0,
             factor,
@@ -172,6 +181,42 @@ impl DirectDual {
     }
 }
 
+/// A = B K⁻¹ Bᵀ where K falls apart into bodies with few unknowns: then A couples the contacts of a body alone.
+fn of_rigid_bodies<const D: usize>(problem: &ContactProblem<D>) -> Option<Csr> {
+    if !problem.floating_bodies().is_empty() {
+        return None;
+    }
+    let (n, b) = (problem.n_rows(), problem.contact_matrix());
+    let mut inverse = Vec::new();
+    for body in problem.stiffness().small_components(RIGID.div_ceil(D))? {
+        let unknowns: Vec<usize> = (body.iter())
+            .flat_map(|&node| D * node..D * node + D)
+            .collect();
+        let place = |unknown: usize| unknowns.iter().position(|&u| u == unknown);
+        let mut own = Mat::<f64>::zeros(unknowns.len(), unknowns.len());
+        for &node in &body {
+            let (cols, blocks) = problem.stiffness().row(node);
+            for (&col, block) in cols.iter().zip(blocks) {
+                for (a, row) in block.iter().enumerate() {
+                    for (c, &value) in row.iter().enumerate() {
+                        let at = place(D * node + a).zip(place(D * col as usize + c));
+                        if let Some(at) = at {
+                            own[at] = value;
+                        }
+                    }
+                }
+            }
+        }
+        let own = dense::inverse(&dense::cholesky(own)?);
+        for (i, &row) in unknowns.iter().enumerate() {
+            let entries = unknowns.iter().enumerate();
+            inverse.extend(entries.map(|(j, &col)| (row, col, own[(i.max(j), i.min(j))])));
+        }
+    }
+    let moved = b.times(&Csr::from_triplets(n, n, inverse), usize::MAX)?;
+    moved.times(&b.transposed(), LARGEST_MATRIX)
+}
+
 impl DualOperator for DirectDual {
     fn size(&self) -> (usize, usize) {
         (self.load.len(), self.contact.n_rows())
@@ -208,6 +253,14 @@ impl DualOperator for DirectDual {
             *b -= c;
         }
         Ok(())
+    }
+
+    fn refine(&mut self) -> bool {
+        !std::mem::replace(&mut self.refined, true)
+    }
+
+    fn matrix(&self) -> Option<Csr> {
+        self.matrix.clone()
     }
 
     fn displacement(

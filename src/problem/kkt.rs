@@ -31,7 +31,8 @@ pub struct Kkt {
     pub penetration: f64,
     /// max (−λν)₊ / ‖λ‖∞.
     pub tension: f64,
-    /// |λνᵀ(Nu − d)| / (‖λ‖ · the deformation).
+    /// |λνᵀ(Nu − d)| / (‖λ‖ · the deformation); where that is larger, the largest gap under a force, or what this force does to
+    /// its own node if that is less, / the deformation: what the largest contacts do must not hide the others.
     pub complementarity: f64,
     /// max (|λτ,i| − gᵢ)₊ / the largest bound, but for those that are larger than all forces.
     pub friction_bound: f64,
@@ -155,6 +156,11 @@ impl<const D: usize, K> ContactProblem<D, K> {
                 closing[i]
             }
         });
+        let compliance_n = &self.compliance()[..m];
+        let apart = &mut (0..m).map(|i| match is_tied(i) {
+            true => 0.0,
+            false => (-closing[i]).min(compliance_n[i] * lambda_n[i]),
+        });
         let pulled = &mut (0..m).map(|i| if is_tied(i) { 0.0 } else { -lambda_n[i] });
         let bounded: Vec<usize> = (0..m).filter(|&i| !is_tied(i)).collect();
         let most = norm_max(lambda);
@@ -166,10 +172,13 @@ impl<const D: usize, K> ContactProblem<D, K> {
             equilibrium: ratio(self.imbalance(lambda, product), scales.force),
             penetration: ratio(positive(closed), scales.length),
             tension: ratio(positive(pulled), most),
-            complementarity: ratio(
-                dot(lambda_n, &closing).abs(),
-                norm(lambda) * scales.deformation,
-            ),
+            complementarity: norm_max(&[
+                ratio(
+                    dot(lambda_n, &closing).abs(),
+                    norm(lambda) * scales.deformation,
+                ),
+                ratio(positive(apart), scales.length),
+            ]),
             friction_bound: ratio(
                 positive(
                     &mut (bounded.iter()).map(|&i| rigid::length(&lambda_t[at(i)]) - bound[i]),

@@ -45,8 +45,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         }
         // r is fresh now; if it differs from the one before, products were not accurate enough.
         way.err = self.update_error(&mut way.point);
-        if way.err > goal.err {
-            self.products.tighten(self.tolerance);
+        if way.err > goal.err && !self.products.tighten(self.tolerance) {
+            self.refine(way)?;
         }
         // Where a stiff body is moved, ‖f‖ says little about the loads of a soft one, and u may be far off.
         let closer = (goal.err / way.err).min(self.numbers.sharper);
@@ -90,7 +90,21 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             way.err = err;
             return Ok(Ended::Again);
         }
-        Ok(Ended::With(Status::Stagnated))
+        Ok(match self.refine(way)? {
+            true => Ended::Again,
+            false => Ended::With(Status::Stagnated),
+        })
+    }
+
+    /// Makes r from a refined u from here on, where K is so badly conditioned that rounding of K⁻¹ hides what the goal asks for;
+    /// false where nothing is to be gained.
+    fn refine(&mut self, way: &mut Way<D>) -> Result<bool, DualError> {
+        if !self.products.refine() {
+            return Ok(false);
+        }
+        self.make_exact(&mut way.point)?;
+        way.err = self.update_error(&mut way.point);
+        Ok(true)
     }
 
     /// The reason not to make another step.

@@ -14,7 +14,7 @@ pub(super) struct Goal {
     /// ε.
     tolerance: f64,
     numbers: Numbers,
-    /// Penetration, and slip where there should be none, at most, beyond rounding; known after the first check.
+    /// Penetration, gaps under forces, and slip where there should be none, at most, beyond rounding; known after the first check.
     pub slack: f64,
     /// |λνᵀ(Nu − d)| / ‖λ‖ at most; likewise.
     pub work: f64,
@@ -61,10 +61,15 @@ impl Goal {
             .map(|(r, of)| beyond(*r, *of))
             .collect();
         let (rn, rt) = r.split_at(m);
-        let (g, c) = (problem.bounds(lambda), &problem.compliance()[m..]);
-        let penetration = (rn.iter().zip(g.iter())).fold(0.0, |acc: f64, (r, &g)| {
-            let is_tied = Disc { g }.is_tied();
-            acc.max(if is_tied { r.abs() } else { -r })
+        let (g, (own, c)) = (problem.bounds(lambda), problem.compliance().split_at(m));
+        let penetration = (0..m).fold(0.0, |acc: f64, i| {
+            let is_tied = Disc { g: g[i] }.is_tied();
+            let apart = rn[i].min(own[i] * ln[i]);
+            acc.max(if is_tied {
+                rn[i].abs()
+            } else {
+                apart.max(-rn[i])
+            })
         });
         let slip = (0..m).fold(0.0, |acc: f64, i| {
             let at = tangents_of::<D>(i);

@@ -2,11 +2,12 @@
 
 use super::check::Ended;
 use super::goal::Goal;
+use super::known::{Known, OnMatrix};
 use super::newton::{Newton, Way};
 use super::point::Point;
 use super::sets::Sets;
 use super::subproblem::Subproblem;
-use super::{NewtonSettings, Status, Step};
+use super::{NewtonSettings, Numbers, Status, Step};
 use crate::dual::{DualError, DualOperator};
 use crate::rounding::{INDEPENDENT, ROUNDING};
 use crate::sparse::{add_times, difference, norm, norm_max};
@@ -93,10 +94,11 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 && way.err > self.rounding(&before)
                 && before.q_change(&way.point) < -before.q_rounding(&way.point);
             let err = self.update_error(&mut way.point);
-            denied = match err > numbers.progress * way.err {
-                true => denied + 1,
-                false => 0,
-            };
+            let leads_on = err <= numbers.progress * way.err;
+            denied = if leads_on { 0 } else { denied + 1 };
+            if let Some(known) = &mut self.known {
+                known.adapt(leads_on, numbers.proximal);
+            }
             if denied == numbers.denied || self.hidden == numbers.denied {
                 self.products.tighten(self.tolerance);
                 (denied, self.hidden) = (0, 0);
@@ -119,9 +121,63 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         }
     }
 
-    /// Solves the problem on the surrogate from λᵏ; under Coulomb's law in shorter steps where the last ones were
-    /// `fruitless`: under given bounds the minimum of q on the chord makes a step as short as need be.
+    /// Solves the problem from λᵏ on what is known of A.
     fn propose(&self, way: &Way<D>, fruitless: usize) -> Proposal {
+        let (mut point, steps) = match &self.known {
+            Some(known) => self.on_matrix(known, way),
+            None => self.on_surrogate(way, fruitless),
+        };
+        // Forces below the rounding of those that they are left of, step by step, are none.
+        let none = vec![0.0; point.lambda.len()];
+        if norm_max(&point.lambda) <= 100.0 * ROUNDING * norm_max(&way.point.lambda)
+            && self.balance.as_ref().is_none_or(|b| b.holds(&none))
+        {
+            point.lambda = none;
+        }
+        let step = difference(&point.lambda, &way.point.lambda);
+        let image = match &self.known {
+            Some(known) => known.times(&step),
+            None => self.surrogate.times(&step),
+        };
+        add_times(1.0, &image, &mut point.r);
+        Proposal {
+            err: self.error(&point),
+            point,
+            step,
+            image,
+            steps,
+        }
+    }
+
+    /// On A itself: where forces are to lie, with r and α before they are there, and the Newton steps made. Sweeps come first
+    /// where the last step led nowhere.
+    fn on_matrix(&self, known: &Known<D>, way: &Way<D>) -> (Point, usize) {
+        let numbers = self.numbers;
+        let mut from = way.point.clone();
+        if known.is_stuck() || way.history.is_empty() {
+            (0..numbers.sweeps).for_each(|_| known.sweep(&self.law, &mut from));
+        }
+        let problem = OnMatrix {
+            known,
+            law: &self.law,
+            from: &from,
+            numbers: Numbers {
+                newton_steps: numbers.matrix_steps,
+                ..numbers
+            },
+            stop: &self.products.stop,
+        };
+        let (lambda, steps) = problem.solve(numbers.solved * way.err);
+        let point = Point {
+            lambda,
+            ..way.point.clone()
+        };
+        (point, steps)
+    }
+
+    /// On the surrogate, likewise; under Coulomb's law in shorter steps where the last ones were `fruitless`: under given bounds the
+    /// minimum of q on the chord makes a step as short as need be.
+    fn on_surrogate(&self, way: &Way<D>, fruitless: usize) -> (Point, usize) {
         let (surrogate, from) = (&self.surrogate, &way.point);
         let base = surrogate.base();
         let mut tau = match self.law.is_coulomb() {
@@ -161,23 +217,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             add_times(1.0, &balance.coefficients(eta), &mut point.motion);
             add_times(-1.0, &balance.spread(eta), &mut point.r);
         }
-        // Forces below the rounding of those that they are left of, step by step, are none.
-        let none = vec![0.0; point.lambda.len()];
-        if norm_max(&point.lambda) <= 100.0 * ROUNDING * norm_max(&from.lambda)
-            && self.balance.as_ref().is_none_or(|b| b.holds(&none))
-        {
-            point.lambda = none;
-        }
-        let step = difference(&point.lambda, &from.lambda);
-        let image = surrogate.times(&step);
-        add_times(1.0, &image, &mut point.r);
-        Proposal {
-            err: self.error(&point),
-            point,
-            step,
-            image,
-            steps,
-        }
+        (point, steps)
     }
 
     /// Goes towards a proposal, as far as one product with A shows to be best.
@@ -241,7 +281,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         progress: &mut Progress,
     ) -> Result<bool, DualError> {
         way.point.clone_from(&progress.best);
-        let sharper = self.products.tighten(self.tolerance);
+        let sharper = self.products.tighten(self.tolerance) || self.products.refine();
         self.make_exact(&mut way.point)?;
         way.err = self.update_error(&mut way.point);
         // Less than nothing is not to be had.

@@ -1,5 +1,6 @@
 //! The state that all outer steps share, and the error of a point.
 
+use super::known::Known;
 use super::law::Law;
 use super::point::{GradientStep, Point, distance, gradient_step};
 use super::products::Products;
@@ -40,6 +41,8 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub hidden: usize,
     /// What is known of A.
     pub surrogate: Surrogate,
+    /// A itself, where it is at hand as a matrix.
+    pub known: Option<Known<D>>,
     pub method: Method,
     pub numbers: Numbers,
     /// u and the optimality conditions of the last final check.

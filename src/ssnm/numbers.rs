@@ -72,6 +72,14 @@ numbers! {
     pairs: usize = 240;
     /// A problem on the surrogate is solved to this part of the present error: products are no more accurate.
     solved: f64 = 0.03;
+    /// Where A is at hand as a matrix, the least τ of a step on it, as a part of the mean of its diagonal: forces that do not depend
+    /// on each other are missed by about this part, and what rounding leaves of dependent ones is 1e-10 of a force.
+    proximal: f64 = 1e-6;
+    /// Newton steps for it at most: most take 1 to 6, and where sweeps are called for more lead nowhere.
+    matrix_steps: usize = 12;
+    /// Sweeps of projected Gauss–Seidel before it, in the first step and after one that was fruitless: random packings of bodies that
+    /// stagnate without are solved in a few steps.
+    sweeps: usize = 20;
     /// Newton steps for it at most; most take 1 to 6, bodies that have to find their place up to 30.
     newton_steps: usize = 60;
     /// Its merit has to fall by this part of what Newton's model promises (Armijo): without, it may go in circles.

@@ -84,6 +84,13 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         true
     }
 
+    /// Makes r from a refined u from here on; false where it is already, or K⁻¹ is a matter of iterations.
+    pub fn refine(&mut self) -> bool {
+        let refines = self.are_exact() && self.dual.refine();
+        self.follows |= refines;
+        refines
+    }
+
     /// u at λ but for the motions of floating bodies: [`DualOperator::displacement`].
     pub fn displacement(
         &mut self,

@@ -4,7 +4,7 @@ use crate::constraint::row_of;
 use crate::control::{Accuracy, Correction, Costs, Stop};
 use crate::dual::{DualError, DualOperator};
 use crate::problem::{ContactProblem, LoadCase};
-use crate::sparse::norm_max;
+use crate::sparse::{Csr, norm_max};
 
 /// The dual operator in scaled multipliers λ̂ with λ = S λ̂: Â = S (A + C) S, b̂ = S b, ĝ = S⁻¹ g. C is that of compliant
 /// contact: it has its part in every product and gradient here, whoever makes A, and nothing above has to ask for it.
@@ -81,6 +81,16 @@ impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
         entries.map(|(i, c)| c * self.factor(i).powi(2)).collect()
     }
 
+    /// S (A + C) S, where A is at hand as a matrix.
+    pub fn matrix(&self) -> Option<Csr> {
+        let matrix = self.dual.matrix()?;
+        let n = matrix.n_rows();
+        let given_way = self.compliance.iter().enumerate().map(|(i, &c)| (i, i, c));
+        let entries = matrix.triplets().chain(given_way);
+        let scaled = entries.map(|(i, j, v)| (i, j, v * self.factor(i) * self.factor(j)));
+        Some(Csr::from_triplets(n, n, scaled))
+    }
+
     /// y ← y + Cλ.
     fn give_way(&self, lambda: &[f64], y: &mut [f64]) {
         for (y, (c, l)) in y.iter_mut().zip(self.compliance.iter().zip(lambda)) {
@@ -132,6 +142,10 @@ impl<O: DualOperator + ?Sized> DualOperator for Scaled<'_, O> {
 
     fn costs(&self) -> Option<Costs> {
         self.dual.costs()
+    }
+
+    fn refine(&mut self) -> bool {
+        self.dual.refine()
     }
 
     fn apply(

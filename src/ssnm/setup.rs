@@ -1,6 +1,7 @@
 //! What comes before the first outer step: the balance of floating bodies, b, err⁰ and λ⁰, and for the algorithms as printed
 //! σ_max.
 
+use super::known::Known;
 use super::law::Law;
 use super::newton::{Newton, Way};
 use super::point::Point;
@@ -10,7 +11,7 @@ use super::{Method, NewtonSettings, RecycledSubspace, WarmStart};
 use crate::constraint::NodeSets;
 use crate::control::Stop;
 use crate::dual::balance::Balance;
-use crate::dual::{DualError, DualOperator, spectrum};
+use crate::dual::{DualError, DualOperator, LARGEST_MATRIX, spectrum};
 use crate::problem::{ContactProblem, Elsewhere, LoadCase};
 use crate::sparse::{add_times, difference, norm};
 use std::rc::Rc;
@@ -117,6 +118,11 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             c * factor * factor
         }));
         let compliance = dual.compliance();
+        let products = Products::new(dual, problem.load_case(), settings, stop, mean);
+        let known = (products.dual.matrix())
+            .filter(|matrix| matrix.n_blocks() <= LARGEST_MATRIX)
+            .filter(|_| settings.method == Method::Multisecant && start.balance.is_none())
+            .and_then(|matrix| Known::new(&matrix, settings.numbers.proximal));
         let mut newton = Newton {
             problem,
             law: start.law,
@@ -134,9 +140,10 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             beta: settings.beta,
             sigma: mean,
             mean,
-            products: Products::new(dual, problem.load_case(), settings, stop, mean),
+            products,
             hidden: 0,
             surrogate: Default::default(),
+            known,
             method: settings.method,
             numbers: settings.numbers,
             checked: None,

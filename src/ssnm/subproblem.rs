@@ -44,13 +44,13 @@ pub(super) struct Subproblem<'a> {
 /// A point on the way.
 #[derive(Clone)]
 pub(super) struct Trial {
-    /// s, then a.
-    unknowns: Vec<f64>,
+    /// s, then a; z where A is known.
+    pub unknowns: Vec<f64>,
     /// z and P(z).
-    z: Vec<f64>,
+    pub z: Vec<f64>,
     pub lambda: Vec<f64>,
-    /// S s − Uᵀ(λ − λᵏ), then Gλ − e.
-    rest: Vec<f64>,
+    /// S s − Uᵀ(λ − λᵏ), then Gλ − e; where A is known, by how much the gradient is missed.
+    pub rest: Vec<f64>,
     /// ‖U S rest‖ and b‖Gλ − e‖ together: by how much the gradient that λ is the answer to misses that of the problem. The
     /// error (10) of λ is no larger, as P_Λ brings points closer together.
     pub merit: f64,
@@ -63,9 +63,81 @@ impl Trial {
     }
 }
 
+/// The equations of a contact problem in which something else takes the place of A.
+pub(super) trait Equations<const D: usize> {
+    fn numbers(&self) -> (Numbers, &Stop<'_>);
+    /// The point with these unknowns.
+    fn at(&self, unknowns: Vec<f64>) -> Trial;
+    /// Newton's direction there; not finite where there is none.
+    fn direction(&self, trial: &Trial) -> Vec<f64>;
+    /// Whether a trial is good enough; `stays`: the last step was no better than it.
+    fn is_solved(&self, best: &Trial, target: f64, stays: bool) -> bool;
+
+    /// Lowers the merit to `target`; also returns the number of Newton steps.
+    fn solve(&self, start: Vec<f64>, target: f64) -> (Trial, usize) {
+        let mut here = self.at(start);
+        let mut best = here.clone();
+        let mut merits = vec![here.merit];
+        let (numbers, stop) = self.numbers();
+        let Numbers {
+            newton_steps,
+            fall,
+            memory,
+            halvings,
+            ..
+        } = numbers;
+        for step in 0..newton_steps {
+            // Where the last step was no better, what is left of a small imbalance is rounding.
+            let stays = merits[merits.len() - 1] > best.merit;
+            if self.is_solved(&best, target, stays) || stop.now().is_some() {
+                return (best, step);
+            }
+            let direction = self.direction(&here);
+            if direction.iter().any(|v| !v.is_finite()) {
+                return (best, step);
+            }
+            let recent = &merits[merits.len().saturating_sub(memory)..];
+            let bound = recent.iter().fold(0.0_f64, |a, &b| a.max(b));
+            let mut next: Option<Trial> = None;
+            for halved in 0..=halvings {
+                let t = 0.5_f64.powi(halved as i32);
+                let mut unknowns = here.unknowns.clone();
+                add_times(t, &direction, &mut unknowns);
+                let trial = self.at(unknowns);
+                let falls = trial.merit <= (1.0 - fall * t) * bound;
+                if next.as_ref().is_none_or(|next| trial.merit < next.merit) {
+                    next = Some(trial);
+                }
+                if falls {
+                    break;
+                }
+            }
+            here = next.expect("the whole step was tried");
+            merits.push(here.merit);
+            if here.merit < best.merit {
+                best = here.clone();
+            }
+        }
+        (best, newton_steps)
+    }
+}
+
 impl Subproblem<'_> {
+    /// Solves the problem from s = 0 and a motion to start from: [`Equations::solve`].
+    pub fn solve<const D: usize>(&self, motion: Vec<f64>, target: f64) -> (Trial, usize) {
+        let mut unknowns = vec![0.0; 2 * self.surrogate.len()];
+        unknowns.extend(motion);
+        Equations::<D>::solve(self, unknowns, target)
+    }
+}
+
+impl<const D: usize> Equations<D> for Subproblem<'_> {
+    fn numbers(&self) -> (Numbers, &Stop<'_>) {
+        (self.numbers, self.stop)
+    }
+
     /// The point with these s and a.
-    fn at<const D: usize>(&self, unknowns: Vec<f64>) -> Trial {
+    fn at(&self, unknowns: Vec<f64>) -> Trial {
         let n = self.from.lambda.len();
         let count = 2 * self.surrogate.len();
         let mut gradient = self.from.r.clone();
@@ -111,7 +183,7 @@ impl Subproblem<'_> {
 
     /// Newton's direction: with E = [U, −Gᵀ], (diag(S, 0) + Eᵀ P' E / b) (ds, da) = −rest, on the nodes where P' is not
     /// zero.
-    fn direction<const D: usize>(&self, trial: &Trial) -> Vec<f64> {
+    fn direction(&self, trial: &Trial) -> Vec<f64> {
         let m = trial.z.len() / D;
         let (count, size) = (2 * self.surrogate.len(), trial.unknowns.len());
         let moving: Vec<_> = (0..m)
@@ -172,63 +244,17 @@ impl Subproblem<'_> {
         solve(matrix, &right)
     }
 
-    /// Lowers the merit to `target`, from s = 0 and a motion to start from, and under given bounds balances the bodies to
-    /// rounding, as far as that goes; also returns the number of Newton steps. A step along which forces change their balance
+    /// Under given bounds the bodies are balanced to rounding, as far as that goes. A step along which forces change their balance
     /// is not one that q must fall along: Gᵀα does work on it.
-    pub fn solve<const D: usize>(&self, motion: Vec<f64>, target: f64) -> (Trial, usize) {
-        let mut unknowns = vec![0.0; 2 * self.surrogate.len()];
-        unknowns.extend(motion);
-        let mut here = self.at::<D>(unknowns);
-        let mut best = here.clone();
-        let mut merits = vec![here.merit];
-        let Numbers {
-            newton_steps,
-            fall,
-            memory,
-            halvings,
-            ..
-        } = self.numbers;
-        for step in 0..newton_steps {
-            let balanced = |part: f64| {
-                let balance = self.balance;
-                balance.is_none_or(|balance| balance.is_met(&best.lambda, part))
-            };
-            // Where the last step was no better, what is left of a small imbalance is rounding.
-            let stays = merits[merits.len() - 1] > best.merit;
-            let is_met = !(best.merit > target)
-                && (self.law.is_coulomb()
-                    || balanced(ROUNDING)
-                    || (stays && balanced(100.0 * ROUNDING)));
-            if is_met || self.stop.now().is_some() {
-                return (best, step);
-            }
-            let direction = self.direction::<D>(&here);
-            if direction.iter().any(|v| !v.is_finite()) {
-                return (best, step);
-            }
-            let recent = &merits[merits.len().saturating_sub(memory)..];
-            let bound = recent.iter().fold(0.0_f64, |a, &b| a.max(b));
-            let mut next: Option<Trial> = None;
-            for halved in 0..=halvings {
-                let t = 0.5_f64.powi(halved as i32);
-                let mut unknowns = here.unknowns.clone();
-                add_times(t, &direction, &mut unknowns);
-                let trial = self.at::<D>(unknowns);
-                let falls = trial.merit <= (1.0 - fall * t) * bound;
-                if next.as_ref().is_none_or(|next| trial.merit < next.merit) {
-                    next = Some(trial);
-                }
-                if falls {
-                    break;
-                }
-            }
-            here = next.expect("the whole step was tried");
-            merits.push(here.merit);
-            if here.merit < best.merit {
-                best = here.clone();
-            }
-        }
-        (best, newton_steps)
+    fn is_solved(&self, best: &Trial, target: f64, stays: bool) -> bool {
+        let balanced = |part: f64| {
+            let balance = self.balance;
+            balance.is_none_or(|balance| balance.is_met(&best.lambda, part))
+        };
+        !(best.merit > target)
+            && (self.law.is_coulomb()
+                || balanced(ROUNDING)
+                || (stays && balanced(100.0 * ROUNDING)))
     }
 }
 

@@ -262,3 +262,27 @@ fn what_is_left_after_unloading_is_nothing() {
         }
     }
 }
+
+/// Nodes whose stiffnesses lie far apart, each pressed by twice what closes its gap: each force is as accurate as the tolerance promises
+/// of lengths, relative to its own.
+#[test]
+fn stiff_contacts_leave_soft_ones_alone() {
+    for decades in [2, 4, 6, 8, 10, 12] {
+        let m = 12;
+        let each = |i: usize| 10f64.powf(decades as f64 * (i / 2) as f64 / (m - 1) as f64);
+        let stiffness: Vec<f64> = (0..2 * m).map(each).collect();
+        let load: Vec<f64> = (0..2 * m)
+            .map(|i| if i % 2 == 0 { stiffness[i] } else { 0.0 })
+            .collect();
+        let problem = on_springs(&stiffness, &load, &vec![0.5; m], &vec![0.0; m]);
+        for way in WAYS {
+            let found = step(&problem, &State::at_rest(&problem), way);
+            let what = format!("{decades} decades, {}", way.name());
+            assert_eq!(found.status, Status::Converged, "{what}");
+            for i in 0..m {
+                let off = (found.lambda[i] / (0.5 * stiffness[2 * i]) - 1.0).abs();
+                assert!(off < 2e-5, "{what}: force {i} is off by {off:e}");
+            }
+        }
+    }
+}

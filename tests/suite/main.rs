@@ -31,6 +31,7 @@ mod nodal_data;
 mod node_contact;
 mod other_meshes;
 mod overlap;
+mod packings;
 mod pairs;
 mod quasistatic;
 mod second_order;
