@@ -45,9 +45,8 @@ mkdir -p "$site/live" "$site/python"
 cp -r examples "$site/"
 cp -r python/examples "$site/python/"
 rm -rf "$site"/examples/*-out
-for template in brake; do
-    solve "$template"
-    mkdir "$site/live/$template"
-    cp "$work/$template/report.html" "$site/live/$template/"
-done
+# The page to turn and zoom that the gallery links to.
+solve brake
+mkdir "$site/live/brake"
+cp "$work/brake/report.html" "$site/live/brake/"
 echo '<meta http-equiv="refresh" content="0; url=docs/index.html">' >"$site/index.html"
