@@ -7,26 +7,36 @@ use crate::output::{Report, StepReport};
 use crate::ssnm::Status;
 
 const STYLE: &str = "
-body { font: 15px/1.5 system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', Arial, sans-serif; color: #222; background: #fff; max-width: 920px; margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.5rem; margin-bottom: .2rem } h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #ddd; padding-bottom: .2rem }
+:root { color-scheme: light dark; --ink: #222; --paper: #fff; --line: #ddd; --quiet: #555 }
+@media (prefers-color-scheme: dark) { :root { --ink: #ddd; --paper: #181a1c; --line: #444; --quiet: #aaa } }
+body { font: 15px/1.5 system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', Arial, sans-serif; color: var(--ink); background: var(--paper); max-width: 920px; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.5rem; margin-bottom: .2rem } h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid var(--line); padding-bottom: .2rem }
 .status { display: inline-block; padding: .1rem .6rem; border-radius: .3rem; color: #fff; background: #00795a } .status.bad { background: #b5342b }
-table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums } th, td { padding: .2rem .8rem .2rem 0; text-align: right; border-bottom: 1px solid #eee; vertical-align: top } th:first-child, td:first-child { text-align: left } th { font-weight: 600; color: #555 }
-summary { cursor: pointer; margin: .5rem 0 } figure { margin: 1rem 0; overflow-x: auto } figure svg { max-width: 100%; height: auto } .scroll { overflow-x: auto } p.note { color: #555 }
+table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums } th, td { padding: .2rem .8rem .2rem 0; text-align: right; border-bottom: 1px solid var(--line); vertical-align: top } th:first-child, td:first-child { text-align: left } th { font-weight: 600; color: var(--quiet) }
+summary { cursor: pointer; margin: .5rem 0 } figure { margin: 1rem 0; overflow-x: auto } figure svg { max-width: 100%; height: auto } .scroll { overflow-x: auto } p.note { color: var(--quiet) } :focus-visible { outline: 3px solid #0072b2; outline-offset: 2px }
+@page { size: A4; margin: 12mm }
+@media print { :root { --ink: #000; --paper: #fff; --line: #ccc; --quiet: #444 } body { font-size: 8.5pt; line-height: 1.3; max-width: none; margin: 0; padding: 0; columns: 2; column-gap: 8mm } h1, h1 + p, .wide { column-span: all } h2 { font-size: 10.5pt; margin-top: 0; break-after: avoid } figure { margin: .3rem 0; break-inside: avoid; overflow: visible } figure svg { max-height: 78mm; width: 100% } section { break-inside: avoid; padding-top: .8rem } th, td { padding: .1rem .5rem .1rem 0 } .scroll { overflow: visible } details:not([open]), summary, noscript { display: none } }
 ";
 
 /// Pictures of earlier load steps are on the page where there are no more steps than this.
 const MOST_STEPS: usize = 12;
 
-/// A table under a title, with a head; texts are escaped.
+/// Tables with more columns than this take the whole width of a printed page, others one of its two columns.
+const NARROW: usize = 4;
+
+/// A table under a title, with a head; texts are escaped. It can be scrolled by keys where it is too wide.
 fn table(out: &mut String, title: &str, head: &[&str], rows: impl Iterator<Item = Vec<String>>) {
-    *out += &format!("<h2>{title}</h2>\n<div class=\"scroll\"><table>\n");
+    let class = ["", " class=\"wide\""][usize::from(head.len() > NARROW)];
+    *out += &format!(
+        "<section{class} aria-label=\"{title}\"><h2>{title}</h2>\n<div class=\"scroll\" tabindex=\"0\"><table>\n"
+    );
     let head = head.iter().map(|&cell| cell.to_owned()).collect();
     for (tag, row) in std::iter::once(("th", head)).chain(rows.map(|row| ("td", row))) {
         let cell = |cell: &String| format!("<{tag}>{}</{tag}>", escape(cell));
         let cells: String = row.iter().map(cell).collect();
         *out += &format!("<tr>{cells}</tr>\n");
     }
-    out.push_str("</table></div>\n");
+    out.push_str("</table></div></section>\n");
 }
 
 /// The page.
@@ -47,7 +57,7 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
     if has_view {
         view::put_script(out);
     }
-    page + "</body></html>\n"
+    page + "</main></body></html>\n"
 }
 
 /// The title, how it ended, what to look at.
@@ -58,7 +68,7 @@ fn head(out: &mut String, report: &Report) {
     };
     let style = view::STYLE;
     *out += &format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\"><title>{title}</title><style>{STYLE}{style}</style></head>\n<body>\n<h1>{title}</h1>\n"
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\"><title>{title}</title><style>{STYLE}{style}</style></head>\n<body><main>\n<h1>{title}</h1>\n"
     );
     let (class, text) = match report.status {
         Some(Status::Converged) => ("status", "converged"),
@@ -94,7 +104,7 @@ fn figures(out: &mut String, report: &Report, pictures: &[Picture]) -> bool {
     let mut has_view = false;
     for picture in on_page {
         let (title, svg) = (escape(&picture.title), &picture.svg);
-        *out += &format!("<h2>{title}</h2>\n");
+        *out += &format!("<section aria-label=\"{title}\"><h2>{title}</h2>\n");
         // Folded by the script where the view works.
         let (open, close) = if picture.view.is_some() && view::put_view(out, &views, used) {
             has_view = true;
@@ -103,7 +113,7 @@ fn figures(out: &mut String, report: &Report, pictures: &[Picture]) -> bool {
         } else {
             ("", "")
         };
-        *out += &format!("{open}<figure>\n{svg}</figure>{close}\n");
+        *out += &format!("{open}<figure>\n{svg}</figure>{close}</section>\n");
     }
     for step in earlier {
         let svgs = of(Some(step)).map(|picture| format!("<figure>\n{}</figure>\n", picture.svg));
@@ -259,7 +269,7 @@ mod tests {
         let cells =
             "<tr><th>contact</th><th>x &amp; y</th></tr>\n<tr><td>&lt;b&gt;</td><td>1</td></tr>";
         assert!(
-            text.contains(cells) && text.starts_with("<h2>Work</h2>"),
+            text.contains(cells) && text.contains("<h2>Work</h2>"),
             "{text}"
         );
     }

@@ -8,14 +8,14 @@
     uniform mat3 camera;
     uniform vec3 centre;
     uniform vec4 fit;
-    uniform float magnified, depth, lift;
+    uniform float magnified, depth, lift, scale;
     varying vec3 facing;
     varying float shown;
     void main() {
       vec3 seen = camera * (place + magnified * displacement - centre);
       gl_Position = vec4(seen.xy * fit.xy + fit.zw, -seen.z * depth - lift, 1.0);
       facing = camera * normal;
-      shown = value;
+      shown = value < -0.5 ? value : value * scale;
     }`;
 
   // Faces are lit from the left above the viewer: brighter towards white, darker towards black.
@@ -126,7 +126,7 @@
     gl.linkProgram(made);
     if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
     const at = {};
-    for (const name of ["camera", "centre", "fit", "magnified", "depth", "lift", "colours", "plain"]) at[name] = gl.getUniformLocation(made, name);
+    for (const name of ["camera", "centre", "fit", "magnified", "depth", "lift", "scale", "colours", "plain"]) at[name] = gl.getUniformLocation(made, name);
     return { made, at };
   }
 
@@ -191,8 +191,8 @@
     }
   }
 
-  // Mouse, fingers, wheel and keys.
-  function listen(canvas, turn, shift, zoom) {
+  // Mouse, fingers, wheel and keys. `point` is called with the point of the canvas under the pointer, or with nothing.
+  function listen(canvas, turn, shift, zoom, point) {
     const held = new Map();
     canvas.onpointerdown = (event) => {
       canvas.setPointerCapture(event.pointerId);
@@ -201,7 +201,7 @@
     canvas.onpointerup = canvas.onpointercancel = (event) => held.delete(event.pointerId);
     canvas.onpointermove = (event) => {
       const before = held.get(event.pointerId);
-      if (!before) return;
+      if (!before) return point([event.offsetX, event.offsetY]);
       const now = [event.clientX, event.clientY], other = [...held].find(([id]) => id !== event.pointerId);
       const [right, down] = [now[0] - before[0], now[1] - before[1]];
       held.set(event.pointerId, now);
@@ -213,6 +213,7 @@
       } else if (event.shiftKey || event.buttons & 6) shift(right, down);
       else turn(0.01 * right, 0.01 * down);
     };
+    canvas.onpointerleave = () => point(null);
     canvas.oncontextmenu = (event) => event.preventDefault();
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
@@ -221,7 +222,7 @@
     canvas.onkeydown = (event) => {
       const larger = (by) => zoom(by, 0.5 * canvas.clientWidth, 0.5 * canvas.clientHeight);
       const keys = { ArrowLeft: () => turn(-0.1, 0), ArrowRight: () => turn(0.1, 0), ArrowUp: () => turn(0, -0.1),
-        ArrowDown: () => turn(0, 0.1), "+": () => larger(1.2), "-": () => larger(1 / 1.2) };
+        ArrowDown: () => turn(0, 0.1), Enter: () => point([0.5 * canvas.clientWidth, 0.5 * canvas.clientHeight]), "+": () => larger(1.2), "-": () => larger(1 / 1.2) };
       if (!keys[event.key] || event.ctrlKey || event.metaKey) return;
       event.preventDefault();
       keys[event.key]();
@@ -257,14 +258,50 @@
       this.gl.bufferData(this.gl.ARRAY_BUFFER, array, this.gl.STATIC_DRAW);
     }
 
+    // From the length of the model to the stage, which reaches from −1 to 1.
+    fit(look) {
+      const { width, height } = this.gl.canvas;
+      const unit = look.zoom * Math.min((0.8 * width) / look.extent[0], (0.86 * height) / look.extent[1]);
+      return [(2 * unit) / width, (2 * unit) / height, look.pan[0], look.pan[1]];
+    }
+
+    // What is seen at a point of the stage: the part, the vertices of the triangle and their weights.
+    pick(look, shown, x, y) {
+      const { places, triangles, begin } = this.shape, { right, up, back } = axesOf(look), fit = this.fit(look);
+      const moved = shown.displacement, centre = this.size.map((v) => 0.5 * v);
+      const along = (axis, i) => [0, 1, 2].reduce((sum, c) => sum + axis[c] * (places[3 * i + c] + shown.factor * moved[3 * i + c] - centre[c]), 0);
+      const of = [...fit, look.azimuth, look.elevation, shown.factor, shown.step].join();
+      if (this.projected?.of !== of) {
+        const count = this.shape.count, at = new Float32Array(3 * count);
+        for (let i = 0; i < count; i++) {
+          at.set([along(right, i) * fit[0] + fit[2], along(up, i) * fit[1] + fit[3], along(back, i)], 3 * i);
+        }
+        this.projected = { of, at };
+      }
+      const at = this.projected.at;
+      let found = null;
+      this.parts.forEach((part, k) => {
+        if (shown.hidden[k]) return;
+        for (let t = begin[part.facets[0]]; t < begin[part.facets[1]]; t += 3) {
+          const a = 3 * triangles[t], b = 3 * triangles[t + 1], c = 3 * triangles[t + 2], px = x - at[a], py = y - at[a + 1];
+          const bx = at[b] - at[a], by = at[b + 1] - at[a + 1], cx = at[c] - at[a], cy = at[c + 1] - at[a + 1];
+          const area = bx * cy - by * cx, v = (px * cy - py * cx) / area, w = (bx * py - by * px) / area;
+          if (!(v >= 0 && w >= 0 && v + w <= 1)) continue;
+          const weights = [1 - v - w, v, w], near = weights[0] * at[a + 2] + v * at[b + 2] + w * at[c + 2];
+          if (!found || near > found.near) found = { near, part: k, vertices: [a / 3, b / 3, c / 3], weights };
+        }
+      });
+      return found;
+    }
+
     // Turns to a program, with lines lifted a little towards the viewer.
     use(which, look, shown, lift) {
-      const { gl } = this, { right, up, back } = axesOf(look), { width, height } = gl.canvas;
-      const unit = look.zoom * Math.min((0.8 * width) / look.extent[0], (0.86 * height) / look.extent[1]);
+      const { gl } = this, { right, up, back } = axesOf(look);
       gl.useProgram(which.made);
       gl.uniformMatrix3fv(which.at.camera, false, [0, 1, 2].flatMap((k) => [right[k], up[k], back[k]]));
       gl.uniform3fv(which.at.centre, this.size.map((v) => 0.5 * v));
-      gl.uniform4f(which.at.fit, (2 * unit) / width, (2 * unit) / height, look.pan[0], look.pan[1]);
+      gl.uniform4f(which.at.fit, ...this.fit(look));
+      gl.uniform1f(which.at.scale, shown.scale);
       gl.uniform1f(which.at.magnified, shown.factor);
       gl.uniform1f(which.at.depth, 1 / (3 * this.radius));
       gl.uniform1f(which.at.lift, lift / look.zoom);
@@ -348,12 +385,17 @@
       list.onchange = () => then(Number(list.value));
     }
 
-    slider(text, then) {
+    // Its value, and what is shown beside it and read aloud.
+    slider(text, most, value, then) {
       const label = this.label(text);
-      const input = element("input", label, { type: "range", min: 0, max: 200, value: 100 });
+      const input = element("input", label, { type: "range", min: 0, max: most, value });
       const told = element("span", label, { className: "number" });
-      input.oninput = then;
-      return { part: () => input.value / 100, tell: (value) => (told.textContent = value) };
+      input.oninput = () => then(Number(input.value));
+      const tell = (value) => {
+        told.textContent = value;
+        input.setAttribute("aria-valuetext", value);
+      };
+      return { value: () => Number(input.value), tell };
     }
 
     box(text, on, then) {
@@ -372,7 +414,7 @@
     const stage = element("div", null, { className: "stage" });
     const canvas = element("canvas", stage, { tabIndex: 0 });
     canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", "The deformed bodies; drag or use the arrow keys to turn them");
+    canvas.setAttribute("aria-label", "The deformed bodies. Arrow keys turn them, plus and minus zoom, Enter tells the value in the middle.");
     const gl = canvas.getContext("webgl", { antialias: true, alpha: false });
     if (!gl || !gl.getExtension("OES_element_index_uint")) return false;
     const shape = surface(data), parts = data.parts, painter = new Painter(gl, data, shape);
@@ -380,27 +422,36 @@
     home.extent = extents(shape, data.size, axesOf(home));
     const look = { ...home, pan: [0, 0] };
     const shown = { step: null, field: 0, factor: 1, elements: shape.corners.length / 4 <= 6000, obstacles: true,
-      byPart: false, hidden: parts.map(() => false) };
+      byPart: false, fixed: false, scale: 1, displacement: null, hidden: parts.map(() => false) };
     const decoded = data.steps.map(() => null);
 
     const controls = new Controls(root);
     root.appendChild(stage);
     element("p", root, { className: "note", textContent:
-      "Drag to turn, with Shift or the right button to move; the wheel or two fingers zoom; with the view in focus also arrow keys, + and −." });
+      "Drag to turn, with Shift or the right button to move; the wheel or two fingers zoom. The pointer shows the value under it. With the view in focus: arrow keys, + and −, Enter for the value in the middle." });
+    const value = element("p", stage, { className: "value" });
+    value.setAttribute("role", "status");
     const overlay = element("canvas", stage, { className: "axes" });
     const legend = element("div", stage, { className: "legend" });
-    if (data.steps.length > 1) controls.choice("Load step", data.steps.map((s) => s.name), data.steps.length - 1, toStep);
+    const last = data.steps.length - 1;
+    const steps = last > 0 ? controls.slider("Load step", last, last, toStep) : null;
     const names = data.steps[0].fields.map((f) => f.name).concat(parts.length > 1 ? ["parts"] : []);
     controls.choice("Colours", names, 0, (k) => {
       shown.byPart = names[k] === "parts";
       if (!shown.byPart) shown.field = k;
       fill();
     });
-    const slider = controls.slider("Displacements ×", draw);
+    const slider = controls.slider("Displacements ×", 200, 100, draw);
     const set = (what) => (on) => {
       what(on);
       draw();
     };
+    if (last > 0) {
+      controls.box("same colours in all steps", false, (on) => {
+        shown.fixed = on;
+        fill();
+      });
+    }
     controls.box("elements", shown.elements, set((on) => (shown.elements = on)));
     if (painter.obstacles.length) controls.box("obstacles", true, set((on) => (shown.obstacles = on)));
     if (parts.length > 1 && parts.length <= 16) {
@@ -411,17 +462,37 @@
     function toStep(k) {
       decoded[k] = decoded[k] || step(data.steps[k]);
       shown.step = k;
-      painter.fill("moved", decoded[k].displacement);
+      shown.displacement = decoded[k].displacement;
+      if (steps) steps.tell(data.steps[k].name);
+      painter.fill("moved", shown.displacement);
       fill();
     }
 
     // Moves the field to the GPU, and says what its colours mean.
     function fill() {
       const field = decoded[shown.step].fields[shown.field];
+      // Colours mean what they mean in the step where the field is largest, or in this one.
+      const all = data.steps.map((s) => s.fields[shown.field]), most = all.reduce((a, b) => (b.top > a.top ? b : a));
+      const scale = shown.fixed ? most : field;
+      shown.scale = field.top / scale.top;
       painter.fill("values", field.values);
       if (shown.byPart) nameParts(legend, parts);
-      else colourBar(legend, field, data.colours);
+      else colourBar(legend, scale, data.colours);
       draw();
+    }
+
+    // The value of the field at a point of the stage, by the shape of the triangle there.
+    function point(at) {
+      const field = decoded[shown.step].fields[shown.field];
+      const found = at && painter.pick(look, shown, (2 * at[0]) / stage.clientWidth - 1, 1 - (2 * at[1]) / stage.clientHeight);
+      const values = found ? found.vertices.map((i) => field.values[i]) : [];
+      if (!found) value.textContent = "";
+      else if (shown.byPart) value.textContent = parts[found.part].name;
+      else if (Math.min(...values) < -0.5) value.textContent = `${field.name}: none here`;
+      else {
+        const sum = values.reduce((sum, v, k) => sum + v * found.weights[k], 0);
+        value.textContent = `${field.name} ${Number((field.top * sum).toPrecision(4))} ${field.unit}`;
+      }
     }
 
     let waiting = false;
@@ -435,7 +506,7 @@
       const ratio = window.devicePixelRatio || 1;
       canvas.width = overlay.width = Math.round(stage.clientWidth * ratio);
       canvas.height = overlay.height = Math.round(stage.clientHeight * ratio);
-      shown.factor = slider.part() * decoded[shown.step].magnified;
+      shown.factor = (slider.value() / 100) * decoded[shown.step].magnified;
       slider.tell(Number(shown.factor.toPrecision(3)));
       painter.paint(look, shown);
       triad(overlay, axesOf(look), ratio);
@@ -458,7 +529,10 @@
       look.pan = look.pan.map((v, c) => at[c] + (v - at[c]) * (look.zoom / before));
       draw();
     }
-    listen(canvas, turn, shift, zoom);
+    listen(canvas, turn, shift, zoom, point);
+    // Paper has the still picture, which shows the last step.
+    window.addEventListener("beforeprint", () => still(true));
+    window.addEventListener("afterprint", () => still(false));
     // The GPU may be taken away: the still picture is there again.
     canvas.addEventListener("webglcontextlost", () => {
       root.hidden = true;

@@ -15,8 +15,9 @@ const SCRIPT: &str = include_str!("view.js");
 /// The look of the view and of what is beside it.
 pub(super) const STYLE: &str = "
 .controls { display: flex; flex-wrap: wrap; gap: .4rem 1.2rem; align-items: center; margin: .6rem 0; font-size: 14px } .controls input { vertical-align: middle } .controls .number { display: inline-block; min-width: 3.2em }
-.stage { position: relative; height: 540px; border: 1px solid #ddd } .stage canvas { position: absolute; inset: 0; width: 100%; height: 100%; touch-action: none; cursor: grab } .stage canvas.axes { pointer-events: none }
+.stage { position: relative; height: 540px; border: 1px solid var(--line); color: #222; background: #fff } .stage canvas:focus-visible { outline: 3px solid #0072b2; outline-offset: 2px } .stage .value { position: absolute; left: 14px; top: 10px; margin: 0; font-size: 14px; pointer-events: none } .stage canvas { position: absolute; inset: 0; width: 100%; height: 100%; touch-action: none; cursor: grab } .stage canvas.axes { pointer-events: none }
 .legend { position: absolute; top: 14px; right: 16px; min-width: 5.5em; font-size: 13px; pointer-events: none } .legend .strip { position: relative; width: 16px; height: 260px; margin: .7em 0; border: 1px solid #222 } .legend .strip span { position: absolute; left: 24px; white-space: nowrap; line-height: 1.2 } .legend .part i { display: inline-block; width: 1em; height: 1em; margin-right: .5em; vertical-align: -.1em }
+@media print { #solid, #solid + noscript + p { display: none !important } }
 ";
 /// Values of a field are stored in this many steps from 0 to the value with the last of the colours.
 const STEPS: f64 = 65534.0;
@@ -148,6 +149,8 @@ fn step(solids: &Solids) -> Value {
         json!({
             "name": name,
             "unit": unit,
+            // What the last of the colours means.
+            "top": top,
             "values": packed(shown.map(u16::to_le_bytes)),
             // Where numbers stand beside the colours, as parts of all of them.
             "ticks": ticks.collect::<Vec<_>>(),
