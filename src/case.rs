@@ -21,7 +21,7 @@ pub use tables::{
     AlgebraicTable, BoxTable, MeshTable, PartTable, RectangleTable, RotateTable, Tables,
 };
 
-use crate::deck::Deck;
+use crate::deck::{Deck, Origin};
 use crate::input;
 use crate::mesh::AnyMesh;
 use crate::model::{Definition, MEANING, Steps, Units};
@@ -93,8 +93,8 @@ pub struct Case {
     text: String,
     /// The mesh, where it is at hand and no file has to be read.
     given: Option<AnyMesh>,
-    /// The tables of a deck by their paths, with its file and line.
-    origins: Vec<(String, PathBuf, usize)>,
+    /// Of a deck, with that of its mesh first.
+    origins: Vec<Origin>,
     /// There is no file: errors name tables and keys in place of lines.
     stated: bool,
 }
@@ -141,7 +141,7 @@ impl Case {
         path: &Path,
         mut text: String,
         settings: &[String],
-        given: Option<(AnyMesh, Vec<(String, PathBuf, usize)>)>,
+        given: Option<(AnyMesh, Vec<Origin>)>,
     ) -> Result<Self, CaseError> {
         let syntax = |message: String| CaseError::Syntax {
             path: path.to_owned(),
@@ -172,7 +172,11 @@ impl Case {
         case.heard(text::check_keys(&case.text))?;
         case.tables = case.said()?;
         case.check_kind()?;
-        let dimension = case.check_mesh()?;
+        let of_given = case.given.as_ref().map(|mesh| match mesh {
+            AnyMesh::Plane(_) => 2,
+            AnyMesh::Space(_) => 3,
+        });
+        let dimension = of_given.or(case.check_mesh()?);
         case.check_algebraic()?;
         if case.tables.mesh.is_some() {
             case.check_model(dimension)?;
@@ -278,13 +282,13 @@ impl Case {
     fn origin(&self, path: &str) -> Option<(PathBuf, usize)> {
         let table = path.split('.').next().unwrap_or_default();
         let last = table.strip_suffix(']').filter(|list| list.ends_with('['));
-        let is_it = |one: &&(String, PathBuf, usize)| match last {
-            Some(list) => one.0.starts_with(list),
-            None => one.0 == table,
+        let is_it = |one: &&Origin| match last {
+            Some(list) => one.table.starts_with(list),
+            None => one.table == table,
         };
         let found = self.origins.iter().rfind(is_it);
-        let (_, file, line) = found.or(self.origins.first())?;
-        Some((file.clone(), *line))
+        let origin = found.or(self.origins.first())?;
+        Some((origin.file.clone(), origin.line))
     }
 
     /// The same as a result.

@@ -27,13 +27,24 @@ pub struct Deck {
     /// The case file (TOML), whose mesh file is `mesh`. Above each table a comment names the file and line of the deck that it
     /// comes from.
     pub case: String,
-    /// The same for errors: its tables by their paths, such as `support[0]`, with file and line.
-    pub origins: Vec<(String, PathBuf, usize)>,
+    /// The same for errors: where its tables come from.
+    pub origins: Vec<Origin>,
     /// The numbers of the nodes of the mesh in the deck, in their order (of instances, each in its part). Nodes that are made
     /// here, in the middle of faces, follow them.
     pub node_numbers: Vec<u64>,
     /// What the deck says and has no effect here, a line each.
     pub notes: Vec<String>,
+}
+
+/// Where a table of a case comes from in a deck.
+#[derive(Clone, Debug)]
+pub struct Origin {
+    /// The path of the table, such as `support[0]`.
+    pub table: String,
+    /// The deck, or a file that it includes.
+    pub file: PathBuf,
+    /// The line, from 1.
+    pub line: usize,
 }
 
 /// Why a deck is no case.
@@ -146,9 +157,10 @@ pub fn read(path: &Path, mesh: &str, ignored: &[String]) -> Result<Deck, DeckErr
         let note = format!("{}: *{keyword} is passed over", place(*line));
         translated.notes.push(note);
     }
-    let origins = translated.lines.into_iter().map(|(path, line)| {
+    let origins = translated.lines.into_iter().map(|(table, line)| {
         let (file, line) = deck.place(line);
-        (path, file.to_owned(), line)
+        let file = file.to_owned();
+        Origin { table, file, line }
     });
     let origins = origins.collect();
     let node_numbers = index.node_numbers();

@@ -1,4 +1,5 @@
 use super::*;
+use crate::mesh::structured::{SolidShape, block};
 use crate::model::Definition;
 
 const MESH: &str = "[mesh.rectangle]\nsize = [1, 1]\ncells = [1, 1]\n";
@@ -111,4 +112,57 @@ fn paths_lead_to_lines_and_words() {
             assert_eq!(text::path(&text, start), path);
         }
     }
+}
+
+/// What is wrong with a deck is told of its own lines, in the dimension of its mesh.
+#[test]
+fn tables_of_a_deck_have_its_lines() {
+    let mesh = block(
+        [0.0; 3],
+        [1.0; 3],
+        [1; 3],
+        SolidShape::Hexahedron,
+        "body",
+        "",
+    );
+    let origins = [
+        ("mesh", 1),
+        ("material[0]", 7),
+        ("support[0]", 9),
+        ("support[1]", 12),
+    ]
+    .map(|(table, line)| Origin {
+        table: table.to_owned(),
+        file: PathBuf::from("deck.inp"),
+        line,
+    });
+    let said = |material: &str, value: &str| {
+        let text = format!(
+            "[mesh]\nfile = \"none.msh\"\n{material}[[support]]\nboundary = \"left\"\nz = 0\n\
+             [[support]]\nboundary = \"right\"\nx = {value}\n"
+        );
+        let given = Some((AnyMesh::Space(mesh.clone()), origins.to_vec()));
+        let case = Case::made(Path::new("deck.inp"), text, &[], given);
+        match case.map(|case| case.build().map(drop)) {
+            Err(error) => error.to_string(),
+            Ok(Err(error)) => error.to_string(),
+            Ok(Ok(())) => panic!("accepted"),
+        }
+    };
+    const MATERIAL: &str = "[[material]]\nyoung = 1\npoisson = 0\n";
+    let second = said(MATERIAL, "\"2 *\"");
+    assert!(
+        second.starts_with("deck.inp, line 12: cannot understand"),
+        "{second}"
+    );
+    let regions = said(&MATERIAL.replace("young", "region = []\nyoung"), "0");
+    assert!(
+        regions.starts_with("deck.inp, line 7: region \"body\" has no material"),
+        "{regions}"
+    );
+    let none = said("", "0");
+    assert!(
+        none.starts_with("deck.inp, line 7: there is no material"),
+        "{none}"
+    );
 }

@@ -78,6 +78,7 @@ pub(crate) trait Part {
     fn fault(&self) -> Option<Flaw>;
 
     /// What a description of the model says of it, behind a word for what it is; None where other lines say it.
+    #[cfg_attr(not(feature = "case"), allow(dead_code))]
     fn told(&self, _: &Units) -> Option<(&'static str, String)> {
         None
     }
