@@ -6,33 +6,30 @@
 //! reference.
 
 mod build;
-mod definition;
 mod mesh;
-mod quantity;
 mod solver;
 mod tables;
+#[cfg(test)]
+mod tests;
 mod text;
 
 #[cfg(feature = "mpi")]
 pub use build::CaseDraft;
 pub use build::{BuildError, CaseProblem};
-pub use quantity::NumberOrExpression;
 pub use solver::SolverTable;
 pub use tables::{
-    AlgebraicTable, AnalysisTable, AxisTable, BodyForceTable, BoxTable, ContactTable, ForceTable,
-    FrictionTable, MaterialTable, MeshTable, ObstacleTable, PartTable, RectangleTable, RotateTable,
-    RotationTable, StepsTable, SupportTable, Tables, TemperatureTable, TractionTable,
+    AlgebraicTable, BoxTable, MeshTable, PartTable, RectangleTable, RotateTable, Tables,
 };
 
-use crate::deck::{self, Deck};
+use crate::deck::{Deck, Origin};
 use crate::input;
 use crate::mesh::AnyMesh;
-use crate::model::{Definition, Units};
+use crate::model::{Definition, MEANING, Steps, Units};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use std::io::{Error, ErrorKind};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use toml::Spanned;
 
 /// The most bytes of a case file. Its numbers are typed or made by a script, a few kilobytes; and its tables take many
 /// times as much memory as its text, so that this is no question of what a machine can hold.
@@ -96,6 +93,8 @@ pub struct Case {
     text: String,
     /// The mesh, where it is at hand and no file has to be read.
     given: Option<AnyMesh>,
+    /// Of a deck, with that of its mesh first.
+    origins: Vec<Origin>,
     /// There is no file: errors name tables and keys in place of lines.
     stated: bool,
 }
@@ -129,7 +128,8 @@ impl Case {
                 return Err(CaseError::Setting { setting, message });
             }
         }
-        Self::made(&deck.path, deck.case, settings, Some(deck.mesh))
+        let given = Some((deck.mesh, deck.origins));
+        Self::made(&deck.path, deck.case, settings, given)
     }
 
     /// Like [`Case::read`], from a text that is already at hand.
@@ -141,7 +141,7 @@ impl Case {
         path: &Path,
         mut text: String,
         settings: &[String],
-        given: Option<AnyMesh>,
+        given: Option<(AnyMesh, Vec<Origin>)>,
     ) -> Result<Self, CaseError> {
         let syntax = |message: String| CaseError::Syntax {
             path: path.to_owned(),
@@ -159,18 +159,24 @@ impl Case {
             }
             text = document.to_string();
         }
-        let tables: Tables =
-            toml::from_str(&text).map_err(|e| syntax(text::suggested(e.to_string().trim_end())))?;
+        let (given, origins) = given.unzip();
         let mut case = Self {
             path: path.to_owned(),
-            tables,
+            tables: Tables::default(),
             time_limit: None,
             text,
             given,
+            origins: origins.unwrap_or_default(),
             stated: false,
         };
+        case.heard(text::check_keys(&case.text))?;
+        case.tables = case.said()?;
         case.check_kind()?;
-        let dimension = case.check_mesh()?;
+        let of_given = case.given.as_ref().map(|mesh| match mesh {
+            AnyMesh::Plane(_) => 2,
+            AnyMesh::Space(_) => 3,
+        });
+        let dimension = of_given.or(case.check_mesh()?);
         case.check_algebraic()?;
         if case.tables.mesh.is_some() {
             case.check_model(dimension)?;
@@ -196,21 +202,17 @@ impl Case {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn stated(text: String) -> Result<Self, CaseError> {
-        let tables: Tables = toml::from_str(&text).map_err(|error| {
-            let place = text::place(&text, error.span().map_or(0, |span| span.start));
-            // The place is a part of what suggestions follow from.
-            let message = text::suggested(&format!("{place}: {}", error.message()));
-            let message = message[place.len() + 2..].to_owned();
-            CaseError::Stated { place, message }
-        })?;
         let mut case = Self {
             path: PathBuf::from("model"),
-            tables,
+            tables: Tables::default(),
             time_limit: None,
             text,
             given: None,
+            origins: Vec::new(),
             stated: true,
         };
+        case.heard(text::check_keys(&case.text))?;
+        case.tables = case.said()?;
         case.check_mesh()?;
         case.time_limit = case.check_solver()?;
         Ok(case)
@@ -222,10 +224,8 @@ impl Case {
     /// The first thing that cannot.
     pub fn check_parts(&self, dimension: usize) -> Result<(), CaseError> {
         fn check<const D: usize>(case: &Case) -> Result<(), CaseError> {
-            let stated = case.tables.definition::<D>();
-            let definition = stated.or_else(|(span, message)| case.invalid(span, message))?;
-            let checked = definition.check_parts();
-            checked.or_else(|e| case.invalid(case.tables.span(&e.entity), e.fault.to_string()))
+            let checked = case.said::<Definition<D>>()?.check_parts();
+            checked.or_else(|error| case.invalid(&error.entity.path(), error.fault.to_string()))
         }
         match dimension {
             2 => check::<2>(self),
@@ -233,46 +233,78 @@ impl Case {
         }
     }
 
-    /// An error at the place of a span.
-    fn at(&self, span: Range<usize>, message: impl Into<String>) -> CaseError {
-        if self.given.is_some()
-            && let Some((path, line)) = deck::origin(&self.text, span.start)
-        {
+    /// Those of its tables that a type has keys for, as this type.
+    fn said<T: DeserializeOwned>(&self) -> Result<T, CaseError> {
+        self.heard(text::read(&self.text))
+    }
+
+    /// What the parser has found, or its error as one of the case.
+    fn heard<T>(&self, read: Result<T, toml::de::Error>) -> Result<T, CaseError> {
+        read.map_err(|error| {
+            let path = text::path(&self.text, error.span().map_or(0, |span| span.start));
+            if let Some(message) = error.message().strip_prefix(MEANING) {
+                return self.at(&path, message);
+            }
+            match self.stated {
+                true => self.at(&path, text::suggested(error.message(), &path)),
+                false => CaseError::Syntax {
+                    path: self.path.clone(),
+                    message: text::suggested(error.to_string().trim_end(), &path),
+                },
+            }
+        })
+    }
+
+    /// An error about an entry.
+    fn at(&self, path: &str, message: impl Into<String>) -> CaseError {
+        let message = message.into();
+        if self.stated {
+            let place = text::words(&self.text, path);
+            return CaseError::Stated { place, message };
+        }
+        if let Some((path, line)) = self.origin(path) {
             return CaseError::Invalid {
                 path,
                 line,
-                message: message.into(),
+                message,
             };
         }
-        if self.stated {
-            return CaseError::Stated {
-                place: text::place(&self.text, span.start),
-                message: message.into(),
-            };
-        }
-        let before = &self.text.as_bytes()[..span.start.min(self.text.len())];
+        let start = text::span(&self.text, path).start;
+        let before = &self.text.as_bytes()[..start.min(self.text.len())];
         CaseError::Invalid {
             path: self.path.clone(),
             line: 1 + before.iter().filter(|&&b| b == b'\n').count(),
-            message: message.into(),
+            message,
         }
     }
 
+    /// The file and line of the deck that an entry comes from, of a table that it has: else those of its mesh.
+    fn origin(&self, path: &str) -> Option<(PathBuf, usize)> {
+        let table = path.split('.').next().unwrap_or_default();
+        let last = table.strip_suffix(']').filter(|list| list.ends_with('['));
+        let is_it = |one: &&Origin| match last {
+            Some(list) => one.table.starts_with(list),
+            None => one.table == table,
+        };
+        let found = self.origins.iter().rfind(is_it);
+        let origin = found.or(self.origins.first())?;
+        Some((origin.file.clone(), origin.line))
+    }
+
     /// The same as a result.
-    fn invalid<T>(&self, span: Range<usize>, message: impl Into<String>) -> Result<T, CaseError> {
-        Err(self.at(span, message))
+    fn invalid<T>(&self, path: &str, message: impl Into<String>) -> Result<T, CaseError> {
+        Err(self.at(path, message))
     }
 
     /// The files that it is read from: itself, and those of its meshes or matrices. (Not those that an Abaqus input file
     /// names in its turn.)
     pub fn inputs(&self) -> Vec<PathBuf> {
         let tables = &self.tables;
-        let mesh = tables.mesh.iter().map(Spanned::get_ref);
-        let files = mesh.flat_map(|mesh| {
-            let parts = mesh.part.iter().map(|part| &part.get_ref().file);
+        let files = tables.mesh.iter().flat_map(|mesh| {
+            let parts = mesh.part.iter().map(|part| &part.file);
             parts.chain([&mesh.file]).flatten()
         });
-        let matrices = (tables.algebraic.iter()).flat_map(|table| table.get_ref().files());
+        let matrices = (tables.algebraic.iter()).flat_map(AlgebraicTable::files);
         let mut all = vec![self.path.clone()];
         all.extend(files.chain(matrices).map(|file| self.beside(file)));
         all
@@ -290,28 +322,25 @@ impl Case {
             (Some(_), None) => return Ok(()),
             (None, None) => {
                 return self.invalid(
-                    0..0,
+                    "",
                     "the case has neither [mesh] nor [algebraic]: say what to solve",
                 );
             }
-            (Some(_), Some(both)) => {
+            (Some(_), Some(_)) => {
                 return self.invalid(
-                    both.span(),
+                    "algebraic",
                     "the case has both [mesh] and [algebraic]: keep one",
                 );
             }
             (None, Some(_)) => {}
         }
-        // Whatever else there is says something of bodies.
-        const BESIDES: [&str; 4] = ["title", "units", "algebraic", "solver"];
-        let document = toml_edit::Document::parse(&self.text).expect("it was read from this text");
-        let mut names = document.iter().map(|(name, _)| name);
-        match names.find(|name| !BESIDES.contains(name)) {
+        match text::OF_BODIES
+            .iter()
+            .find(|name| text::has(&self.text, name))
+        {
             None => Ok(()),
             Some(name) => self.invalid(
-                (document.key(name))
-                    .and_then(toml_edit::Key::span)
-                    .unwrap_or(0..0),
+                name,
                 format!("[{name}] has no meaning in an [algebraic] case: its matrices say it all"),
             ),
         }
@@ -322,16 +351,14 @@ impl Case {
         let Some(table) = &self.tables.algebraic else {
             return Ok(());
         };
-        let given = table.get_ref();
-        if given.slip_bound.is_none() && given.friction_coefficient.is_none() {
+        if table.slip_bound.is_none() && table.friction_coefficient.is_none() {
             return self.invalid(
-                table.span(),
+                "algebraic",
                 "[algebraic] needs slip_bound (Tresca) or friction_coefficient (Coulomb), or both",
             );
         }
-        let units = self.tables.units.as_ref();
-        match units.and_then(|units| Some((units.span(), units.get_ref().fault()?))) {
-            Some((span, fault)) => self.invalid(span, fault),
+        match self.tables.units.as_ref().and_then(Units::fault) {
+            Some(fault) => self.invalid("units", fault),
             None => Ok(()),
         }
     }
@@ -355,13 +382,24 @@ impl Case {
 
     /// What it says of a model on a mesh of D dimensions, checked as far as that goes without the mesh.
     fn definition<const D: usize>(&self) -> Result<Definition<D>, CaseError> {
-        let stated = self.tables.definition();
-        let definition: Definition<D> =
-            stated.or_else(|(span, message)| self.invalid(span, message))?;
+        let definition: Definition<D> = self.said()?;
         match definition.check() {
             Ok(()) => Ok(definition),
-            Err(error) => self.invalid(self.tables.span(&error.entity), error.fault.to_string()),
+            Err(error) => self.invalid(&error.entity.path(), error.fault.to_string()),
         }
+    }
+
+    /// What a description says of the parts of its model, each behind a word for what it is.
+    pub(crate) fn told<const D: usize>(&self) -> Result<Vec<(&'static str, String)>, CaseError> {
+        let (definition, units) = (self.definition::<D>()?, self.units());
+        let parts = definition.parts();
+        let mut told: Vec<_> = parts.filter_map(|(_, part)| part.told(&units)).collect();
+        // What pulls comes before what holds.
+        told.sort_by_key(|(what, _)| *what == "support");
+        if let Some(Steps { factors }) = &definition.steps {
+            told.push(("steps", format!("factors {factors:?}")));
+        }
+        Ok(told)
     }
 
     /// Tables of these names as they stand in the file, those that it has.
@@ -383,11 +421,18 @@ impl Case {
 
     /// What its units are called.
     pub fn units(&self) -> Units {
-        self.tables.units().unwrap_or_default()
+        self.tables.units.clone().unwrap_or_default()
     }
 
     /// Number of load steps.
     pub fn n_steps(&self) -> usize {
-        self.tables.factors().map_or(1, <[f64]>::len)
+        /// What no dimension is needed for.
+        #[derive(Deserialize)]
+        struct Stepped {
+            steps: Option<Steps>,
+        }
+        let read: Result<Stepped, _> = text::read(&self.text);
+        let steps = read.ok().and_then(|read| read.steps);
+        steps.map_or(1, |steps| steps.factors.len())
     }
 }

@@ -27,11 +27,24 @@ pub struct Deck {
     /// The case file (TOML), whose mesh file is `mesh`. Above each table a comment names the file and line of the deck that it
     /// comes from.
     pub case: String,
+    /// The same for errors: where its tables come from.
+    pub origins: Vec<Origin>,
     /// The numbers of the nodes of the mesh in the deck, in their order (of instances, each in its part). Nodes that are made
     /// here, in the middle of faces, follow them.
     pub node_numbers: Vec<u64>,
     /// What the deck says and has no effect here, a line each.
     pub notes: Vec<String>,
+}
+
+/// Where a table of a case comes from in a deck.
+#[derive(Clone, Debug)]
+pub struct Origin {
+    /// The path of the table, such as `support[0]`.
+    pub table: String,
+    /// The deck, or a file that it includes.
+    pub file: PathBuf,
+    /// The line, from 1.
+    pub line: usize,
 }
 
 /// Why a deck is no case.
@@ -75,16 +88,6 @@ fn listed(path: &Path, refusals: &[(String, String, String)]) -> String {
         path.display(),
         lines.collect::<String>()
     )
-}
-
-/// The file and line of the deck that a place in the text of its case comes from: the comment above its table says so.
-pub(crate) fn origin(case: &str, place: usize) -> Option<(PathBuf, usize)> {
-    let end = place.min(case.len());
-    // The header of the table itself may begin there.
-    let before = case.get(..end)?;
-    let mut comments = before.lines().filter_map(|line| line.strip_prefix("# "));
-    let (file, line) = comments.next_back()?.rsplit_once(", line ")?;
-    Some((PathBuf::from(file), line.parse().ok()?))
 }
 
 /// Whether a file is called like a deck (`.inp`).
@@ -154,6 +157,12 @@ pub fn read(path: &Path, mesh: &str, ignored: &[String]) -> Result<Deck, DeckErr
         let note = format!("{}: *{keyword} is passed over", place(*line));
         translated.notes.push(note);
     }
+    let origins = translated.lines.into_iter().map(|(table, line)| {
+        let (file, line) = deck.place(line);
+        let file = file.to_owned();
+        Origin { table, file, line }
+    });
+    let origins = origins.collect();
     let node_numbers = index.node_numbers();
     let mesh =
         adjust::adjusted(index.finish()?, &translated.adjustments).map_err(|(line, error)| {
@@ -177,6 +186,7 @@ pub fn read(path: &Path, mesh: &str, ignored: &[String]) -> Result<Deck, DeckErr
         node_numbers,
         mesh,
         case: translated.text,
+        origins,
         notes: translated.notes,
     })
 }

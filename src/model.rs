@@ -47,6 +47,7 @@ mod quantity;
 mod revolution;
 #[cfg(feature = "mpi")]
 pub(crate) mod share;
+mod stated;
 mod supports;
 #[cfg(test)]
 mod tests;
@@ -66,14 +67,17 @@ pub use pair::Pair;
 pub use quantity::Quantity;
 pub use units::Units;
 
-#[cfg(feature = "case")]
-pub(crate) use entities::AXES;
+pub(crate) use entities::Part;
 #[cfg(feature = "case")]
 pub(crate) use error::{nearest, without_boundaries};
+#[cfg(feature = "case")]
+pub(crate) use stated::{MEANING, as_vector, exactly};
 
 use crate::elasticity::{Material, Plane};
 use crate::mesh::{ElementKind, Mesh, Topology};
 use crate::problem::{SIZES, is_sized};
+use entities::Filling;
+use serde::Deserialize;
 
 /// A model on its way: a mesh, and what is said about it. Numbers are in any consistent units.
 #[derive(Clone, Debug)]
@@ -85,65 +89,89 @@ where
     pub(crate) definition: Definition<D>,
 }
 
-/// What is said of a model beside its mesh.
-#[derive(Clone, Debug)]
+/// What is said of a model beside its mesh: the tables of a case file.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct Definition<const D: usize = 2> {
-    /// With the region that each is in; None: all of them.
-    pub(crate) materials: Vec<(Option<Names>, Material)>,
-    /// In space plane strain, which has the same moduli.
-    pub(crate) plane: Plane,
-    /// 1 in space.
-    pub(crate) thickness: f64,
-    pub(crate) gravity: Option<[f64; D]>,
-    pub(crate) supports: Vec<Support<D>>,
-    pub(crate) tractions: Vec<Traction<D>>,
-    pub(crate) body_forces: Vec<BodyForce<D>>,
-    pub(crate) forces: Vec<Force<D>>,
-    pub(crate) temperatures: Vec<Temperature<D>>,
-    /// The axis and the angular velocity.
-    pub(crate) rotation: Option<(Axis<D>, f64)>,
-    pub(crate) pairs: Vec<Pair<D>>,
-    pub(crate) ties: Vec<Pair<D>>,
-    pub(crate) equals: Vec<Equal<D>>,
-    /// The factors of the load steps; None: one step with the factor 1.
-    pub(crate) steps: Option<Vec<f64>>,
     /// None: not stated.
     pub(crate) units: Option<Units>,
+    #[serde(default)]
+    pub(crate) analysis: Whole<D>,
+    #[serde(default, rename = "material")]
+    pub(crate) materials: Vec<Filling>,
+    #[serde(default, rename = "support")]
+    pub(crate) supports: Vec<Support<D>>,
+    #[serde(default, rename = "traction")]
+    pub(crate) tractions: Vec<Traction<D>>,
+    #[serde(default, rename = "body_force")]
+    pub(crate) body_forces: Vec<BodyForce<D>>,
+    #[serde(default, rename = "force")]
+    pub(crate) forces: Vec<Force<D>>,
+    #[serde(default, rename = "temperature")]
+    pub(crate) temperatures: Vec<Temperature<D>>,
+    #[serde(default, rename = "contact")]
+    pub(crate) pairs: Vec<Pair<D>>,
+    #[serde(default, rename = "tie", deserialize_with = "pair::ties")]
+    pub(crate) ties: Vec<Pair<D>>,
+    #[serde(default, rename = "equal")]
+    pub(crate) equals: Vec<Equal<D>>,
+    /// None: one step with the factor 1.
+    pub(crate) steps: Option<Steps>,
 }
 
-impl<const D: usize> Default for Definition<D> {
-    fn default() -> Self {
-        Self {
-            materials: Vec::new(),
-            plane: Plane::default(),
-            thickness: 1.0,
-            gravity: None,
-            supports: Vec::new(),
-            tractions: Vec::new(),
-            body_forces: Vec::new(),
-            forces: Vec::new(),
-            temperatures: Vec::new(),
-            rotation: None,
-            pairs: Vec::new(),
-            ties: Vec::new(),
-            equals: Vec::new(),
-            steps: None,
-            units: None,
-        }
+/// What is said of a model as a whole.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Whole<const D: usize = 2> {
+    /// In the plane only; in space plane strain, which has the same moduli.
+    #[serde(default, deserialize_with = "stated::plane::<_, D>")]
+    plane: Option<Plane>,
+    /// In the plane only.
+    #[serde(default, deserialize_with = "stated::thickness::<_, D>")]
+    thickness: Option<f64>,
+    #[serde(default, deserialize_with = "stated::vector")]
+    gravity: Option<[f64; D]>,
+    rotation: Option<Rotation<D>>,
+}
+
+/// A steady rotation.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table such as { speed = 100 }")]
+pub(crate) struct Rotation<const D: usize = 2> {
+    /// On the axis; None: the origin.
+    #[serde(default, deserialize_with = "stated::vector")]
+    point: Option<[f64; D]>,
+    /// Of any length; in space only.
+    #[serde(default, deserialize_with = "stated::axis::<_, D>")]
+    axis: Option<[f64; 3]>,
+    speed: f64,
+}
+
+impl<const D: usize> Rotation<D> {
+    fn axis(&self) -> Axis<D> {
+        Axis::through(self.point.unwrap_or([0.0; D]), self.axis)
     }
+}
+
+/// Load steps, one after another.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Steps {
+    /// What loads and prescribed displacements are multiplied by in each step.
+    pub factors: Vec<f64>,
 }
 
 /// The plane.
 impl Model {
     /// Says what happens perpendicular to the plane.
     pub fn plane(mut self, plane: Plane) -> Self {
-        self.definition.plane = plane;
+        self.definition.analysis.plane = Some(plane);
         self
     }
 
     /// The thickness in m that forces are for; 1 without. Bodies of revolution have none: forces are for the whole ring.
     pub fn thickness(mut self, thickness: f64) -> Self {
-        self.definition.thickness = thickness;
+        self.definition.analysis.thickness = Some(thickness);
         self
     }
 }
@@ -162,20 +190,21 @@ where
 
     /// Gives all regions one material.
     pub fn material(mut self, material: Material) -> Self {
-        self.definition.materials.push((None, material));
+        let filling = Filling::of(None, material);
+        self.definition.materials.push(filling);
         self
     }
 
     /// Gives a region, a group of them, or several, their material.
     pub fn material_in(mut self, region: impl Into<Names>, material: Material) -> Self {
-        let region = Some(region.into());
-        self.definition.materials.push((region, material));
+        let filling = Filling::of(Some(region.into()), material);
+        self.definition.materials.push(filling);
         self
     }
 
     /// An acceleration in m/s², which acts where a material has a density.
     pub fn gravity(mut self, acceleration: [f64; D]) -> Self {
-        self.definition.gravity = Some(acceleration);
+        self.definition.analysis.gravity = Some(acceleration);
         self
     }
 
@@ -212,7 +241,12 @@ where
     /// A steady rotation about an axis, in rad/s, as its centrifugal force, which acts where a material has a density; the
     /// bodies are seen from a frame that turns with them. Load factors multiply the force, not the speed.
     pub fn rotation(mut self, axis: Axis<D>, speed: f64) -> Self {
-        self.definition.rotation = Some((axis, speed));
+        let (point, axis) = axis.stated();
+        self.definition.analysis.rotation = Some(Rotation {
+            point: Some(point),
+            axis,
+            speed,
+        });
         self
     }
 
@@ -237,7 +271,8 @@ where
     /// Load steps, one after another: what loads, gravity and prescribed displacements are multiplied by in each,
     /// where they have no factors of their own.
     pub fn steps(mut self, factors: impl Into<Vec<f64>>) -> Self {
-        self.definition.steps = Some(factors.into());
+        let factors = factors.into();
+        self.definition.steps = Some(Steps { factors });
         self
     }
 
@@ -249,14 +284,42 @@ where
 }
 
 impl<const D: usize> Definition<D> {
+    /// All that it states of which there may be several, kind by kind, each with its number among those of its kind. A kind that
+    /// is added is added here, and nowhere else in this room.
+    pub(crate) fn parts(&self) -> impl Iterator<Item = (usize, &dyn Part)> {
+        fn of<P: Part>(all: &[P]) -> impl Iterator<Item = (usize, &dyn Part)> {
+            let parts = all.iter().map(|part| -> &dyn Part { part });
+            parts.enumerate()
+        }
+        (of(&self.materials).chain(of(&self.supports)))
+            .chain(of(&self.tractions))
+            .chain(of(&self.body_forces))
+            .chain(of(&self.forces))
+            .chain(of(&self.temperatures))
+            .chain(of(&self.pairs))
+            .chain(of(&self.ties))
+            .chain(of(&self.equals))
+    }
+
+    /// What happens perpendicular to the plane.
+    pub(crate) fn plane(&self) -> Plane {
+        self.analysis.plane.unwrap_or_default()
+    }
+
+    /// 1 in space.
+    pub(crate) fn thickness(&self) -> f64 {
+        self.analysis.thickness.unwrap_or(1.0)
+    }
+
     /// Number of load steps.
     pub(crate) fn n_steps(&self) -> usize {
-        self.steps.as_ref().map_or(1, Vec::len)
+        self.steps.as_ref().map_or(1, |steps| steps.factors.len())
     }
 
     /// What something with these factors of its own is multiplied by in a step.
     fn factor(&self, own: &Option<Vec<f64>>, step: usize) -> f64 {
-        let factors = own.as_ref().or(self.steps.as_ref());
+        let whole = self.steps.as_ref().map(|steps| &steps.factors);
+        let factors = own.as_ref().or(whole);
         (factors.and_then(|factors| factors.get(step)).copied()).unwrap_or(1.0)
     }
 
@@ -267,92 +330,59 @@ impl<const D: usize> Definition<D> {
 
     /// Whether it can be meant, as far as that shows without the mesh.
     pub(crate) fn check(&self) -> Result<(), ModelError> {
-        self.check_materials()?;
         if let Some(fault) = self.units.as_ref().and_then(Units::fault) {
             return Err(Entity::all(EntityKind::Units).error(fault));
         }
-        if !(self.thickness > 0.0 && self.thickness.is_finite()) {
+        let thickness = self.thickness();
+        if !(thickness > 0.0 && thickness.is_finite()) {
             return Err(Entity::all(EntityKind::Thickness).error("thickness must be positive"));
         }
-        if !is_sized(self.thickness) {
-            let text = format!("thickness is {:e}: {SIZES}", self.thickness);
+        if !is_sized(thickness) {
+            let text = format!("thickness is {thickness:e}: {SIZES}");
             return Err(Entity::all(EntityKind::Thickness).error(text));
         }
-        if let Some((axis, speed)) = &self.rotation {
-            let finite = "the speed of the rotation must be finite";
-            if let Some(fault) = axis.fault().or((!speed.is_finite()).then_some(finite)) {
+        if let Some(rotation) = &self.analysis.rotation {
+            let fault = match rotation.axis {
+                None if D == 3 => {
+                    Some("in space there has to be an axis: axis = [x, y, z], its direction")
+                }
+                _ if !rotation.speed.is_finite() => {
+                    Some("the speed of the rotation must be finite")
+                }
+                _ => rotation.axis().fault(),
+            };
+            if let Some(fault) = fault {
                 return Err(Entity::all(EntityKind::Rotation).error(fault));
             }
         }
+        self.check_parts()?;
         self.check_revolution()?;
-        self.check_entities()?;
         self.check_steps()
     }
 
-    /// The parts that it has so far can be meant.
-    #[cfg(feature = "case")]
+    /// Every part says enough and nothing impossible, and no contact stands twice.
     pub(crate) fn check_parts(&self) -> Result<(), ModelError> {
-        self.check_materials()?;
-        self.check_entities()
-    }
-
-    /// Every material is one.
-    fn check_materials(&self) -> Result<(), ModelError> {
-        for (number, (_, m)) in self.materials.iter().enumerate() {
-            let fault = if !(m.young > 0.0 && m.young.is_finite()) {
-                format!("young is {}: it must be positive", m.young)
-            } else if !is_sized(m.young) {
-                format!("young is {:e}: {SIZES}", m.young)
-            } else if !(m.poisson > -1.0 && m.poisson < 0.5) {
-                format!(
-                    "poisson is {}: it must lie between −1 and 0.5, both excluded",
-                    m.poisson
-                )
-            } else if !m.expansion.is_finite() {
-                format!("expansion is {}: it must be finite", m.expansion)
-            } else if !(m.density >= 0.0 && m.density.is_finite()) {
-                format!("density is {}: it must not be negative", m.density)
-            } else {
-                continue;
-            };
-            return Err(self.material_entity(number).error(fault));
+        if let Some((number, part, flaw)) =
+            (self.parts()).find_map(|(number, part)| Some((number, part, part.fault()?)))
+        {
+            return Err(part.entity(number).at(flaw.key).error(flaw.text));
         }
-        Ok(())
-    }
-
-    fn material_entity(&self, number: usize) -> Entity {
-        let regions = self.materials[number].0.as_ref();
-        let place = regions.map_or(String::new(), |names| format!("of \"{names}\""));
-        Entity::one(EntityKind::Material, number, place)
-    }
-
-    /// Every support, load and contact says enough and nothing impossible, and no contact stands twice.
-    fn check_entities(&self) -> Result<(), ModelError> {
-        let supports = (self.supports.iter().enumerate()).map(|(i, s)| (s.entity(i), s.fault()));
-        let tractions = (self.tractions.iter().enumerate()).map(|(i, t)| (t.entity(i), t.fault()));
-        let volume = (self.body_forces.iter().enumerate()).map(|(i, b)| (b.entity(i), b.fault()));
-        let forces = (self.forces.iter().enumerate()).map(|(i, f)| (f.entity(i), f.fault()));
-        let pairs = self.pairs.iter().enumerate().map(|(i, pair)| {
-            let twice = self.pairs[..i].iter().any(|other| pair.mirrors(other));
-            let twice = twice.then_some(
-                "this contact stands above with its boundaries the other way round: name each pair once",
-            );
-            let stray = (pair.is_tie()).then_some("this is a tie: add it with Model::tie");
-            (pair.entity(i), pair.fault().or(twice).or(stray))
-        });
-        let ties = (self.ties.iter().enumerate()).map(|(i, tie)| {
-            let stray =
-                (!tie.is_tie()).then_some("this is a contact and no tie: Pair::tied makes one");
-            (tie.entity(i), tie.fault().or(stray))
-        });
-        let equals = (self.equals.iter().enumerate()).map(|(i, e)| (e.entity(i), e.fault()));
-        let mut all = (supports.chain(tractions).chain(volume))
-            .chain(forces)
-            .chain(pairs)
-            .chain(ties)
-            .chain(equals);
-        match all.find_map(|(entity, fault)| Some(entity.error(fault?))) {
-            Some(error) => Err(error),
+        for (i, pair) in self.pairs.iter().enumerate() {
+            if self.pairs[..i].iter().any(|other| pair.mirrors(other)) {
+                return Err(pair.entity(i).error(
+                    "this contact stands above with its boundaries the other way round: name each pair once",
+                ));
+            }
+            if pair.is_tie() {
+                let text = "this is a tie: add it with Model::tie";
+                return Err(pair.entity(i).error(text));
+            }
+        }
+        match self.ties.iter().position(|tie| !tie.is_tie()) {
+            Some(i) => {
+                let text = "this is a contact and no tie: Pair::tied makes one";
+                Err(self.ties[i].entity(i).error(text))
+            }
             None => Ok(()),
         }
     }
@@ -360,25 +390,20 @@ impl<const D: usize> Definition<D> {
     /// There is at least one load step, and factors of its own that something has are one for each.
     fn check_steps(&self) -> Result<(), ModelError> {
         let finite = |factors: &[f64]| factors.iter().all(|f| f.is_finite());
-        if (self.steps.as_ref()).is_some_and(|steps| steps.is_empty() || !finite(steps)) {
+        let unfit = |steps: &Steps| steps.factors.is_empty() || !finite(&steps.factors);
+        if self.steps.as_ref().is_some_and(unfit) {
             return Err(Entity::all(EntityKind::Steps)
                 .error("factors needs at least one number, all of them finite"));
         }
-        let supports = (self.supports.iter().enumerate()).map(|(i, s)| (s.entity(i), &s.factors));
-        let tractions = (self.tractions.iter().enumerate()).map(|(i, t)| (t.entity(i), &t.factors));
-        let volume = (self.body_forces.iter().enumerate()).map(|(i, b)| (b.entity(i), &b.factors));
-        let forces = (self.forces.iter().enumerate()).map(|(i, f)| (f.entity(i), &f.factors));
-        let warmth = (self.temperatures.iter().enumerate()).map(|(i, t)| (t.entity(i), &t.factors));
         let n_steps = self.n_steps();
-        for (entity, factors) in (supports.chain(tractions).chain(volume))
-            .chain(forces)
-            .chain(warmth)
-        {
-            let Some(factors) = factors else { continue };
+        for (number, part) in self.parts() {
+            let Some(factors) = part.facts().factors else {
+                continue;
+            };
             if factors.len() == n_steps && finite(factors) {
                 continue;
             }
-            return Err(entity.error(match &self.steps {
+            return Err(part.entity(number).at("factors").error(match &self.steps {
                 None => {
                     "factors belong to load steps: say what these are, with factors of their own"
                         .to_owned()

@@ -103,9 +103,7 @@ impl Case {
     /// If a file cannot be read, or the case cannot be meant as it stands: the error names the line or the file.
     pub fn build(&self) -> Result<CaseProblem, BuildError> {
         if let Some(table) = &self.tables.algebraic {
-            return Ok(CaseProblem::Algebraic(
-                self.build_algebraic(table.get_ref())?,
-            ));
+            return Ok(CaseProblem::Algebraic(self.build_algebraic(table)?));
         }
         self.build_on_mesh(self.mesh()?)
     }
@@ -136,7 +134,7 @@ impl Case {
     #[cfg(feature = "mpi")]
     pub fn draft(&self) -> Result<CaseDraft, BuildError> {
         if let Some(table) = &self.tables.algebraic {
-            let problem = self.build_algebraic(table.get_ref())?;
+            let problem = self.build_algebraic(table)?;
             return Ok(CaseDraft::Algebraic(Box::new(problem)));
         }
         Ok(match self.mesh()? {
@@ -220,8 +218,7 @@ impl Case {
             _ if entity.place.starts_with('"') => format!("{entity}: {fault}"),
             _ => fault.to_string(),
         };
-        let span = self.tables.span(&entity);
-        self.at(span, message).into()
+        self.at(&entity.path(), message).into()
     }
 
     /// That a boundary is not there, where its part of the mesh has none while others have.
@@ -231,12 +228,8 @@ impl Case {
         known: &[String],
         dimension: usize,
     ) -> Option<String> {
-        let parts = self
-            .tables
-            .mesh
-            .iter()
-            .flat_map(|mesh| &mesh.get_ref().part);
-        let mut prefixes = parts.map(|part| format!("{}-", part.get_ref().name));
+        let parts = self.tables.mesh.iter().flat_map(|mesh| &mesh.part);
+        let mut prefixes = parts.map(|part| format!("{}-", part.name));
         let prefix = prefixes.find(|prefix| name.starts_with(prefix))?;
         if known.iter().any(|known| known.starts_with(&prefix)) {
             return None;

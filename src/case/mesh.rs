@@ -1,15 +1,10 @@
 //! The mesh of a case.
 
 use super::build::BuildError;
-use super::definition::{quantity, stated_axis, vector};
-use super::{
-    BoxTable, Case, CaseError, MeshTable, NumberOrExpression, PartTable, RectangleTable,
-    RotateTable,
-};
+use super::{BoxTable, Case, CaseError, MeshTable, PartTable, RectangleTable, RotateTable};
 use crate::mesh::{self, AnyMesh, ElementKind, Mesh, Topology, structured};
-use std::ops::Range;
+use crate::model::{Axis, Definition, Quantity, as_vector};
 use std::path::{Path, PathBuf};
-use toml::Spanned;
 
 /// Where a mesh comes from.
 enum Source<'a> {
@@ -144,25 +139,26 @@ fn check_cells<const D: usize>(
 
 impl Case {
     /// The order of elements that a table asks for, checked.
-    fn order(&self, order: &Option<Spanned<usize>>) -> Result<Option<usize>, CaseError> {
+    fn order(&self, at: &str, order: Option<usize>) -> Result<Option<usize>, CaseError> {
         match order {
-            None => Ok(None),
-            Some(order) if matches!(order.get_ref(), 1 | 2) => Ok(Some(*order.get_ref())),
-            Some(order) => self.invalid(order.span(), "order is that of the elements: 1 or 2"),
+            None | Some(1 | 2) => Ok(order),
+            Some(_) => {
+                let at = format!("{at}.order");
+                self.invalid(&at, "order is that of the elements: 1 or 2")
+            }
         }
     }
 
     /// `[mesh]` and its tables, as far as that can be checked without the files; its dimension, if it shows.
     pub(super) fn check_mesh(&self) -> Result<Option<usize>, CaseError> {
-        let Some(table) = &self.tables.mesh else {
+        let Some(mesh) = &self.tables.mesh else {
             return Ok(None);
         };
-        let (span, mesh) = (table.span(), table.get_ref());
-        self.order(&mesh.order)?;
+        self.order(MESH, mesh.order)?;
         if mesh.part.is_empty() {
             return match mesh.source() {
                 Ok(source) => Ok(source.dimension()),
-                Err(problem) => self.invalid(span, problem),
+                Err(problem) => self.invalid(MESH, problem),
             };
         }
         if mesh.file.is_some()
@@ -172,22 +168,22 @@ impl Case {
             || mesh.cell_data.is_some()
         {
             return self.invalid(
-                span,
+                MESH,
                 "[mesh] has parts: put file, scale, rectangle and box into a [[mesh.part]]",
             );
         }
         let mut names: Vec<&str> = Vec::new();
         let mut dimension = None;
-        for part in &mesh.part {
-            let (span, part) = (part.span(), part.get_ref());
-            self.order(&part.order)?;
+        for (number, part) in mesh.part.iter().enumerate() {
+            let at = &part_at(number);
+            self.order(at, part.order)?;
             let here = match part.source() {
                 Ok(source) => source.dimension(),
-                Err(problem) => return self.invalid(span, problem),
+                Err(problem) => return self.invalid(at, problem),
             };
             if part.name.is_empty() || names.contains(&part.name.as_str()) {
                 return self.invalid(
-                    span,
+                    at,
                     format!(
                         "the name \"{}\" of the part is empty or stands twice",
                         part.name
@@ -195,12 +191,12 @@ impl Case {
                 );
             }
             if let Some(shift) = &part.shift
-                && !shift.get_ref().iter().all(|v| v.is_finite())
+                && !shift.iter().all(|v| v.is_finite())
             {
-                return self.invalid(shift.span(), "shift needs finite numbers");
+                return self.invalid(&format!("{at}.shift"), "shift needs finite numbers");
             }
             if dimension.is_some() && here.is_some() && dimension != here {
-                return self.invalid(span, MIXED);
+                return self.invalid(at, MIXED);
             }
             dimension = dimension.or(here);
             names.push(&part.name);
@@ -220,28 +216,27 @@ impl Case {
             });
         }
         let Some(table) = &self.tables.mesh else {
-            return Ok(self.invalid(0..0, "the case has no [mesh]")?);
+            return Ok(self.invalid("", "the case has no [mesh]")?);
         };
-        let (span, table) = (table.span(), table.get_ref());
-        let order = self.order(&table.order)?;
+        let order = self.order(MESH, table.order)?;
         if table.part.is_empty() {
-            return self.part(span, table.source(), order);
+            return self.part(MESH, table.source(), order);
         }
         let mut whole: Option<AnyMesh> = None;
-        for part in &table.part {
-            let (span, part) = (part.span(), part.get_ref());
-            let order = self.order(&part.order)?.or(order);
-            let mesh = self.part(span.clone(), part.source(), order)?;
+        for (number, part) in table.part.iter().enumerate() {
+            let at = &part_at(number);
+            let order = self.order(at, part.order)?.or(order);
+            let mesh = self.part(at, part.source(), order)?;
             whole = Some(match (whole, mesh) {
-                (None, AnyMesh::Plane(mesh)) => AnyMesh::Plane(self.placed(part, mesh)?),
-                (None, AnyMesh::Space(mesh)) => AnyMesh::Space(self.placed(part, mesh)?),
+                (None, AnyMesh::Plane(mesh)) => AnyMesh::Plane(self.placed(at, part, mesh)?),
+                (None, AnyMesh::Space(mesh)) => AnyMesh::Space(self.placed(at, part, mesh)?),
                 (Some(AnyMesh::Plane(before)), AnyMesh::Plane(mesh)) => {
-                    AnyMesh::Plane(self.joined(span, before, self.placed(part, mesh)?)?)
+                    AnyMesh::Plane(self.joined(at, before, self.placed(at, part, mesh)?)?)
                 }
                 (Some(AnyMesh::Space(before)), AnyMesh::Space(mesh)) => {
-                    AnyMesh::Space(self.joined(span, before, self.placed(part, mesh)?)?)
+                    AnyMesh::Space(self.joined(at, before, self.placed(at, part, mesh)?)?)
                 }
-                _ => return Ok(self.invalid(span, MIXED)?),
+                _ => return Ok(self.invalid(at, MIXED)?),
             });
         }
         Ok(whole.expect("there are parts"))
@@ -255,12 +250,12 @@ impl Case {
         let Some(table) = &self.tables.mesh else {
             return Ok(mesh);
         };
-        let (span, table) = (table.span(), table.get_ref());
-        let order = self.order(&table.order)?;
+        let order = self.order(MESH, table.order)?;
+        let definition: Definition<D> = self.said()?;
         // Forces are those of the nodes that they are stated for: others would change what they add up to.
-        let loaded: Vec<&str> = (self.tables.force.iter())
-            .filter_map(|force| force.get_ref().nodes.as_ref())
-            .flat_map(|names| names.all().iter().map(String::as_str))
+        let loaded: Vec<&str> = (definition.forces.iter())
+            .flat_map(|force| force.sets())
+            .map(String::as_str)
             .collect();
         let counts = |mesh: &Mesh<D>| -> Vec<usize> {
             let sets = loaded.iter().map(|&name| mesh.node_sets.get(name));
@@ -270,9 +265,9 @@ impl Case {
         let mut mesh = match order {
             Some(1) => {
                 let made = mesh.linear();
-                made.or_else(|error| self.invalid(span.clone(), error.to_string()))?
+                made.or_else(|error| self.invalid(MESH, error.to_string()))?
             }
-            _ => self.raised(span.clone(), mesh, order)?,
+            _ => self.raised(MESH, mesh, order)?,
         };
         let after = counts(&mesh);
         if let Some(number) = (0..before.len()).find(|&number| before[number] != after[number]) {
@@ -280,7 +275,7 @@ impl Case {
                 "another order gives the set \"{}\" {} nodes in place of {}, and each has the force stated: state a traction",
                 loaded[number], after[number], before[number]
             );
-            return self.invalid(span, message);
+            return self.invalid(MESH, message);
         }
         if let Some(scale) = table.scale {
             mesh.place_nodes(|x| x.map(|x| scale * x));
@@ -288,9 +283,35 @@ impl Case {
         Ok(mesh)
     }
 
+    /// Numbers as a vector of the mesh that is to be.
+    fn vector<const D: usize>(&self, at: &str, entries: &[f64]) -> Result<[f64; D], CaseError> {
+        as_vector(entries).or_else(|message| self.invalid(at, message))
+    }
+
+    /// What a part is turned about.
+    fn axis<const D: usize>(&self, at: &str, table: &RotateTable) -> Result<Axis<D>, CaseError> {
+        let point = table.point.as_ref();
+        let point = point.map(|point| self.vector(&format!("{at}.point"), point));
+        let way = &format!("{at}.axis");
+        let direction = match &table.axis {
+            Some(_) if D == 2 => {
+                let text = "in the plane an axis is a point and stands upright: leave out axis";
+                return self.invalid(way, text);
+            }
+            None if D == 3 => {
+                let text = "in space there has to be an axis: axis = [x, y, z], its direction";
+                return self.invalid(at, text);
+            }
+            axis => axis.as_ref().map(|axis| self.vector(way, axis)),
+        };
+        let point = point.transpose()?.unwrap_or([0.0; D]);
+        Ok(Axis::through(point, direction.transpose()?))
+    }
+
     /// A part of the mesh where it belongs, under its name.
     fn placed<const D: usize>(
         &self,
+        at: &str,
         part: &PartTable,
         mut mesh: Mesh<D>,
     ) -> Result<Mesh<D>, CaseError>
@@ -298,20 +319,18 @@ impl Case {
         ElementKind: Topology<D>,
     {
         if let Some(table) = &part.rotate {
-            let RotateTable { point, axis, angle } = table.get_ref();
-            let axis = stated_axis::<D>(point, axis, table.span());
-            let axis = axis.or_else(|(span, message)| self.invalid(span, message))?;
+            let at = &format!("{at}.rotate");
+            let axis = self.axis::<D>(at, table)?;
             if let Some(fault) = axis.fault() {
-                return self.invalid(table.span(), fault);
+                return self.invalid(at, fault);
             }
-            if !angle.is_finite() {
-                return self.invalid(table.span(), "the angle has to be finite");
+            if !table.angle.is_finite() {
+                return self.invalid(at, "the angle has to be finite");
             }
-            mesh.place_nodes(|x| axis.turned(x, angle.to_radians()));
+            mesh.place_nodes(|x| axis.turned(x, table.angle.to_radians()));
         }
         if let Some(shift) = &part.shift {
-            let by = vector(shift).or_else(|(span, message)| self.invalid(span, message))?;
-            mesh.shift(by);
+            mesh.shift(self.vector(&format!("{at}.shift"), shift)?);
         }
         let named = |name: &str| format!("{}-{name}", part.name);
         let region = |name: &str| match part.file {
@@ -325,7 +344,7 @@ impl Case {
     /// A part of the mesh beside those before it.
     fn joined<const D: usize>(
         &self,
-        span: Range<usize>,
+        at: &str,
         before: Mesh<D>,
         mesh: Mesh<D>,
     ) -> Result<Mesh<D>, CaseError>
@@ -338,7 +357,7 @@ impl Case {
         match group.or_else(boundary) {
             None => Ok(structured::join(before, mesh)),
             Some(name) => self.invalid(
-                span,
+                at,
                 format!(
                     "two parts have a region or boundary called \"{name}\": name the parts otherwise"
                 ),
@@ -348,7 +367,7 @@ impl Case {
 
     fn part(
         &self,
-        span: Range<usize>,
+        at: &str,
         source: Result<Source, String>,
         order: Option<usize>,
     ) -> Result<AnyMesh, BuildError> {
@@ -358,30 +377,30 @@ impl Case {
                 match order {
                     Some(1) => mesh::read_linear(&path, scale, groups)?,
                     _ => match mesh::read(&path, scale, groups)? {
-                        AnyMesh::Plane(mesh) => AnyMesh::Plane(self.raised(span, mesh, order)?),
-                        AnyMesh::Space(mesh) => AnyMesh::Space(self.raised(span, mesh, order)?),
+                        AnyMesh::Plane(mesh) => AnyMesh::Plane(self.raised(at, mesh, order)?),
+                        AnyMesh::Space(mesh) => AnyMesh::Space(self.raised(at, mesh, order)?),
                     },
                 }
             }
             // Where a map bends the sides, it bends the nodes in their middle, too.
             Ok(Source::Rectangle(r)) => {
                 let mesh = structured::rectangle(r.origin, r.size, r.cells, r.shape, "body", "");
-                let mesh = self.raised(span.clone(), mesh, order)?;
-                AnyMesh::Plane(self.mapped(span, "rectangle", mesh, &r.map)?)
+                let mesh = self.raised(at, mesh, order)?;
+                AnyMesh::Plane(self.mapped(at, "rectangle", mesh, &r.map)?)
             }
             Ok(Source::Box(b)) => {
                 let mesh = structured::block(b.origin, b.size, b.cells, b.shape, "body", "");
-                let mesh = self.raised(span.clone(), mesh, order)?;
-                AnyMesh::Space(self.mapped(span, "box", mesh, &b.map)?)
+                let mesh = self.raised(at, mesh, order)?;
+                AnyMesh::Space(self.mapped(at, "box", mesh, &b.map)?)
             }
-            Err(problem) => self.invalid(span, problem)?,
+            Err(problem) => self.invalid(at, problem)?,
         })
     }
 
     /// The mesh with elements of second order, if these are wanted.
     fn raised<const D: usize>(
         &self,
-        span: Range<usize>,
+        at: &str,
         mesh: Mesh<D>,
         order: Option<usize>,
     ) -> Result<Mesh<D>, CaseError>
@@ -389,7 +408,7 @@ impl Case {
         ElementKind: Topology<D>,
     {
         match order {
-            Some(2) => (mesh.raised()).or_else(|error| self.invalid(span, error.to_string())),
+            Some(2) => (mesh.raised()).or_else(|error| self.invalid(at, error.to_string())),
             _ => Ok(mesh),
         }
     }
@@ -397,10 +416,10 @@ impl Case {
     /// A structured mesh, bent as its table says.
     fn mapped<const D: usize>(
         &self,
-        span: Range<usize>,
+        at: &str,
         name: &str,
         mut mesh: Mesh<D>,
-        map: &Option<[Spanned<NumberOrExpression>; D]>,
+        map: &Option<[Quantity<D>; D]>,
     ) -> Result<Mesh<D>, CaseError>
     where
         ElementKind: Topology<D>,
@@ -408,8 +427,6 @@ impl Case {
         let Some(map) = map else {
             return Ok(mesh);
         };
-        let map = map.iter().map(quantity).collect::<Result<Vec<_>, _>>();
-        let map = map.or_else(|(span, message)| self.invalid(span, message))?;
         for place in &mut mesh.nodes {
             *place = std::array::from_fn(|c| map[c].at(*place));
         }
@@ -417,11 +434,19 @@ impl Case {
             .filter(|element| mesh.measure(element) < 0.0)
             .count();
         if turned != 0 && turned != mesh.elements.len() {
-            return self.invalid(span, format!("map folds the {name} over itself"));
+            return self.invalid(at, format!("map folds the {name} over itself"));
         }
         Mesh::new(mesh.nodes, mesh.elements, mesh.regions, mesh.boundaries)
-            .or_else(|error| self.invalid(span, format!("map: {error}")))
+            .or_else(|error| self.invalid(at, format!("map: {error}")))
     }
+}
+
+/// The table of the mesh.
+const MESH: &str = "mesh";
+
+/// One of its parts.
+fn part_at(number: usize) -> String {
+    format!("{MESH}.part[{number}]")
 }
 
 /// Parts that do not go together.

@@ -5,28 +5,27 @@ use crate::quasistatic;
 use crate::ssnm;
 use serde::Deserialize;
 use std::time::Duration;
-use toml::Spanned;
 
 /// `[solver]`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolverTable {
     /// ε, relative to the first error.
-    pub tolerance: Spanned<f64>,
+    pub tolerance: f64,
     /// ρ = β / σ_max.
-    pub beta: Spanned<f64>,
+    pub beta: f64,
     /// Of Algorithm ISSNM, as `c_fact`.
-    pub r_tol: Spanned<f64>,
+    pub r_tol: f64,
     /// Of Algorithm ISSNM, as `r_tol`.
-    pub c_fact: Spanned<f64>,
+    pub c_fact: f64,
     /// Algorithm ISSNM, or SSNM.
     pub method: ssnm::Method,
     /// Outer steps of one solve at most.
     pub max_iterations: usize,
     /// Of the whole run, such as `10min`; none if left out.
-    pub time_limit: Option<Spanned<String>>,
+    pub time_limit: Option<String>,
     /// How far slip bounds of rounds converge under Coulomb's law; ten times the tolerance if left out.
-    pub friction_tolerance: Option<Spanned<f64>>,
+    pub friction_tolerance: Option<f64>,
     /// Rounds with frozen slip bounds at most.
     pub max_rounds: usize,
 }
@@ -35,12 +34,11 @@ impl Default for SolverTable {
     fn default() -> Self {
         let defaults = ssnm::NewtonSettings::default();
         let rounds = quasistatic::StepSettings::default();
-        let plain = |value| Spanned::new(0..0, value);
         Self {
-            tolerance: plain(defaults.tolerance),
-            beta: plain(defaults.beta),
-            r_tol: plain(defaults.r_tol),
-            c_fact: plain(defaults.c_fact),
+            tolerance: defaults.tolerance,
+            beta: defaults.beta,
+            r_tol: defaults.r_tol,
+            c_fact: defaults.c_fact,
             method: defaults.method,
             max_iterations: defaults.max_iterations,
             time_limit: None,
@@ -56,16 +54,16 @@ impl Case {
         let s = &self.tables.solver;
         quasistatic::StepSettings {
             ssnm: ssnm::NewtonSettings {
-                tolerance: *s.tolerance.get_ref(),
-                beta: *s.beta.get_ref(),
-                r_tol: *s.r_tol.get_ref(),
-                c_fact: *s.c_fact.get_ref(),
+                tolerance: s.tolerance,
+                beta: s.beta,
+                r_tol: s.r_tol,
+                c_fact: s.c_fact,
                 method: s.method,
                 max_iterations: s.max_iterations,
                 time_limit: self.time_limit,
                 ..Default::default()
             },
-            friction_tolerance: s.friction_tolerance.as_ref().map(|t| *t.get_ref()),
+            friction_tolerance: s.friction_tolerance,
             max_rounds: s.max_rounds,
             ..Default::default()
         }
@@ -75,26 +73,16 @@ impl Case {
     pub(super) fn check_solver(&self) -> Result<Option<Duration>, CaseError> {
         let s = &self.tables.solver;
         if let Err(error) = self.settings().check() {
-            let value = match error.field {
-                "tolerance" => Some(&s.tolerance),
-                "beta" => Some(&s.beta),
-                "r_tol" => Some(&s.r_tol),
-                "c_fact" => Some(&s.c_fact),
-                "friction_tolerance" => s.friction_tolerance.as_ref(),
-                _ => None,
-            };
-            let span = value.map_or(0..0, Spanned::span);
-            return self.invalid(span, error.to_string());
+            return self.invalid(&format!("solver.{}", error.field), error.to_string());
         }
         let Some(limit) = &s.time_limit else {
             return Ok(None);
         };
-        duration(limit.get_ref()).or_else(|error| {
+        duration(limit).or_else(|error| {
             self.invalid(
-                limit.span(),
+                "solver.time_limit",
                 format!(
-                    "time_limit = \"{}\" is not a duration such as \"10min\" or \"90s\": {error}",
-                    limit.get_ref()
+                    "time_limit = \"{limit}\" is not a duration such as \"10min\" or \"90s\": {error}"
                 ),
             )
         })

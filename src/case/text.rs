@@ -1,6 +1,17 @@
-//! The text of a case file: entries that are replaced before it is read, and the parser's errors.
+//! The text of a case file: entries that are replaced before it is read, what its tables are read as, where an entry stands,
+//! and the parser's errors.
+//!
+//! Entries are named by paths such as `support[1].axis.point`, whose numbers count from 0; `material[]` is the last of several.
 
-use crate::model::nearest;
+use super::Tables;
+use crate::model::{Definition, nearest};
+use serde::de::value::Error as Unsaid;
+use serde::de::{Deserialize, DeserializeOwned, Deserializer, Error as _, MapAccess, Visitor};
+use std::fmt::{self, Write as _};
+use std::ops::Range;
+use std::sync::LazyLock;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue, Error};
 
 /// Puts one `key.path=value` into the document.
 pub(super) fn set(document: &mut toml_edit::DocumentMut, setting: &str) -> Result<(), String> {
@@ -69,37 +80,201 @@ pub(super) fn set(document: &mut toml_edit::DocumentMut, setting: &str) -> Resul
     Ok(())
 }
 
-/// What stands at a place of a text whose keys have a line each: the table, with its number where there are several like it, and
-/// the key.
-pub(super) fn place(text: &str, at: usize) -> String {
-    let at = at.min(text.len());
-    let begin = text[..at].rfind('\n').map_or(0, |end| end + 1);
-    let line = text[begin..].lines().next().unwrap_or_default();
-    let header = |line: &str| {
-        line.starts_with('[')
-            .then(|| line.trim_matches(['[', ']']).to_owned())
-    };
-    let through = &text[..begin + line.len()];
-    let Some(table) = through.lines().rev().find_map(header) else {
-        return line.split('=').next().unwrap_or_default().trim().to_owned();
-    };
-    let count = |text: &str| {
-        text.lines()
-            .filter(|line| header(line).as_ref() == Some(&table))
-            .count()
-    };
-    let number = match count(text) {
-        1 => String::new(),
-        _ => format!(" {}", count(through)),
-    };
-    match line.split_once('=') {
-        Some((key, _)) if !line.starts_with('[') => format!("{table}{number}, {}", key.trim()),
-        _ => format!("{table}{number}"),
+/// The keys that a type has as a table.
+fn keys<T: DeserializeOwned>() -> &'static [&'static str] {
+    /// Hears which fields are asked for, and has none.
+    struct Ear<'a>(&'a mut &'static [&'static str]);
+
+    impl<'de> Deserializer<'de> for Ear<'_> {
+        type Error = Unsaid;
+
+        fn deserialize_any<V: Visitor<'de>>(self, _: V) -> Result<V::Value, Unsaid> {
+            Err(Unsaid::custom("it has no fields"))
+        }
+
+        fn deserialize_struct<V: Visitor<'de>>(
+            self,
+            _: &'static str,
+            fields: &'static [&'static str],
+            visitor: V,
+        ) -> Result<V::Value, Unsaid> {
+            *self.0 = fields;
+            self.deserialize_any(visitor)
+        }
+
+        serde::forward_to_deserialize_any! {
+            bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf option unit unit_struct
+            newtype_struct seq tuple tuple_struct map enum identifier ignored_any
+        }
+    }
+
+    let mut found: &[&str] = &[];
+    // It ends in the error above.
+    let _ = T::deserialize(Ear(&mut found));
+    found
+}
+
+/// The tables that say something of bodies, which those of matrices do not.
+pub(super) static OF_BODIES: LazyLock<Vec<&str>> = LazyLock::new(|| {
+    let all = keys::<Definition>().iter().copied();
+    all.filter(|key| *key != "units").collect()
+});
+
+/// All tables.
+static KNOWN: LazyLock<Vec<&str>> = LazyLock::new(|| {
+    let (own, of_bodies) = (keys::<Tables>(), OF_BODIES.iter());
+    let others = of_bodies.filter(|key| !own.contains(*key));
+    own.iter().chain(others).copied().collect()
+});
+
+/// The tables of a text that a type has keys for, as this type.
+pub(super) fn read<T: DeserializeOwned>(text: &str) -> Result<T, Error> {
+    with_keys(text, |key| keys::<T>().contains(&key))
+}
+
+/// Whether it has no other tables than those of case files.
+pub(super) fn check_keys(text: &str) -> Result<(), Error> {
+    with_keys::<Nothing>(text, |key| !KNOWN.contains(&key)).map(drop)
+}
+
+fn with_keys<T: DeserializeOwned>(text: &str, wanted: impl Fn(&str) -> bool) -> Result<T, Error> {
+    let document = DeTable::parse(text)?;
+    let span = document.span();
+    let tables = document.into_inner().into_iter();
+    let tables = tables.filter(|(key, _)| wanted(key.get_ref())).collect();
+    let document = Spanned::new(span, tables);
+    T::deserialize(toml::de::Deserializer::from(document)).map_err(|mut error| {
+        error.set_input(Some(text));
+        error
+    })
+}
+
+/// A table where every key is one too many.
+struct Nothing;
+
+struct UnknownKey;
+
+impl<'de> Deserialize<'de> for UnknownKey {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        Err(D::Error::unknown_field(&String::deserialize(from)?, &KNOWN))
     }
 }
 
-/// A message of the parser, with the known key that an unknown one may have meant.
-pub(super) fn suggested(message: &str) -> String {
+impl<'de> Deserialize<'de> for Nothing {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        from.deserialize_map(Self)
+    }
+}
+
+impl<'de> Visitor<'de> for Nothing {
+    type Value = Self;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("tables of a case file")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self, A::Error> {
+        map.next_key::<UnknownKey>().map(|_| self)
+    }
+}
+
+/// Where an entry stands in a text, or what it would lie in, and whether it is there itself.
+fn found(text: &str, path: &str) -> Option<(Range<usize>, bool)> {
+    let document = DeTable::parse(text).ok()?.into_inner();
+    let (root, mut span) = (DeValue::Table(document), None);
+    let mut item = &root;
+    for step in path.split(['.', '[']) {
+        let step = step.trim_end_matches(']');
+        let next = match item {
+            DeValue::Table(table) => table.get(step),
+            DeValue::Array(list) => match step.parse::<usize>() {
+                Ok(number) => list.get(number),
+                Err(_) => list.iter().last(),
+            },
+            _ => None,
+        };
+        let Some(next) = next else {
+            return span.map(|span| (span, false));
+        };
+        (item, span) = (next.get_ref(), Some(next.span()));
+    }
+    span.map(|span| (span, true))
+}
+
+/// Whether an entry is there.
+pub(super) fn has(text: &str, path: &str) -> bool {
+    found(text, path).is_some_and(|(_, whole)| whole)
+}
+
+/// Where an entry stands in a text, or what it would lie in; where there is nothing of it, the mesh.
+pub(super) fn span(text: &str, path: &str) -> Range<usize> {
+    let found = found(text, path).or_else(|| found(text, "mesh"));
+    match path {
+        "" => 0..0,
+        _ => found.map_or(0..0, |(span, _)| span),
+    }
+}
+
+/// The path of the entry that stands at a place of a text, as far as there is one.
+pub(super) fn path(text: &str, at: usize) -> String {
+    /// The path that ends the farthest inside.
+    fn inside(item: &DeValue, at: usize, path: &str) -> Option<String> {
+        let has = |span: Range<usize>| span.contains(&at);
+        match item {
+            DeValue::Table(table) => table.iter().find_map(|(key, value)| {
+                let dot = if path.is_empty() { "" } else { "." };
+                let path = format!("{path}{dot}{}", key.get_ref());
+                let deeper = inside(value.get_ref(), at, &path);
+                deeper.or_else(|| (has(key.span()) || has(value.span())).then_some(path))
+            }),
+            DeValue::Array(list) => list.iter().enumerate().find_map(|(number, value)| {
+                // Numbers in a list have no name of their own.
+                let path = match value.get_ref() {
+                    DeValue::Table(_) => format!("{path}[{number}]"),
+                    _ => path.to_owned(),
+                };
+                let deeper = inside(value.get_ref(), at, &path);
+                deeper.or_else(|| has(value.span()).then_some(path))
+            }),
+            _ => None,
+        }
+    }
+    let Ok(document) = DeTable::parse(text) else {
+        return String::new();
+    };
+    inside(&DeValue::Table(document.into_inner()), at, "").unwrap_or_default()
+}
+
+/// An entry in words: its table, with its number where there are several like it in the text, and its key.
+pub(super) fn words(text: &str, path: &str) -> String {
+    let steps: Vec<&str> = path.split('.').collect();
+    let length = match steps[0].contains('[') || steps.len() < 3 {
+        true => 1,
+        false => 2,
+    };
+    let mut words = String::new();
+    for (place, step) in steps.iter().enumerate() {
+        words += match place {
+            0 => "",
+            place if place == length => ", ",
+            _ => ".",
+        };
+        let (name, number) = step.split_once('[').unwrap_or((step, ""));
+        words += name;
+        let number = number.trim_end_matches(']').parse::<usize>();
+        if let (Ok(number), true) = (number, place < length) {
+            let before: Vec<&str> = steps[..place].iter().copied().chain([name]).collect();
+            if has(text, &format!("{}[1]", before.join("."))) {
+                // Nothing is in the way of writing into a text.
+                let _ = write!(words, " {}", number + 1);
+            }
+        }
+    }
+    words
+}
+
+/// A message of the parser about an entry, with the known key that an unknown one may have meant.
+pub(super) fn suggested(message: &str, path: &str) -> String {
     let quoted = |text: &str| -> Vec<String> {
         text.split('`')
             .skip(1)
@@ -107,42 +282,32 @@ pub(super) fn suggested(message: &str) -> String {
             .map(str::to_owned)
             .collect()
     };
-    let unknown = message
-        .lines()
-        .find_map(|line| {
-            line.split_once("unknown field ")
-                .or(line.split_once("unknown variant "))
-        })
-        .map(|(_, names)| quoted(names));
     const LAWS: &str = "\"none\", { tresca = 1e6 } (Pa) or { coulomb = 0.3 }";
-    if message.contains("friction")
-        && [
-            "unit variant, expected newtype",
-            "wanted string or table",
-            "wanted exactly 1",
-        ]
-        .iter()
-        .any(|text| message.contains(text))
-    {
+    const FORMS: [&str; 3] = [
+        "unit variant, expected newtype",
+        "wanted string or table",
+        "wanted exactly 1",
+    ];
+    if path.ends_with("friction") && FORMS.iter().any(|text| message.contains(text)) {
         return format!("{message}; a friction law is written as {LAWS}");
     }
-    // A table where a list of tables is wanted: the line shows which.
-    let single = message.lines().find_map(|line| {
-        let (_, header) = line.split_once('[')?;
-        header.split_once(']').map(|(name, _)| name)
-    });
-    if let Some(name) = single.filter(|name| !name.contains('['))
-        && message.contains("invalid type: map, expected a sequence")
-    {
+    // The line shows that it is the header of a table.
+    let single = message.contains(&format!("[{path}]"));
+    if single && message.contains("invalid type: map, expected a sequence") {
         return format!(
-            "{message}; there may be several of these: write [[{name}]], with double brackets"
+            "{message}; there may be several of these: write [[{path}]], with double brackets"
         );
     }
-    let Some((wrong, known)) = unknown.as_ref().and_then(|names| names.split_first()) else {
-        return message.to_owned();
-    };
-    match nearest(wrong, known) {
-        Some(name) => format!("{message}; did you mean `{name}`?"),
-        None => message.to_owned(),
+    let unknown = message.lines().find_map(|line| {
+        line.split_once("unknown field ")
+            .or(line.split_once("unknown variant "))
+    });
+    let names = unknown.map_or(Vec::new(), |(_, names)| quoted(names));
+    match names
+        .split_first()
+        .map(|(wrong, known)| nearest(wrong, known))
+    {
+        Some(Some(name)) => format!("{message}; did you mean `{name}`?"),
+        _ => message.to_owned(),
     }
 }

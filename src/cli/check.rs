@@ -2,9 +2,9 @@
 
 use super::advice::message_of;
 use super::mesh;
+use signorini::case::Case;
 #[cfg(feature = "mpi")]
 use signorini::case::CaseDraft;
-use signorini::case::{Case, ForceTable};
 use signorini::contact::Space;
 use signorini::deck;
 use signorini::elasticity::Plane;
@@ -19,7 +19,6 @@ use signorini::mpi::{Foreseen, MpiError};
 use signorini::problem::AnyProblem;
 use signorini::problem::ContactProblem;
 use std::path::Path;
-use toml::Spanned;
 
 pub fn run(path: &Path, ignored: &[String], settings: &[String]) -> Result<u8, String> {
     if let Some(code) = mesh_alone(path)? {
@@ -313,64 +312,9 @@ where
             Units::behind(&units.force)
         ));
     }
-    for table in case.tables.traction.iter().map(Spanned::get_ref) {
-        if let (Some(torque), Some(axis)) = (table.torque, &table.axis) {
-            lines.push(format!(
-                "torque        \"{}\": {torque}{} about {}",
-                table.boundary,
-                Units::behind(&units.moment()),
-                axis.get_ref()
-            ));
-        }
-    }
-    for table in case.tables.force.iter().map(Spanned::get_ref) {
-        lines.push(format!("force         {}", force(table)));
-    }
-    for (name, table) in elastic.supports.iter().zip(&case.tables.support) {
-        let s = table.get_ref();
-        let along = [("x", &s.x), ("y", &s.y), ("z", &s.z)];
-        let around = [
-            ("radial", &s.radial),
-            ("hoop", &s.hoop),
-            ("axial", &s.axial),
-        ];
-        let mut what: Vec<String> = (along.iter().chain(&around))
-            .filter_map(|(c, value)| Some(format!("{c} = {}", value.as_ref()?.get_ref())))
-            .collect();
-        if let Some(axis) = &s.axis {
-            what.push(format!("about {}", axis.get_ref()));
-        }
-        if s.symmetry {
-            what.push("symmetry".to_owned());
-        }
-        if let Some(factors) = &s.factors {
-            what.push(format!("factors {factors:?}"));
-        }
-        lines.push(format!("support       \"{name}\": {}", what.join(", ")));
-    }
-    if let Some(steps) = &case.tables.steps {
-        let factors = &steps.get_ref().factors;
-        lines.push(format!("steps         factors {factors:?}"));
-    }
+    let told = case.told::<D>().map_err(|e| message_of(&e))?;
+    lines.extend(told.iter().map(|(what, text)| format!("{what:<14}{text}")));
     Ok(())
-}
-
-/// A force on nodes, as its table states it.
-fn force(table: &ForceTable) -> String {
-    let place = match (&table.nodes, &table.boundary, &table.point) {
-        (Some(names), ..) => format!("on each node of \"{names}\""),
-        (_, Some(names), _) => format!("on each node of boundary \"{names}\""),
-        (.., point) => format!(
-            "at {:?}",
-            point.as_ref().map_or(&[][..], |point| point.get_ref())
-        ),
-    };
-    let components = [("x", &table.x), ("y", &table.y), ("z", &table.z)];
-    let stated: Vec<String> = (components.iter())
-        .filter_map(|(c, value)| Some(format!("{c} = {}", value.as_ref()?.get_ref())))
-        .collect();
-    let name = (table.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" "));
-    format!("{name}{place}: {}", stated.join(", "))
 }
 
 /// A contact pair with its gaps, its law of friction and the nodes that the law does not reach.

@@ -18,6 +18,8 @@ type Result<T> = std::result::Result<T, Wrong>;
 /// The case, and what has no effect in it.
 pub(super) struct Translated {
     pub text: String,
+    /// The tables by their paths, such as `support[0]`, each with the line of the deck that it comes from.
+    pub lines: Vec<(String, usize)>,
     pub notes: Vec<String>,
     pub adjustments: Vec<Adjustment>,
     /// Whether there is a quantity with a value for each node.
@@ -77,6 +79,7 @@ struct Translation<'a, 'i> {
     times: Times<'a>,
     place: &'a dyn Fn(usize) -> String,
     text: String,
+    lines: Vec<(String, usize)>,
     notes: Vec<String>,
     adjustments: Vec<Adjustment>,
     has_nodal_values: bool,
@@ -112,6 +115,7 @@ pub(super) fn case(
         times: Times::new(said),
         place,
         text: String::new(),
+        lines: vec![("mesh".to_owned(), 1)],
         notes: Vec::new(),
         adjustments: Vec::new(),
         has_nodal_values: false,
@@ -137,6 +141,7 @@ pub(super) fn case(
     translation.steps();
     let made = Translated {
         text: translation.text,
+        lines: translation.lines,
         notes: translation.notes,
         adjustments: translation.adjustments,
         has_nodal_values: translation.has_nodal_values,
@@ -169,6 +174,15 @@ impl Translation<'_, '_> {
     fn table(&mut self, line: usize, name: &str) {
         let place = (self.place)(line);
         self.put(format_args!("\n# {place}\n{name}"));
+        let key = name.trim_matches(['[', ']']);
+        let path = match name.starts_with("[[") {
+            true => {
+                let alike = |one: &&(String, usize)| one.0.split('[').next() == Some(key);
+                format!("{key}[{}]", self.lines.iter().filter(alike).count())
+            }
+            false => key.to_owned(),
+        };
+        self.lines.push((path, line));
     }
 
     fn put_factors(&mut self, factors: &Option<Vec<f64>>) {

@@ -1,49 +1,71 @@
 //! Directions about an axis: those of cylindrical coordinates.
 
+use super::stated;
 use crate::mesh::vector::{cross, dot, length, minus, unit};
+use serde::Deserialize;
+use std::fmt;
 
 /// What the directions about an axis are called, in the order of a right-handed system.
 pub(super) const AROUND: [&str; 3] = ["radial", "hoop", "axial"];
 
 /// An axis in space; in the plane a point, through which the axis stands upright.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a table such as { point = [0, 0] } or, in space, { point = [0, 0, 0], direction = [0, 0, 1] }"
+)]
 pub struct Axis<const D: usize = 2> {
+    #[serde(deserialize_with = "stated::point")]
     point: [f64; D],
-    /// Of any length; (0, 0, 1) in the plane.
-    direction: [f64; 3],
+    /// Of any length; none in the plane, where it is (0, 0, 1).
+    #[serde(default, deserialize_with = "stated::direction::<_, D>")]
+    direction: Option<[f64; 3]>,
 }
 
 impl Axis {
     /// That of a point of the plane.
     pub fn at(point: [f64; 2]) -> Self {
-        Self::through(point, [0.0, 0.0, 1.0])
+        Self::through(point, None)
     }
 }
 
 impl Axis<3> {
     /// Through a point, along a direction of any length.
     pub fn new(point: [f64; 3], direction: [f64; 3]) -> Self {
-        Self::through(point, direction)
+        Self::through(point, Some(direction))
     }
 }
 
 impl<const D: usize> Axis<D> {
-    /// In D dimensions; in the plane along (0, 0, 1).
-    pub(crate) fn through(point: [f64; D], direction: [f64; 3]) -> Self {
+    /// In D dimensions; in the plane without a direction.
+    pub(crate) fn through(point: [f64; D], direction: Option<[f64; 3]>) -> Self {
         Self { point, direction }
+    }
+
+    pub(super) fn stated(self) -> ([f64; D], Option<[f64; 3]>) {
+        (self.point, self.direction)
+    }
+
+    fn direction(&self) -> [f64; 3] {
+        self.direction.unwrap_or([0.0, 0.0, 1.0])
     }
 
     /// What cannot be meant.
     pub(crate) fn fault(&self) -> Option<&'static str> {
+        if D == 3 && self.direction.is_none() {
+            return Some(
+                "an axis in space needs a direction: axis = { point = [x, y, z], direction = [x, y, z] }",
+            );
+        }
         let finite = |x: &[f64]| x.iter().all(|v| v.is_finite());
-        let is_axis =
-            finite(&self.point) && finite(&self.direction) && length(self.direction) > 0.0;
+        let direction = self.direction();
+        let is_axis = finite(&self.point) && finite(&direction) && length(direction) > 0.0;
         (!is_axis).then_some("an axis needs a finite point and a direction that is not zero")
     }
 
     /// The way from the axis to a point, across it.
     pub(super) fn arm(&self, x: [f64; D]) -> [f64; 3] {
-        let (way, along) = (spatial(minus(x, self.point)), unit(self.direction));
+        let (way, along) = (spatial(minus(x, self.point)), unit(self.direction()));
         let part = dot(way, along);
         std::array::from_fn(|c| way[c] - part * along[c])
     }
@@ -63,7 +85,7 @@ impl<const D: usize> Axis<D> {
 
     /// How a turn about the axis moves a point: across the axis and the arm, as long as the arm.
     pub(super) fn turn(&self, x: [f64; D]) -> [f64; D] {
-        flat(cross(unit(self.direction), self.arm(x)))
+        flat(cross(unit(self.direction()), self.arm(x)))
     }
 
     /// The unit vectors outwards, around and along at a point; in the plane the last is zero. None on the axis, or
@@ -73,18 +95,28 @@ impl<const D: usize> Axis<D> {
         if !(length(arm) > least) {
             return None;
         }
-        let (along, outwards) = (unit(self.direction), unit(arm));
+        let (along, outwards) = (unit(self.direction()), unit(arm));
         Some([outwards, cross(along, outwards), along].map(flat))
     }
 
     /// Such unit vectors where the first is any across the axis.
     pub(super) fn any_directions(&self) -> [[f64; D]; 3] {
-        let along = unit(self.direction);
+        let along = unit(self.direction());
         let least = |a: &usize, b: &usize| along[*a].abs().total_cmp(&along[*b].abs());
         let axis = (0..3).min_by(least).unwrap_or(0);
         let far = std::array::from_fn(|c| f64::from(u8::from(c == axis)));
         let outwards = unit(cross(along, cross(far, along)));
         [outwards, cross(along, outwards), along].map(flat)
+    }
+}
+
+impl<const D: usize> fmt::Display for Axis<D> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let point = self.point;
+        match self.direction {
+            Some(direction) => write!(f, "the axis through {point:?} along {direction:?}"),
+            None => write!(f, "the point {point:?}"),
+        }
     }
 }
 

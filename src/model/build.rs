@@ -2,6 +2,7 @@
 
 use super::analysis::{Analysis, AnyAnalysis};
 use super::elastic::Elastic;
+use super::entities::Part as _;
 use super::error::{Entity, EntityKind, Fault, ModelError, listed};
 use super::loads::{StepData, acting, region};
 use super::{Definition, Model};
@@ -139,8 +140,8 @@ where
         let body = Body {
             mesh: &mesh,
             materials: &materials,
-            plane: definition.plane,
-            thickness: definition.thickness,
+            plane: definition.plane(),
+            thickness: definition.thickness(),
         };
         let prescriptions = definition.prescriptions(&mesh)?;
         let unknowns = definition.unknowns(&mesh, &prescriptions, 0)?;
@@ -163,8 +164,8 @@ where
 
         let support_centres = definition.support_centres(&body, &prescriptions);
         let elastic = Elastic {
-            plane: definition.plane,
-            thickness: definition.thickness,
+            plane: definition.plane(),
+            thickness: definition.thickness(),
             unknowns,
             held: prescriptions.held(),
             supports: definition.supports.iter().map(|s| s.name()).collect(),
@@ -254,11 +255,12 @@ where
         }
         // With the name that has brought it.
         let mut found: Vec<Option<(Material, &str)>> = vec![None; mesh.regions.len()];
-        for (number, (names, material)) in self.materials.iter().enumerate() {
-            let at_fault = |fault: Fault| self.material_entity(number).error(fault);
-            let Some(names) = names else {
+        for (number, filling) in self.materials.iter().enumerate() {
+            let at_fault = |fault: Fault| filling.entity(number).error(fault);
+            let material = filling.material();
+            let Some(names) = &filling.region else {
                 if self.materials.len() == 1 {
-                    found.fill(Some((*material, "")));
+                    found.fill(Some((material, "")));
                     continue;
                 }
                 return Err(at_fault(Fault::Stated(format!(
@@ -268,12 +270,12 @@ where
             };
             for name in names.all() {
                 for &region in region(mesh, name).map_err(at_fault)? {
-                    let before = found[region as usize].replace((*material, name));
+                    let before = found[region as usize].replace((material, name));
                     let message = match before {
                         Some((_, other)) if other == name => {
                             format!("region \"{name}\" has two materials")
                         }
-                        Some((old, other)) if old != *material => format!(
+                        Some((old, other)) if old != material => format!(
                             "regions \"{other}\" and \"{name}\" overlap: \"{}\" would have two materials; give both the \
                          same, or groups that share no {}",
                             mesh.regions[region as usize],

@@ -1,7 +1,7 @@
 //! The contacts of a model: their nodes, and what is said of them.
 
 use super::arcs::{EVEN, between_arcs, gap_of_arcs, sagitta};
-use super::entities::Target;
+use super::entities::{Names, Part as _, Target};
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::outer_facets;
 use super::pair::{Against, Law};
@@ -225,13 +225,13 @@ where
         held: &Directions<D>,
     ) -> Result<Found<D>, Fault> {
         let mesh = body.mesh;
-        let nodes = match self.by_nodes {
-            true => nodes_of_sets(mesh, &self.boundary)?,
+        let nodes = match self.is_by_nodes() {
+            true => nodes_of_sets(mesh, self.side())?,
             false => Vec::new(),
         };
-        let mut facets = match self.by_nodes {
+        let mut facets = match self.is_by_nodes() {
             true => mesh.outer_facets_at(&nodes, false),
-            false => outer_facets(mesh, self.boundary.all())?,
+            false => outer_facets(mesh, self.side().all())?,
         };
         let law = |x| match &self.law {
             Law::None | Law::Tied => 0.0,
@@ -239,8 +239,8 @@ where
         };
         // Polygons lose what arcs overlap.
         let mut off = None;
-        let of_arcs = match &self.against {
-            Against::Boundary(names) if self.overlap && !self.by_nodes => {
+        let of_arcs = match self.meets() {
+            Against::Boundary(names) if self.overlap.is_some() && !self.is_by_nodes() => {
                 let others = outer_facets(mesh, names.all())?;
                 let steepest = self.edge_angle.unwrap_or(EDGE_ANGLE);
                 let found = gap_of_arcs(mesh, [&facets, &others], steepest);
@@ -254,7 +254,7 @@ where
         let gap = |x| of_arcs.unwrap_or_else(|| self.gap.as_ref().map_or(0.0, |gap| gap.at(x)));
         let overlap = |x| (self.interference.as_ref()).map_or(0.0, |overlap| overlap.at(x));
         let [normal, tangential] = [0, 1].map(|way: usize| {
-            let stiffness = self.stiffness[way].as_ref();
+            let stiffness = self.stiffness.both()[way];
             move |x| stiffness.map_or(f64::NAN, |k| k.at(x))
         });
         let mut options = PairOptions {
@@ -267,10 +267,10 @@ where
             gap: (self.gap.is_some() || self.is_tie() || of_arcs.is_some()).then_some(&gap),
             interference: self.interference.is_some().then_some(&overlap),
             stiffness: [
-                self.stiffness[0].is_some().then_some(&normal),
-                self.stiffness[1].is_some().then_some(&tangential),
+                self.stiffness.both()[0].is_some().then_some(&normal),
+                self.stiffness.both()[1].is_some().then_some(&tangential),
             ],
-            overlap: self.overlap,
+            overlap: self.overlap.is_some(),
             adjust: self.adjust,
             offset: self.offset,
             edge_angle: self.edge_angle.unwrap_or(EDGE_ANGLE),
@@ -279,14 +279,14 @@ where
             search_distance: self.search_distance,
         };
         let (mut others, mut unmet) = (Vec::new(), None);
-        let mut boundary = self.boundary.to_string();
-        let (found, against, search_distance) = match &self.against {
+        let mut boundary = self.side().to_string();
+        let (found, against, search_distance) = match self.meets() {
             Against::Boundary(names) => {
                 others = outer_facets(body.mesh, names.all())?;
                 let mut against = names.to_string();
                 // Multipliers belong to a side that can give way.
                 let is_held = |facets: &[Facet<D>]| held_across(mesh, facets, held);
-                if !self.by_nodes && is_held(&facets) && !is_held(&others) {
+                if !self.is_by_nodes() && is_held(&facets) && !is_held(&others) {
                     std::mem::swap(&mut facets, &mut others);
                     std::mem::swap(&mut boundary, &mut against);
                 }
@@ -298,7 +298,7 @@ where
                 }
                 let distance = options.distance_between(body, &facets, &others);
                 options.search_distance = Some(distance);
-                let found = match self.by_nodes {
+                let found = match self.is_by_nodes() {
                     true => node_contact(body, &nodes, &facets, Met::Facets(&others), &options),
                     false => mortar_contact(body, &facets, &others, &options).map(|found| {
                         unmet = found.unmet;
@@ -311,7 +311,7 @@ where
                 let name = format!("rigid {}", obstacle.name());
                 let distance = options.distance_to(body, &facets, obstacle);
                 options.search_distance = Some(distance);
-                let found = match self.by_nodes {
+                let found = match self.is_by_nodes() {
                     true => node_contact(body, &nodes, &facets, Met::Obstacle(obstacle), &options),
                     false => obstacle_contact(body, &facets, obstacle, &options),
                 };
@@ -321,8 +321,8 @@ where
         let data = PairData {
             facets,
             others,
-            obstacle: match self.against {
-                Against::Obstacle(obstacle) => Some(obstacle),
+            obstacle: match self.meets() {
+                Against::Obstacle(obstacle) => Some(*obstacle),
                 Against::Boundary(_) => None,
             },
             tresca: matches!(self.law, Law::Tresca(_)),
@@ -356,9 +356,10 @@ where
         for name in self.sets.all() {
             let is_boundary =
                 mesh.boundaries.contains_key(name) && !mesh.node_sets.contains_key(name);
+            let names = Names::from(name);
             let target = match is_boundary {
-                true => Target::Boundary(name.clone().into()),
-                false => Target::Nodes(name.clone().into()),
+                true => Target::Boundary(&names),
+                false => Target::Nodes(&names),
             };
             let nodes = target.nodes(mesh)?;
             if nodes.len() < 2 {

@@ -1,12 +1,16 @@
 //! What a model consists of beside contacts (`pair.rs`): supports and loads, as they are stated.
 
-use super::Quantity;
 use super::axis::{AROUND, Axis};
 use super::error::{Entity, EntityKind};
+use super::stated::{self, Flaw};
+use super::{Quantity, Units};
+use crate::elasticity::{Incompressible, Material};
+use crate::problem::{SIZES, is_sized};
+use serde::Deserialize;
 use std::fmt;
 
 /// The name of a boundary, or several that count as one.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Names(Vec<String>);
 
 impl Names {
@@ -66,6 +70,41 @@ impl fmt::Display for Names {
 /// What the components of a vector are called.
 pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 
+/// Whatever is stated of a model: a table of a case file.
+pub(crate) trait Part {
+    fn facts(&self) -> Facts<'_>;
+
+    /// What cannot be meant, whatever the mesh.
+    fn fault(&self) -> Option<Flaw>;
+
+    /// What a description of the model says of it, behind a word for what it is; None where other lines say it.
+    #[cfg_attr(not(feature = "case"), allow(dead_code))]
+    fn told(&self, _: &Units) -> Option<(&'static str, String)> {
+        None
+    }
+
+    /// What an error calls it: its number, its name, if it has one, and where it is.
+    fn entity(&self, number: usize) -> Entity {
+        let facts = self.facts();
+        let place = match facts.name {
+            Some(name) => format!("\"{name}\" {}", facts.place),
+            None => facts.place,
+        };
+        Entity::one(facts.kind, number, place)
+    }
+}
+
+/// What all parts have, or may have.
+pub(crate) struct Facts<'p> {
+    pub kind: EntityKind,
+    /// The name that it was given.
+    pub name: Option<&'p str>,
+    /// Where it is, in words; empty if that says nothing.
+    pub place: String,
+    /// Load factors of its own.
+    pub factors: Option<&'p [f64]>,
+}
+
 /// What parts that results speak of have in common: a name.
 macro_rules! with_a_name {
     ($part:ident) => {
@@ -74,14 +113,6 @@ macro_rules! with_a_name {
             pub fn named(mut self, name: impl Into<String>) -> Self {
                 self.name = Some(name.into());
                 self
-            }
-
-            /// What an error calls it: its name, if it has one, and where it is.
-            fn place(&self, place: String) -> String {
-                match &self.name {
-                    Some(name) => format!("\"{name}\" {place}"),
-                    None => place,
-                }
             }
         }
     };
@@ -117,8 +148,18 @@ macro_rules! along_axes {
 
             /// The same along any axis, which has to be one of D.
             pub(crate) fn along(mut self, axis: usize, value: impl Into<Quantity<D>>) -> Self {
-                self.components[axis] = Some(value.into());
+                *self.components_mut()[axis] = Some(value.into());
                 self
+            }
+
+            /// What it says along each axis.
+            pub(super) fn components(&self) -> [Option<&Quantity<D>>; D] {
+                let all = [&self.x, &self.y, &self.z];
+                std::array::from_fn(|axis| all[axis].as_ref())
+            }
+
+            pub(super) fn components_mut(&mut self) -> [&mut Option<Quantity<D>>; 3] {
+                [&mut self.x, &mut self.y, &mut self.z]
             }
         }
 
@@ -154,8 +195,17 @@ macro_rules! about_an_axis {
 
             /// The same along any of radial, hoop and axial.
             pub(crate) fn around(mut self, way: usize, value: impl Into<Quantity<D>>) -> Self {
-                self.around[way] = Some(value.into());
+                *self.ways_mut()[way] = Some(value.into());
                 self
+            }
+
+            /// What it says away from the axis, around it and along it.
+            pub(super) fn ways(&self) -> [Option<&Quantity<D>>; 3] {
+                [&self.radial, &self.hoop, &self.axial].map(Option::as_ref)
+            }
+
+            fn ways_mut(&mut self) -> [&mut Option<Quantity<D>>; 3] {
+                [&mut self.radial, &mut self.hoop, &mut self.axial]
             }
         }
 
@@ -173,14 +223,27 @@ about_an_axis!(Support, "displacement", "m");
 about_an_axis!(Traction, "force per area", "Pa");
 
 /// What is wrong with what is said about an axis.
-fn axis_fault<const D: usize>(axis: Option<&Axis<D>>, wanted: bool) -> Option<&'static str> {
+fn axis_fault<const D: usize>(axis: Option<&Axis<D>>, wanted: bool) -> Option<Flaw> {
     match axis {
         Some(axis) => axis.fault().or((!wanted).then_some(
             "there is an axis, but nothing about it: state radial, hoop, axial or, of a traction, torque",
         )),
-        None if wanted => Some("radial, hoop, axial and torque are about an axis: state it"),
+        None if wanted => {
+            return Some("radial, hoop, axial and torque are about an axis: state it".into());
+        }
         None => None,
     }
+    .map(|text| Flaw::of("axis", text))
+}
+
+/// The values that are stated, with what they are called.
+fn values<'q, const D: usize>(
+    stated: impl IntoIterator<Item = (&'static str, Option<&'q Quantity<D>>)>,
+) -> Vec<String> {
+    let stated = stated.into_iter();
+    stated
+        .filter_map(|(name, value)| Some(format!("{name} = {}", value?)))
+        .collect()
 }
 
 along_axes!(Support, "displacement", "m");
@@ -189,30 +252,55 @@ along_axes!(BodyForce, "force per volume", "N/m³");
 along_axes!(Force, "force on each node", "N");
 
 /// Prescribed displacements on boundaries or at a point. What is not stated is free.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Support<const D: usize = 2> {
-    pub(super) place: Target<D>,
-    pub(super) components: [Option<Quantity<D>>; D],
-    /// Away from the axis, around it, along it.
-    pub(super) around: [Option<Quantity<D>>; 3],
+    pub(super) name: Option<String>,
+    pub(super) boundary: Option<Names>,
+    /// Sets of nodes.
+    pub(super) nodes: Option<Names>,
+    #[serde(default, deserialize_with = "stated::vector")]
+    pub(super) point: Option<[f64; D]>,
+    pub(super) x: Option<Quantity<D>>,
+    pub(super) y: Option<Quantity<D>>,
+    #[serde(default, deserialize_with = "stated::z")]
+    pub(super) z: Option<Quantity<D>>,
+    pub(super) radial: Option<Quantity<D>>,
+    pub(super) hoop: Option<Quantity<D>>,
+    #[serde(default, deserialize_with = "stated::axial")]
+    pub(super) axial: Option<Quantity<D>>,
     pub(super) axis: Option<Axis<D>>,
+    #[serde(default)]
     pub(super) symmetry: bool,
     pub(super) factors: Option<Vec<f64>>,
-    pub(super) name: Option<String>,
 }
 
 /// Where a support is, or a force.
-#[derive(Clone, Debug)]
-pub(super) enum Target<const D: usize> {
-    Boundary(Names),
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Target<'n, const D: usize> {
+    Boundary(&'n Names),
     /// Sets of nodes.
-    Nodes(Names),
+    Nodes(&'n Names),
     Point([f64; D]),
 }
 
-impl<const D: usize> Target<D> {
+impl<'n, const D: usize> Target<'n, D> {
+    /// The one place that is stated, if it is one.
+    fn of(
+        boundary: &'n Option<Names>,
+        nodes: &'n Option<Names>,
+        point: Option<[f64; D]>,
+    ) -> Option<Self> {
+        match (boundary, nodes, point) {
+            (Some(names), None, None) => Some(Self::Boundary(names)),
+            (None, Some(sets), None) => Some(Self::Nodes(sets)),
+            (None, None, Some(point)) => Some(Self::Point(point)),
+            _ => None,
+        }
+    }
+
     /// Its names or its point.
-    fn name(&self) -> String {
+    fn name(self) -> String {
         match self {
             Self::Boundary(names) | Self::Nodes(names) => names.to_string(),
             Self::Point(point) => {
@@ -223,7 +311,7 @@ impl<const D: usize> Target<D> {
     }
 
     /// In words, for messages.
-    fn place(&self) -> String {
+    fn place(self) -> String {
         match self {
             Self::Boundary(_) => format!("on \"{}\"", self.name()),
             Self::Nodes(_) => format!("on the nodes \"{}\"", self.name()),
@@ -231,7 +319,7 @@ impl<const D: usize> Target<D> {
         }
     }
 
-    fn fault(&self) -> Option<&'static str> {
+    fn fault(self) -> Option<&'static str> {
         match self {
             Self::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),
             Self::Nodes(names) if names.all().is_empty() => {
@@ -242,38 +330,53 @@ impl<const D: usize> Target<D> {
     }
 }
 
-impl<const D: usize> Support<D> {
-    fn at(place: Target<D>) -> Self {
-        Self {
-            place,
-            components: [const { None }; D],
-            around: [const { None }; 3],
-            axis: None,
-            symmetry: false,
-            factors: None,
-            name: None,
-        }
-    }
+/// What supports and forces have in common: they are in one of three places.
+macro_rules! in_a_place {
+    ($part:ident) => {
+        impl<const D: usize> $part<D> {
+            /// Where it is, once that is checked.
+            pub(super) fn target(&self) -> Target<'_, D> {
+                self.stated_target().expect("checked: it is in one place")
+            }
 
+            fn stated_target(&self) -> Option<Target<'_, D>> {
+                Target::of(&self.boundary, &self.nodes, self.point)
+            }
+        }
+    };
+}
+
+in_a_place!(Support);
+in_a_place!(Force);
+
+impl<const D: usize> Support<D> {
     /// On a boundary, or on several.
     pub fn on(boundary: impl Into<Names>) -> Self {
-        Self::at(Target::Boundary(boundary.into()))
+        Self {
+            boundary: Some(boundary.into()),
+            ..Self::default()
+        }
     }
 
     /// At the nodes of a set, or of several.
     pub fn at_nodes(sets: impl Into<Names>) -> Self {
-        Self::at(Target::Nodes(sets.into()))
+        Self {
+            nodes: Some(sets.into()),
+            ..Self::default()
+        }
     }
 
     /// At the node nearest to a point.
     pub fn at_point(point: [f64; D]) -> Self {
-        Self::at(Target::Point(point))
+        Self {
+            point: Some(point),
+            ..Self::default()
+        }
     }
 
     /// No displacement at all.
-    pub fn fixed(mut self) -> Self {
-        self.components = std::array::from_fn(|_| Some(0.0.into()));
-        self
+    pub fn fixed(self) -> Self {
+        (0..D).fold(self, |support, axis| support.along(axis, 0.0))
     }
 
     /// No displacement across each of the boundaries, which have to be straight; in space, plane.
@@ -282,8 +385,11 @@ impl<const D: usize> Support<D> {
         self
     }
 
-    pub(super) fn entity(&self, number: usize) -> Entity {
-        Entity::one(EntityKind::Support, number, self.place(self.place.place()))
+    /// All that it prescribes.
+    pub(super) fn quantities_mut(&mut self) -> impl Iterator<Item = &mut Quantity<D>> {
+        let along = [&mut self.x, &mut self.y, &mut self.z];
+        let around = [&mut self.radial, &mut self.hoop, &mut self.axial];
+        along.into_iter().chain(around).flatten()
     }
 
     /// Its name or, where it has none, its boundaries, sets of nodes or point, with the components where it does not hold all.
@@ -291,11 +397,12 @@ impl<const D: usize> Support<D> {
         if let Some(name) = &self.name {
             return name.clone();
         }
-        let names = AXES[..D].iter().chain(&AROUND);
-        let held: Vec<&str> = (self.components.iter().chain(&self.around).zip(names))
-            .filter_map(|(value, axis)| value.as_ref().map(|_| *axis))
+        let stated = self.components().into_iter().zip(AXES);
+        let stated = stated.chain(self.ways().into_iter().zip(AROUND));
+        let held: Vec<&str> = stated
+            .filter_map(|(value, axis)| value.map(|_| axis))
             .collect();
-        let mut name = self.place.name();
+        let mut name = self.target().name();
         if held.len() < D {
             for axis in held {
                 name = name + ", " + axis;
@@ -303,30 +410,58 @@ impl<const D: usize> Support<D> {
         }
         name
     }
+}
 
-    /// What cannot be meant, whatever the mesh.
-    pub(super) fn fault(&self) -> Option<&'static str> {
-        let around = self.around.iter().any(Option::is_some);
-        let stated = self.components.iter().any(Option::is_some) || around;
+impl<const D: usize> Part for Support<D> {
+    fn facts(&self) -> Facts<'_> {
+        Facts {
+            kind: EntityKind::Support,
+            name: self.name.as_deref(),
+            place: self.stated_target().map_or(String::new(), Target::place),
+            factors: self.factors.as_deref(),
+        }
+    }
+
+    fn fault(&self) -> Option<Flaw> {
+        let Some(target) = self.stated_target() else {
+            return Some("a support needs one of boundary, nodes and point".into());
+        };
+        let around = self.ways().iter().any(Option::is_some);
+        let stated = self.components().iter().any(Option::is_some) || around;
         if let Some(fault) = axis_fault(self.axis.as_ref(), around) {
             return Some(fault);
         }
-        if let Some(fault) = self.place.fault() {
-            return Some(fault);
+        if let Some(fault) = target.fault() {
+            return Some(fault.into());
         }
-        match &self.place {
-            Target::Point(_) | Target::Nodes(_) if self.symmetry => Some(alone::<D>()),
-            _ if self.symmetry && stated => Some(alone::<D>()),
-            _ if !self.symmetry && !stated => Some(match D {
+        let text = match target {
+            Target::Point(_) | Target::Nodes(_) if self.symmetry => alone::<D>(),
+            _ if self.symmetry && stated => alone::<D>(),
+            _ if !self.symmetry && !stated => match D {
                 2 => {
                     "a support needs x, y or symmetry (or radial, hoop about an axis): it holds nothing"
                 }
                 _ => {
                     "a support needs x, y, z or symmetry (or radial, hoop, axial about an axis): it holds nothing"
                 }
-            }),
-            _ => None,
+            },
+            _ => return None,
+        };
+        Some(text.into())
+    }
+
+    fn told(&self, _: &Units) -> Option<(&'static str, String)> {
+        let stated = AXES.into_iter().zip(self.components());
+        let mut what = values(stated.chain(AROUND.into_iter().zip(self.ways())));
+        what.extend(self.axis.map(|axis| format!("about {axis}")));
+        if self.symmetry {
+            what.push("symmetry".to_owned());
         }
+        if let Some(factors) = &self.factors {
+            what.push(format!("factors {factors:?}"));
+        }
+        let text = format!("\"{}\": {}", self.name(), what.join(", "));
+        Some(("support", text))
     }
 }
 
@@ -341,18 +476,25 @@ fn alone<const D: usize>() -> &'static str {
 }
 
 /// Forces on boundaries.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Traction<const D: usize = 2> {
+    pub(super) name: Option<String>,
     pub(super) boundary: Names,
-    pub(super) components: [Option<Quantity<D>>; D],
+    pub(super) x: Option<Quantity<D>>,
+    pub(super) y: Option<Quantity<D>>,
+    #[serde(default, deserialize_with = "stated::z")]
+    pub(super) z: Option<Quantity<D>>,
     pub(super) pressure: Option<Quantity<D>>,
-    /// Away from the axis, around it, along it.
-    pub(super) around: [Option<Quantity<D>>; 3],
-    pub(super) axis: Option<Axis<D>>,
+    pub(super) radial: Option<Quantity<D>>,
+    pub(super) hoop: Option<Quantity<D>>,
+    #[serde(default, deserialize_with = "stated::axial")]
+    pub(super) axial: Option<Quantity<D>>,
     pub(super) torque: Option<f64>,
+    pub(super) axis: Option<Axis<D>>,
+    #[serde(default, deserialize_with = "stated::vector")]
     pub(super) force: Option<[f64; D]>,
     pub(super) factors: Option<Vec<f64>>,
-    pub(super) name: Option<String>,
 }
 
 impl<const D: usize> Traction<D> {
@@ -360,14 +502,7 @@ impl<const D: usize> Traction<D> {
     pub fn on(boundary: impl Into<Names>) -> Self {
         Self {
             boundary: boundary.into(),
-            components: [const { None }; D],
-            pressure: None,
-            around: [const { None }; 3],
-            axis: None,
-            torque: None,
-            force: None,
-            factors: None,
-            name: None,
+            ..Self::default()
         }
     }
 
@@ -383,100 +518,132 @@ impl<const D: usize> Traction<D> {
         self
     }
 
+    /// All that it says place by place.
+    pub(super) fn quantities_mut(&mut self) -> impl Iterator<Item = &mut Quantity<D>> {
+        let along = [&mut self.x, &mut self.y, &mut self.z];
+        let around = [&mut self.radial, &mut self.hoop, &mut self.axial];
+        let all = along.into_iter().chain(around);
+        all.chain([&mut self.pressure]).flatten()
+    }
+
     /// A resultant in N, spread evenly.
     pub fn force(mut self, resultant: [f64; D]) -> Self {
         self.force = Some(resultant);
         self
     }
+}
 
-    pub(super) fn entity(&self, number: usize) -> Entity {
-        Entity::one(
-            EntityKind::Traction,
-            number,
-            self.place(format!("on \"{}\"", self.boundary)),
-        )
+impl<const D: usize> Part for Traction<D> {
+    fn facts(&self) -> Facts<'_> {
+        Facts {
+            kind: EntityKind::Traction,
+            name: self.name.as_deref(),
+            place: format!("on \"{}\"", self.boundary),
+            factors: self.factors.as_deref(),
+        }
     }
 
-    pub(super) fn fault(&self) -> Option<&'static str> {
-        let stated = self.components.iter().chain([&self.pressure]);
+    fn fault(&self) -> Option<Flaw> {
+        let stated = self.pressure.is_some() || self.components().iter().any(Option::is_some);
         let whole = self.torque.is_some() || self.force.is_some();
-        let around = self.around.iter().any(Option::is_some) || self.torque.is_some();
+        let around = self.ways().iter().any(Option::is_some) || self.torque.is_some();
         let mut values = self.torque.iter().chain(self.force.iter().flatten());
-        match () {
-            () if self.boundary.all().is_empty() => Some(NO_BOUNDARY),
-            () if stated.flatten().next().is_none() && !around && !whole => Some(match D {
+        let text = match () {
+            () if self.boundary.all().is_empty() => NO_BOUNDARY,
+            () if !stated && !around && !whole => match D {
                 2 => {
                     "a traction needs x, y, pressure or force (or radial, hoop, torque about an axis)"
                 }
                 _ => {
                     "a traction needs x, y, z, pressure or force (or radial, hoop, axial, torque about an axis)"
                 }
-            }),
-            () if !values.all(|value| value.is_finite()) => Some("torque and force must be finite"),
-            () => axis_fault(self.axis.as_ref(), around),
-        }
+            },
+            () if !values.all(|value| value.is_finite()) => "torque and force must be finite",
+            () => return axis_fault(self.axis.as_ref(), around),
+        };
+        Some(text.into())
+    }
+
+    fn told(&self, units: &Units) -> Option<(&'static str, String)> {
+        let (torque, axis) = (self.torque?, self.axis?);
+        let unit = Units::behind(&units.moment());
+        let text = format!("\"{}\": {torque}{unit} about {axis}", self.boundary);
+        Some(("torque", text))
     }
 }
 
 /// Forces in the volume.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct BodyForce<const D: usize = 2> {
-    pub(super) region: Option<String>,
-    pub(super) components: [Option<Quantity<D>>; D],
-    pub(super) factors: Option<Vec<f64>>,
     pub(super) name: Option<String>,
+    /// None: all of them.
+    pub(super) region: Option<String>,
+    pub(super) x: Option<Quantity<D>>,
+    pub(super) y: Option<Quantity<D>>,
+    #[serde(default, deserialize_with = "stated::z")]
+    pub(super) z: Option<Quantity<D>>,
+    pub(super) factors: Option<Vec<f64>>,
 }
 
 impl<const D: usize> BodyForce<D> {
-    fn new(region: Option<String>) -> Self {
-        Self {
-            region,
-            components: [const { None }; D],
-            factors: None,
-            name: None,
-        }
-    }
-
     /// In all regions.
     pub fn everywhere() -> Self {
-        Self::new(None)
+        Self::default()
     }
 
     /// In one region, or in a group of them.
     pub fn within(region: &str) -> Self {
-        Self::new(Some(region.to_owned()))
+        Self {
+            region: Some(region.to_owned()),
+            ..Self::default()
+        }
+    }
+}
+
+/// Where something in a region is, in words.
+fn inside(region: &Option<String>) -> String {
+    (region.as_ref()).map_or(String::new(), |name| format!("in \"{name}\""))
+}
+
+impl<const D: usize> Part for BodyForce<D> {
+    fn facts(&self) -> Facts<'_> {
+        Facts {
+            kind: EntityKind::BodyForce,
+            name: self.name.as_deref(),
+            place: inside(&self.region),
+            factors: self.factors.as_deref(),
+        }
     }
 
-    pub(super) fn entity(&self, number: usize) -> Entity {
-        let place = (self.region.as_ref()).map_or(String::new(), |name| format!("in \"{name}\""));
-        Entity::one(EntityKind::BodyForce, number, self.place(place))
-    }
-
-    pub(super) fn fault(&self) -> Option<&'static str> {
-        let stated = self.components.iter().any(Option::is_some);
-        (!stated).then_some(match D {
+    fn fault(&self) -> Option<Flaw> {
+        let text = match D {
             2 => "a body force needs x or y",
             _ => "a body force needs x, y or z",
-        })
+        };
+        let stated = self.components().iter().any(Option::is_some);
+        (!stated).then(|| text.into())
     }
 }
 
 /// How much warmer bodies are than when they were free of stress; where a material has an expansion, they grow.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Temperature<const D: usize = 2> {
+    pub(super) name: Option<String>,
+    /// None: all of them.
     pub(super) region: Option<String>,
     pub(super) value: Quantity<D>,
     pub(super) factors: Option<Vec<f64>>,
-    pub(super) name: Option<String>,
 }
 
 impl<const D: usize> Temperature<D> {
     fn new(region: Option<String>, value: Quantity<D>) -> Self {
         Self {
+            name: None,
             region,
             value,
             factors: None,
-            name: None,
         }
     }
 
@@ -495,68 +662,123 @@ impl<const D: usize> Temperature<D> {
         self.factors = Some(factors.into());
         self
     }
+}
 
-    pub(super) fn entity(&self, number: usize) -> Entity {
-        let place = (self.region.as_ref()).map_or(String::new(), |name| format!("in \"{name}\""));
-        Entity::one(EntityKind::Temperature, number, self.place(place))
+impl<const D: usize> Part for Temperature<D> {
+    fn facts(&self) -> Facts<'_> {
+        Facts {
+            kind: EntityKind::Temperature,
+            name: self.name.as_deref(),
+            place: inside(&self.region),
+            factors: self.factors.as_deref(),
+        }
+    }
+
+    fn fault(&self) -> Option<Flaw> {
+        None
     }
 }
 
 /// Forces on single nodes, the same on each. (Of elements of second order, an even traction has other forces on corners than
 /// between them: to spread a resultant, use [`Traction::force`].)
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Force<const D: usize = 2> {
-    pub(super) place: Target<D>,
-    pub(super) components: [Option<Quantity<D>>; D],
-    pub(super) factors: Option<Vec<f64>>,
     pub(super) name: Option<String>,
+    /// Sets of nodes.
+    pub(super) nodes: Option<Names>,
+    #[serde(default, deserialize_with = "stated::vector")]
+    pub(super) point: Option<[f64; D]>,
+    pub(super) boundary: Option<Names>,
+    pub(super) x: Option<Quantity<D>>,
+    pub(super) y: Option<Quantity<D>>,
+    #[serde(default, deserialize_with = "stated::z")]
+    pub(super) z: Option<Quantity<D>>,
+    pub(super) factors: Option<Vec<f64>>,
 }
 
 impl<const D: usize> Force<D> {
-    fn at(place: Target<D>) -> Self {
-        Self {
-            place,
-            components: [const { None }; D],
-            factors: None,
-            name: None,
-        }
-    }
-
     /// On each node of a set, or of several; a node of two of them counts once.
     pub fn at_nodes(sets: impl Into<Names>) -> Self {
-        Self::at(Target::Nodes(sets.into()))
+        Self {
+            nodes: Some(sets.into()),
+            ..Self::default()
+        }
     }
 
     /// On each node of a boundary, or of several.
     pub fn on(boundary: impl Into<Names>) -> Self {
-        Self::at(Target::Boundary(boundary.into()))
+        Self {
+            boundary: Some(boundary.into()),
+            ..Self::default()
+        }
     }
 
     /// On the node nearest to a point.
     pub fn at_point(point: [f64; D]) -> Self {
-        Self::at(Target::Point(point))
+        Self {
+            point: Some(point),
+            ..Self::default()
+        }
+    }
+}
+
+#[cfg(feature = "case")]
+impl<const D: usize> Force<D> {
+    /// The sets of nodes that it is stated for.
+    pub(crate) fn sets(&self) -> &[String] {
+        self.nodes.as_ref().map_or(&[], Names::all)
+    }
+}
+
+impl<const D: usize> Part for Force<D> {
+    fn facts(&self) -> Facts<'_> {
+        Facts {
+            kind: EntityKind::Force,
+            name: self.name.as_deref(),
+            place: self.stated_target().map_or(String::new(), Target::place),
+            factors: self.factors.as_deref(),
+        }
     }
 
-    pub(super) fn entity(&self, number: usize) -> Entity {
-        Entity::one(EntityKind::Force, number, self.place(self.place.place()))
-    }
-
-    pub(super) fn fault(&self) -> Option<&'static str> {
-        let stated = self.components.iter().any(Option::is_some);
-        self.place.fault().or((!stated).then_some(match D {
+    fn fault(&self) -> Option<Flaw> {
+        let Some(target) = self.stated_target() else {
+            return Some("a force needs one of nodes, point and boundary".into());
+        };
+        let text = match D {
             2 => "a force needs x or y",
             _ => "a force needs x, y or z",
-        }))
+        };
+        let stated = self.components().iter().any(Option::is_some);
+        let fault = target.fault().or((!stated).then_some(text));
+        fault.map(Flaw::from)
+    }
+
+    fn told(&self, _: &Units) -> Option<(&'static str, String)> {
+        let name = (self.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" "));
+        let place = match self.target() {
+            Target::Nodes(names) => format!("on each node of \"{names}\""),
+            Target::Boundary(names) => format!("on each node of boundary \"{names}\""),
+            Target::Point(point) => format!("at {point:?}"),
+        };
+        let stated = values(AXES.into_iter().zip(self.components()));
+        Some(("force", format!("{name}{place}: {}", stated.join(", "))))
     }
 }
 
 /// Sets of nodes that move alike: all nodes of a set have the same displacement. Each set moves by itself.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Equal<const D: usize = 2> {
+    pub(super) name: Option<String>,
     pub(super) sets: Names,
     /// Along which axes.
+    #[serde(
+        rename = "directions",
+        default = "stated::all_axes",
+        deserialize_with = "stated::axes"
+    )]
     pub(super) bound: [bool; D],
-    pub(super) name: Option<String>,
 }
 
 impl<const D: usize> Equal<D> {
@@ -564,9 +786,9 @@ impl<const D: usize> Equal<D> {
     /// axes.
     pub fn of(sets: impl Into<Names>) -> Self {
         Self {
+            name: None,
             sets: sets.into(),
             bound: [true; D],
-            name: None,
         }
     }
 
@@ -574,18 +796,6 @@ impl<const D: usize> Equal<D> {
     pub fn along(mut self, bound: [bool; D]) -> Self {
         self.bound = bound;
         self
-    }
-
-    pub(super) fn entity(&self, number: usize) -> Entity {
-        let place = format!("of \"{}\"", self.title());
-        Entity::one(EntityKind::Equal, number, self.place(place))
-    }
-
-    pub(super) fn fault(&self) -> Option<&'static str> {
-        if self.sets.all().is_empty() {
-            return Some("it needs at least one set of nodes");
-        }
-        (self.bound == [false; D]).then_some("directions needs at least one axis")
     }
 
     /// Its sets, as far as they are few.
@@ -601,5 +811,97 @@ impl<const D: usize> Equal<D> {
         let bound = AXES.iter().zip(self.bound).filter(|axis| axis.1);
         let names: Vec<&str> = bound.map(|(name, _)| *name).collect();
         names.join(", ")
+    }
+}
+
+impl<const D: usize> Part for Equal<D> {
+    fn facts(&self) -> Facts<'_> {
+        Facts {
+            kind: EntityKind::Equal,
+            name: self.name.as_deref(),
+            place: format!("of \"{}\"", self.title()),
+            factors: None,
+        }
+    }
+
+    fn fault(&self) -> Option<Flaw> {
+        if self.sets.all().is_empty() {
+            return Some("it needs at least one set of nodes".into());
+        }
+        (self.bound == [false; D]).then(|| "directions needs at least one axis".into())
+    }
+}
+
+/// The material of regions.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Filling {
+    /// None: all of them.
+    pub(super) region: Option<Names>,
+    young: f64,
+    poisson: f64,
+    #[serde(default)]
+    density: f64,
+    #[serde(default)]
+    expansion: f64,
+    #[serde(default, deserialize_with = "stated::incompressible")]
+    incompressible: Incompressible,
+    #[serde(default)]
+    incompatible_modes: bool,
+}
+
+impl Filling {
+    pub(super) fn of(region: Option<Names>, material: Material) -> Self {
+        Self {
+            region,
+            young: material.young,
+            poisson: material.poisson,
+            density: material.density,
+            expansion: material.expansion,
+            incompressible: material.incompressible,
+            incompatible_modes: material.incompatible_modes,
+        }
+    }
+
+    pub(super) fn material(&self) -> Material {
+        Material {
+            young: self.young,
+            poisson: self.poisson,
+            density: self.density,
+            expansion: self.expansion,
+            incompressible: self.incompressible,
+            incompatible_modes: self.incompatible_modes,
+        }
+    }
+}
+
+impl Part for Filling {
+    fn facts(&self) -> Facts<'_> {
+        Facts {
+            kind: EntityKind::Material,
+            name: None,
+            place: (self.region.as_ref()).map_or(String::new(), |names| format!("of \"{names}\"")),
+            factors: None,
+        }
+    }
+
+    fn fault(&self) -> Option<Flaw> {
+        let text = if !(self.young > 0.0 && self.young.is_finite()) {
+            format!("young is {}: it must be positive", self.young)
+        } else if !is_sized(self.young) {
+            format!("young is {:e}: {SIZES}", self.young)
+        } else if !(self.poisson > -1.0 && self.poisson < 0.5) {
+            format!(
+                "poisson is {}: it must lie between −1 and 0.5, both excluded",
+                self.poisson
+            )
+        } else if !self.expansion.is_finite() {
+            format!("expansion is {}: it must be finite", self.expansion)
+        } else if !(self.density >= 0.0 && self.density.is_finite()) {
+            format!("density is {}: it must not be negative", self.density)
+        } else {
+            return None;
+        };
+        Some(text.into())
     }
 }

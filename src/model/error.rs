@@ -25,6 +25,8 @@ pub struct Entity {
     pub number: Option<usize>,
     /// Where it is: `on "bottom"`, `at (0, 1)`; empty if that says nothing.
     pub place: String,
+    /// The key of it that is at fault; empty where that is the whole of it.
+    pub key: &'static str,
 }
 
 /// The parts that models consist of.
@@ -118,6 +120,7 @@ impl Entity {
             kind,
             number: None,
             place: String::new(),
+            key: "",
         }
     }
 
@@ -127,6 +130,29 @@ impl Entity {
             kind,
             number: Some(number),
             place,
+            key: "",
+        }
+    }
+
+    /// One key of it.
+    pub(super) fn at(self, key: &'static str) -> Self {
+        Self { key, ..self }
+    }
+
+    /// Where it stands in a case file, such as `support[1].axis`; of a kind of which there are several, the first where none is
+    /// meant, and of materials the last, behind which another one could stand.
+    #[cfg(feature = "case")]
+    pub(crate) fn path(&self) -> String {
+        let key = self.kind.words()[0];
+        let table = match (self.number, self.kind) {
+            (Some(number), _) => format!("{key}[{number}]"),
+            (None, EntityKind::Material) => format!("{key}[]"),
+            (None, kind) if kind.is_one() => key.to_owned(),
+            (None, _) => format!("{key}[0]"),
+        };
+        match self.key {
+            "" => table,
+            key => format!("{table}.{key}"),
         }
     }
 
@@ -136,6 +162,36 @@ impl Entity {
             entity: self,
             fault: Box::new(fault.into()),
         }
+    }
+}
+
+impl EntityKind {
+    /// The key of its table in a case file, and what one of it and several are called.
+    pub(crate) fn words(self) -> [&'static str; 3] {
+        match self {
+            Self::Model => ["mesh", "model", "model"],
+            Self::Material => ["material", "material", "materials"],
+            Self::Support => ["support", "support", "supports"],
+            Self::Traction => ["traction", "traction", "tractions"],
+            Self::BodyForce => ["body_force", "body force", "body forces"],
+            Self::Force => ["force", "force", "forces"],
+            Self::Temperature => ["temperature", "temperature", "temperatures"],
+            Self::Rotation => ["analysis.rotation", "rotation", "rotation"],
+            Self::Contact => ["contact", "contact", "contacts"],
+            Self::Tie => ["tie", "tie", "ties"],
+            Self::Equal => ["equal", "equal nodes", "equal nodes"],
+            Self::Thickness => ["analysis.thickness", "thickness", "thickness"],
+            Self::Gravity => ["analysis.gravity", "gravity", "gravity"],
+            Self::Steps => ["steps", "load steps", "load steps"],
+            Self::Units => ["units", "units", "units"],
+        }
+    }
+
+    /// Whether there is at most one of it.
+    #[cfg(feature = "case")]
+    fn is_one(self) -> bool {
+        let [_, one, several] = self.words();
+        one == several && self != Self::Equal
     }
 }
 
@@ -153,23 +209,7 @@ impl From<&str> for Fault {
 
 impl fmt::Display for Entity {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let (one, several) = match self.kind {
-            EntityKind::Model => ("model", "model"),
-            EntityKind::Material => ("material", "materials"),
-            EntityKind::Support => ("support", "supports"),
-            EntityKind::Traction => ("traction", "tractions"),
-            EntityKind::BodyForce => ("body force", "body forces"),
-            EntityKind::Force => ("force", "forces"),
-            EntityKind::Temperature => ("temperature", "temperatures"),
-            EntityKind::Rotation => ("rotation", "rotation"),
-            EntityKind::Contact => ("contact", "contacts"),
-            EntityKind::Tie => ("tie", "ties"),
-            EntityKind::Equal => ("equal nodes", "equal nodes"),
-            EntityKind::Thickness => ("thickness", "thickness"),
-            EntityKind::Gravity => ("gravity", "gravity"),
-            EntityKind::Steps => ("load steps", "load steps"),
-            EntityKind::Units => ("units", "units"),
-        };
+        let [_, one, several] = self.kind.words();
         match (self.number, self.place.as_str()) {
             (None, _) => f.write_str(several),
             (Some(number), "") => write!(f, "{one} {}", number + 1),

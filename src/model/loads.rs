@@ -1,6 +1,6 @@
 //! The forces of each load step.
 
-use super::entities::Traction;
+use super::entities::{Part as _, Traction};
 use super::error::{Entity, EntityKind, Fault, ModelError, listed};
 use super::{Definition, Elastic, Quantity};
 use crate::contact::Space;
@@ -267,7 +267,7 @@ where
             };
             let factor = self.factor(&b.factors, step);
             let force = |x, _| {
-                let components = b.components.each_ref();
+                let components = b.components();
                 components.map(|component| factor * at(component, x))
             };
             body.add_body_force(regions, force, &mut forces);
@@ -277,9 +277,9 @@ where
         for (number, f) in self.forces.iter().enumerate() {
             let at_fault = |fault: Fault| f.entity(number).error(fault);
             let factor = self.factor(&f.factors, step);
-            for node in f.place.nodes(body.mesh).map_err(at_fault)? {
+            for node in f.target().nodes(body.mesh).map_err(at_fault)? {
                 let x = body.mesh.nodes[node as usize];
-                let components = f.components.each_ref();
+                let components = f.components();
                 let added = components.map(|component| factor * at(component, x));
                 let sum = &mut forces[node as usize];
                 (0..D).for_each(|c| sum[c] += added[c]);
@@ -293,18 +293,18 @@ where
             finite(&forces, places, "thermal expansion").map_err(at_fault)?;
             note(&forces, first.entity(0));
         }
-        if let Some((_, speed)) = &self.rotation {
+        if let Some(rotation) = &self.analysis.rotation {
             let all = || Entity::all(EntityKind::Rotation);
             if body.materials.iter().all(|m| m.density == 0.0) {
                 return Err(all().error("there is a rotation, but no material has a density"));
             }
-            let square = self.factor(&None, step) * speed * speed;
+            let square = self.factor(&None, step) * rotation.speed * rotation.speed;
             let force = |x, density| self.arm(x).map(|arm| square * density * arm);
             body.add_body_force(None, force, &mut forces);
             finite(&forces, places, "rotation").map_err(|fault| all().error(fault))?;
             note(&forces, all());
         }
-        if let Some(g) = self.gravity {
+        if let Some(g) = self.analysis.gravity {
             if body.materials.iter().all(|m| m.density == 0.0) {
                 return Err(Entity::all(EntityKind::Gravity)
                     .error("there is gravity, but no material has a density"));
@@ -381,16 +381,17 @@ impl<const D: usize> PerArea<'_, D> {
     /// At a point with the outward normal n; not finite where there is no such direction.
     fn at(&self, x: [f64; D], n: [f64; D]) -> [f64; D] {
         let t = self.traction;
-        let pressure = at(&t.pressure, x);
-        let mut sum = std::array::from_fn(|c| at(&t.components[c], x) - pressure * n[c]);
+        let components = t.components();
+        let pressure = at(t.pressure.as_ref(), x);
+        let mut sum = std::array::from_fn(|c| at(components[c], x) - pressure * n[c]);
         let Some(axis) = &t.axis else {
             return std::array::from_fn(|c| sum[c] + self.even[c]);
         };
         let arm = axis.turn(x);
         (0..D).for_each(|c| sum[c] += self.even[c] + self.turn * arm[c]);
-        if t.around.iter().any(Option::is_some) {
+        if t.ways().iter().any(Option::is_some) {
             let ways = (axis.directions(x, 0.0)).unwrap_or([[f64::NAN; D]; 3]);
-            for (value, way) in t.around.iter().zip(ways) {
+            for (value, way) in t.ways().into_iter().zip(ways) {
                 if value.is_some() {
                     let value = at(value, x);
                     (0..D).for_each(|c| sum[c] += value * way[c]);
@@ -402,6 +403,6 @@ impl<const D: usize> PerArea<'_, D> {
 }
 
 /// A quantity, or 0.
-fn at<const D: usize>(quantity: &Option<Quantity<D>>, x: [f64; D]) -> f64 {
-    quantity.as_ref().map_or(0.0, |q| q.at(x))
+fn at<const D: usize>(quantity: Option<&Quantity<D>>, x: [f64; D]) -> f64 {
+    quantity.map_or(0.0, |q| q.at(x))
 }

@@ -1,6 +1,6 @@
 //! Quantities that have values at nodes, as functions of the place on what they are stated for.
 
-use super::entities::Target;
+use super::entities::{Part as _, Target};
 use super::error::{Fault, ModelError};
 use super::loads::region;
 use super::pair::Law;
@@ -220,19 +220,14 @@ where
         let n = mesh.nodes.len();
         for (number, support) in self.supports.iter_mut().enumerate() {
             let entity = support.entity(number);
-            let facets = match &support.place {
+            let facets = match support.target() {
                 Target::Boundary(names) => facets_of(mesh, names.all()),
                 Target::Point(_) | Target::Nodes(_) => {
-                    around_nodes(mesh, support.components.iter().flatten())
+                    around_nodes(mesh, support.components().into_iter().flatten())
                 }
             };
             let mut pieces = None;
-            for quantity in support
-                .components
-                .iter_mut()
-                .chain(&mut support.around)
-                .flatten()
-            {
+            for quantity in support.quantities_mut() {
                 placed(
                     quantity,
                     &mut pieces,
@@ -246,8 +241,7 @@ where
             let entity = traction.entity(number);
             let facets = facets_of(mesh, traction.boundary.all());
             let mut pieces = None;
-            let all = traction.components.iter_mut().chain(&mut traction.around);
-            for quantity in all.chain([&mut traction.pressure]).flatten() {
+            for quantity in traction.quantities_mut() {
                 placed(
                     quantity,
                     &mut pieces,
@@ -261,7 +255,7 @@ where
             let entity = force.entity(number);
             let name = force.region.clone();
             let mut pieces = None;
-            for quantity in force.components.iter_mut().flatten() {
+            for quantity in force.components_mut().into_iter().flatten() {
                 placed(quantity, &mut pieces, || elements_of(mesh, &name), n)
                     .map_err(|fault| entity.clone().error(fault))?;
             }
@@ -275,14 +269,14 @@ where
         }
         for (number, force) in self.forces.iter_mut().enumerate() {
             let entity = force.entity(number);
-            let facets = match &force.place {
+            let facets = match force.target() {
                 Target::Boundary(names) => facets_of(mesh, names.all()),
                 Target::Point(_) | Target::Nodes(_) => {
-                    around_nodes(mesh, force.components.iter().flatten())
+                    around_nodes(mesh, force.components().into_iter().flatten())
                 }
             };
             let mut pieces = None;
-            for quantity in force.components.iter_mut().flatten() {
+            for quantity in force.components_mut().into_iter().flatten() {
                 let made = || Ok(Pieces::new(mesh, facets.iter().copied()));
                 placed(quantity, &mut pieces, made, n)
                     .map_err(|fault| entity.clone().error(fault))?;
@@ -290,7 +284,7 @@ where
         }
         for (number, pair) in self.pairs.iter_mut().enumerate() {
             let entity = pair.entity(number);
-            let facets = facets_of(mesh, pair.boundary.all());
+            let facets = facets_of(mesh, pair.side().all());
             let law = match &mut pair.law {
                 Law::None | Law::Tied => None,
                 Law::Tresca(value) | Law::Coulomb(value) => Some(value),
@@ -300,7 +294,7 @@ where
                 .into_iter()
                 .chain(&mut pair.gap)
                 .chain(&mut pair.interference)
-                .chain(pair.stiffness.iter_mut().flatten())
+                .chain(pair.stiffness.both_mut().into_iter().flatten())
             {
                 placed(
                     quantity,

@@ -1,72 +1,124 @@
 //! A contact or a tie of a model, as it is stated.
 
-use super::entities::{NO_BOUNDARY, Names, with_a_name};
-use super::error::{Entity, EntityKind};
+use super::entities::{Facts, NO_BOUNDARY, Names, Part, with_a_name};
+use super::error::EntityKind;
+use super::stated::{self, Flaw};
 use super::{Quantity, Units};
 use crate::contact::Obstacle;
 use crate::mesh::vector::length;
+use serde::{Deserialize, Deserializer};
 
 /// A contact of boundaries with others, or with a rigid obstacle; without friction if no law is stated.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Pair<const D: usize = 2> {
-    pub(super) boundary: Names,
-    /// Whether its first side are sets of nodes, one by one.
-    pub(super) by_nodes: bool,
-    pub(super) against: Against<D>,
+    pub(super) name: Option<String>,
+    boundary: Option<Names>,
+    /// In place of the boundary: sets of nodes, one by one.
+    nodes: Option<Names>,
+    against: Option<Names>,
+    #[serde(default, deserialize_with = "stated::obstacle")]
+    obstacle: Option<Obstacle<D>>,
+    #[serde(default, rename = "friction")]
     pub(super) law: Law<D>,
     pub(super) gap: Option<Quantity<D>>,
     pub(super) interference: Option<Quantity<D>>,
-    pub(super) overlap: bool,
-    /// Normal and tangential.
-    pub(super) stiffness: [Option<Quantity<D>>; 2],
+    pub(super) overlap: Option<Overlap>,
+    #[serde(default)]
+    pub(super) stiffness: Stiffness<D>,
+    #[serde(default)]
     pub(super) adjust: f64,
+    #[serde(default)]
     pub(super) offset: f64,
     pub(super) edge_angle: Option<f64>,
     pub(super) search_distance: Option<f64>,
-    pub(super) name: Option<String>,
 }
 
 /// What a boundary may touch.
-#[derive(Clone, Debug)]
-pub(super) enum Against<const D: usize> {
-    Boundary(Names),
-    Obstacle(Obstacle<D>),
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Against<'p, const D: usize> {
+    Boundary(&'p Names),
+    Obstacle(&'p Obstacle<D>),
 }
 
 /// The law of friction of a contact.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub(super) enum Law<const D: usize> {
+    #[default]
     None,
     Tresca(Quantity<D>),
     Coulomb(Quantity<D>),
+    #[serde(skip)]
     Tied,
+}
+
+/// What an overlap of the meshes is.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Overlap {
+    /// It is pressed apart.
+    Interference,
+}
+
+/// How far the contact itself gives way: pressure over what the gap closes by, and traction over what comes before slip. Hard
+/// where it is not stated.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a table such as { normal = 1e12, tangential = 1e11 }"
+)]
+pub(super) struct Stiffness<const D: usize> {
+    normal: Option<Quantity<D>>,
+    tangential: Option<Quantity<D>>,
+}
+
+impl<const D: usize> Stiffness<D> {
+    /// Normal and tangential.
+    pub(super) fn both(&self) -> [Option<&Quantity<D>>; 2] {
+        [self.normal.as_ref(), self.tangential.as_ref()]
+    }
+
+    pub(super) fn both_mut(&mut self) -> [&mut Option<Quantity<D>>; 2] {
+        [&mut self.normal, &mut self.tangential]
+    }
+}
+
+/// What may be said of a tie, of all that may be said of a contact.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Tie {
+    name: Option<String>,
+    boundary: Names,
+    against: Names,
+    #[serde(default)]
+    adjust: f64,
+    edge_angle: Option<f64>,
+}
+
+pub(super) fn ties<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<Vec<Pair<D>>, S::Error> {
+    let pair = |tie: Tie| Pair {
+        name: tie.name,
+        adjust: tie.adjust,
+        edge_angle: tie.edge_angle,
+        ..Pair::tied(tie.boundary, tie.against)
+    };
+    Ok(Vec::deserialize(from)?.into_iter().map(pair).collect())
 }
 
 with_a_name!(Pair);
 
 impl<const D: usize> Pair<D> {
-    fn with(boundary: Names, against: Against<D>) -> Self {
-        Self {
-            boundary,
-            by_nodes: false,
-            against,
-            law: Law::None,
-            gap: None,
-            interference: None,
-            overlap: false,
-            stiffness: [const { None }; 2],
-            adjust: 0.0,
-            offset: 0.0,
-            edge_angle: None,
-            search_distance: None,
-            name: None,
-        }
-    }
-
     /// The boundary of a body, which carries the multipliers, and that of another one. Each may be several that count
     /// as one.
     pub fn new(boundary: impl Into<Names>, against: impl Into<Names>) -> Self {
-        Self::with(boundary.into(), Against::Boundary(against.into()))
+        Self {
+            boundary: Some(boundary.into()),
+            against: Some(against.into()),
+            ..Self::default()
+        }
     }
 
     /// The boundary of a body and that of another one (each may be several that count as one) that hold together in every
@@ -82,8 +134,39 @@ impl<const D: usize> Pair<D> {
     /// Takes the names of the first side for sets of nodes ([`Mesh::node_sets`](crate::mesh::Mesh::node_sets)), each node of which
     /// meets the point nearest to it. Where the nodes make up facets, [`Pair::new`] does better.
     pub fn by_nodes(mut self) -> Self {
-        self.by_nodes = true;
+        self.nodes = self.boundary.take().or(self.nodes);
         self
+    }
+
+    /// Its first side, once it is checked that there is one.
+    pub(super) fn side(&self) -> &Names {
+        self.stated_side().expect("checked: it has a side")
+    }
+
+    fn stated_side(&self) -> Option<&Names> {
+        match (&self.boundary, &self.nodes) {
+            (Some(names), None) | (None, Some(names)) => Some(names),
+            _ => None,
+        }
+    }
+
+    /// Whether its first side are sets of nodes, one by one.
+    pub(super) fn is_by_nodes(&self) -> bool {
+        self.nodes.is_some()
+    }
+
+    /// What the first side may touch, once it is checked that it is one.
+    pub(super) fn meets(&self) -> Against<'_, D> {
+        let met = self.stated_against();
+        met.expect("checked: there is something to touch")
+    }
+
+    fn stated_against(&self) -> Option<Against<'_, D>> {
+        match (&self.against, &self.obstacle) {
+            (Some(names), None) => Some(Against::Boundary(names)),
+            (None, Some(obstacle)) => Some(Against::Obstacle(obstacle)),
+            _ => None,
+        }
     }
 
     /// Whether the gap is the distance of the meshes.
@@ -97,7 +180,11 @@ impl<const D: usize> Pair<D> {
 
     /// The boundary of a body, or several that count as one, and a rigid obstacle.
     pub fn obstacle(boundary: impl Into<Names>, obstacle: Obstacle<D>) -> Self {
-        Self::with(boundary.into(), Against::Obstacle(obstacle))
+        Self {
+            boundary: Some(boundary.into()),
+            obstacle: Some(obstacle),
+            ..Self::default()
+        }
     }
 
     /// Coulomb's law with this coefficient of friction.
@@ -127,19 +214,19 @@ impl<const D: usize> Pair<D> {
     /// What the meshes overlap is pressed apart, as what is pressed or shrunk on is; elsewhere the gap is the distance of the
     /// meshes.
     pub fn overlap_as_interference(mut self) -> Self {
-        self.overlap = true;
+        self.overlap = Some(Overlap::Interference);
         self
     }
 
     /// Compliant contact: the pressure over what the gap closes by, in Pa/m. Hard without.
     pub fn normal_stiffness(mut self, stiffness: impl Into<Quantity<D>>) -> Self {
-        self.stiffness[0] = Some(stiffness.into());
+        self.stiffness.normal = Some(stiffness.into());
         self
     }
 
     /// The tangential traction over what the sides move by before they slip, in Pa/m. Without it they stick altogether.
     pub fn tangential_stiffness(mut self, stiffness: impl Into<Quantity<D>>) -> Self {
-        self.stiffness[1] = Some(stiffness.into());
+        self.stiffness.tangential = Some(stiffness.into());
         self
     }
 
@@ -171,18 +258,6 @@ impl<const D: usize> Pair<D> {
         self
     }
 
-    pub(super) fn entity(&self, number: usize) -> Entity {
-        Entity::one(
-            if self.is_tie() {
-                EntityKind::Tie
-            } else {
-                EntityKind::Contact
-            },
-            number,
-            self.place(format!("on \"{}\"", self.boundary)),
-        )
-    }
-
     /// The law and its bound or coefficient, in words.
     pub(super) fn friction(&self, units: &Units) -> String {
         match &self.law {
@@ -197,8 +272,10 @@ impl<const D: usize> Pair<D> {
 
     /// The stiffness of the contact itself, in words; None where it is hard.
     pub(super) fn compliance(&self, units: &Units) -> Option<String> {
-        let parts = ["normal", "tangential"].into_iter().zip(&self.stiffness);
-        let parts = parts.filter_map(|(way, k)| Some(format!("{way} {}", k.as_ref()?)));
+        let parts = ["normal", "tangential"]
+            .into_iter()
+            .zip(self.stiffness.both());
+        let parts = parts.filter_map(|(way, k)| Some(format!("{way} {}", k?)));
         let parts: Vec<String> = parts.collect();
         let unit = match (units.stress(), &units.length) {
             (stress, _) if stress.is_empty() => stress,
@@ -207,55 +284,75 @@ impl<const D: usize> Pair<D> {
         (!parts.is_empty()).then(|| format!("{}{unit}", parts.join(", ")))
     }
 
-    pub(super) fn fault(&self) -> Option<&'static str> {
-        let distance = |value: f64| value >= 0.0 && value.is_finite();
-        if self.boundary.all().is_empty() {
-            return Some(NO_BOUNDARY);
-        }
-        if !distance(self.adjust) || !self.search_distance.is_none_or(distance) {
-            return Some("search_distance and adjust must be finite and not negative");
-        }
-        if !self
-            .edge_angle
-            .is_none_or(|angle| (0.0..=180.0).contains(&angle))
-        {
-            return Some("edge_angle must lie between 0 and 180 degrees");
-        }
-        if self.gap.is_some() && self.interference.is_some() {
-            return Some("gap and interference exclude each other: state one of them");
-        }
-        if !self.offset.is_finite() {
-            return Some("offset must be finite");
-        }
-        if self.offset != 0.0 && !self.has_gap_of_meshes() {
-            return Some(
-                "offset is added to the gap that the meshes have: state no gap and no interference beside it",
-            );
-        }
-        if self.overlap && (self.gap.is_some() || self.interference.is_some()) {
-            return Some(
-                "overlap = \"interference\" is about the gap that the meshes have: state no gap and no interference beside it",
-            );
-        }
-        match &self.against {
-            Against::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),
-            Against::Boundary(names) if names.meet(&self.boundary) => Some(
-                "a boundary stands on both sides of this contact: contact of a body with itself needs two boundaries \
-                 that share no node",
-            ),
-            Against::Boundary(_) => None,
-            Against::Obstacle(obstacle) => obstacle_fault(obstacle),
-        }
-    }
-
     /// Whether another contact is about the same boundaries the other way round.
     pub(super) fn mirrors(&self, other: &Self) -> bool {
-        match (&self.against, &other.against) {
+        match (self.meets(), other.meets()) {
             (Against::Boundary(here), Against::Boundary(there)) => {
-                here.meet(&other.boundary) && there.meet(&self.boundary)
+                here.meet(other.side()) && there.meet(self.side())
             }
             _ => false,
         }
+    }
+}
+
+impl<const D: usize> Part for Pair<D> {
+    fn facts(&self) -> Facts<'_> {
+        let side = self.stated_side();
+        Facts {
+            kind: if self.is_tie() {
+                EntityKind::Tie
+            } else {
+                EntityKind::Contact
+            },
+            name: self.name.as_deref(),
+            place: side.map_or(String::new(), |names| format!("on \"{names}\"")),
+            factors: None,
+        }
+    }
+
+    fn fault(&self) -> Option<Flaw> {
+        let distance = |value: f64| value >= 0.0 && value.is_finite();
+        let Some(side) = self.stated_side() else {
+            return Some("a contact needs a boundary or, instead of it, nodes".into());
+        };
+        let Some(against) = self.stated_against() else {
+            let text = match self.against {
+                None => "a contact needs either against (another boundary) or an obstacle",
+                Some(_) => "a contact is either against a boundary or with an obstacle: keep one",
+            };
+            return Some(text.into());
+        };
+        let is_angle = |angle| (0.0..=180.0).contains(&angle);
+        let is_stated = self.gap.is_some() || self.interference.is_some();
+        let text = match () {
+            () if side.all().is_empty() => NO_BOUNDARY,
+            () if !distance(self.adjust) || !self.search_distance.is_none_or(distance) => {
+                "search_distance and adjust must be finite and not negative"
+            }
+            () if !self.edge_angle.is_none_or(is_angle) => {
+                "edge_angle must lie between 0 and 180 degrees"
+            }
+            () if self.gap.is_some() && self.interference.is_some() => {
+                "gap and interference exclude each other: state one of them"
+            }
+            () if !self.offset.is_finite() => "offset must be finite",
+            () if self.offset != 0.0 && is_stated => {
+                "offset is added to the gap that the meshes have: state no gap and no interference beside it"
+            }
+            () if self.overlap.is_some() && is_stated => {
+                "overlap = \"interference\" is about the gap that the meshes have: state no gap and no interference beside it"
+            }
+            () => match against {
+                Against::Boundary(names) if names.all().is_empty() => NO_BOUNDARY,
+                Against::Boundary(names) if names.meet(side) => {
+                    "a boundary stands on both sides of this contact: contact of a body with itself needs two boundaries \
+                     that share no node"
+                }
+                Against::Boundary(_) => return None,
+                Against::Obstacle(obstacle) => obstacle_fault(obstacle)?,
+            },
+        };
+        Some(text.into())
     }
 }
 

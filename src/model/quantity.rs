@@ -1,5 +1,11 @@
 //! Numbers that may depend on the place.
 
+mod expression;
+
+use super::stated::meaningless;
+use expression::Expression;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use std::fmt;
 use std::sync::Arc;
 
@@ -69,6 +75,41 @@ impl<const D: usize> Quantity<D> {
             Form::Constant(value) => *value,
             Form::Function { at, .. } => at(x),
             Form::Nodes(_) => f64::NAN,
+        }
+    }
+}
+
+/// The three spellings.
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a number or an expression of the coordinates in quotes (or a list with a number for each node)"
+)]
+enum Spelling {
+    Number(f64),
+    Expression(String),
+    Nodes(Vec<f64>),
+}
+
+/// A number, an expression of the coordinates such as `"-2e7 * (1 - x / 1.5)"`, or a list with a value for each node.
+impl<'de, const D: usize> Deserialize<'de> for Quantity<D> {
+    fn deserialize<S: Deserializer<'de>>(from: S) -> Result<Self, S::Error> {
+        match Spelling::deserialize(from)? {
+            Spelling::Number(value) if value.is_finite() => Ok(value.into()),
+            Spelling::Number(value) => {
+                Err(S::Error::custom(format!("{value} is not a finite number")))
+            }
+            Spelling::Expression(text) => {
+                let expression = Expression::<D>::parse(&text).map_err(meaningless)?;
+                Ok(Self::described(&text, move |x| expression.at(x)))
+            }
+            Spelling::Nodes(values) => match values.iter().position(|v| !v.is_finite()) {
+                None => Ok(Self::at_nodes(values)),
+                Some(i) => Err(S::Error::custom(format!(
+                    "value {i} of the list (counted from 0) is {}, which is not a finite number",
+                    values[i]
+                ))),
+            },
         }
     }
 }

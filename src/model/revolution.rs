@@ -1,7 +1,7 @@
 //! Bodies of revolution: what a model of one may say, and its axis.
 
 use super::Definition;
-use super::entities::Support;
+use super::entities::{Part as _, Support};
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use crate::contact::Space;
 use crate::elasticity::Plane;
@@ -15,7 +15,7 @@ const ON_AXIS: f64 = 1e-6;
 
 impl<const D: usize> Definition<D> {
     fn is_of_revolution(&self) -> bool {
-        D == 2 && self.plane == Plane::Axisymmetric
+        D == 2 && self.plane() == Plane::Axisymmetric
     }
 
     /// Whether what it says can be meant of a body of revolution, if that is what it is.
@@ -23,16 +23,16 @@ impl<const D: usize> Definition<D> {
         if !self.is_of_revolution() {
             return Ok(());
         }
-        if self.thickness != 1.0 {
+        if self.thickness() != 1.0 {
             let text = "a body of revolution has no thickness: forces are for the whole ring; leave it out";
             return Err(Entity::all(EntityKind::Thickness).error(text));
         }
-        if self.gravity.is_some_and(|g| g[0] != 0.0) {
+        if self.analysis.gravity.is_some_and(|g| g[0] != 0.0) {
             let text = "gravity of a body of revolution acts along its axis, which is y";
             return Err(Entity::all(EntityKind::Gravity).error(text));
         }
-        if let Some((axis, _)) = &self.rotation
-            && axis.across([0.0; D])[0] != 0.0
+        if let Some(rotation) = &self.analysis.rotation
+            && rotation.axis().across([0.0; D])[0] != 0.0
         {
             let text = "a body of revolution rotates about its axis, x = 0: leave point out";
             return Err(Entity::all(EntityKind::Rotation).error(text));
@@ -81,11 +81,11 @@ impl<const D: usize> Definition<D> {
 
     /// The way from the axis of its rotation, if it has one, to a point.
     pub(super) fn arm(&self, x: [f64; D]) -> [f64; D] {
-        match &self.rotation {
+        match &self.analysis.rotation {
             _ if self.is_of_revolution() => {
                 std::array::from_fn(|c| if c == 0 { x[0] } else { 0.0 })
             }
-            Some((axis, _)) => axis.across(x),
+            Some(rotation) => rotation.axis().across(x),
             None => [0.0; D],
         }
     }

@@ -1,7 +1,7 @@
 //! Prescribed displacements: which nodes supports hold, along which directions, and by how much in each step.
 
 use super::axis::AROUND;
-use super::entities::{AXES, Names, Support, Target};
+use super::entities::{AXES, Names, Part as _, Support, Target};
 use super::error::{Fault, ModelError};
 use super::loads::known;
 use super::{Definition, Quantity};
@@ -73,12 +73,12 @@ impl<const D: usize> Support<D> {
     where
         ElementKind: Topology<D>,
     {
-        let stated = (self.components.iter().enumerate())
-            .filter_map(|(c, value)| Some((Way::Axis(c), value.as_ref()?)));
+        let stated = (self.components().into_iter().enumerate())
+            .filter_map(|(c, value)| Some((Way::Axis(c), value?)));
         let stated: Vec<_> = stated.collect();
         let mut nodes = Held::new();
-        match &self.place {
-            Target::Point(point) => nodes.push((nearest_node(mesh, *point)?, stated)),
+        match self.target() {
+            Target::Point(point) => nodes.push((nearest_node(mesh, point)?, stated)),
             Target::Nodes(names) => {
                 let held = nodes_of_sets(mesh, names)?.into_iter();
                 nodes.extend(held.map(|node| (node, stated.clone())));
@@ -102,7 +102,7 @@ impl<const D: usize> Support<D> {
                 }
             }
         }
-        if self.around.iter().any(Option::is_some) {
+        if self.ways().iter().any(Option::is_some) {
             let size = diagonal(mesh);
             for (node, ways) in &mut nodes {
                 ways.extend(self.ways_around(mesh.nodes[*node as usize], size)?);
@@ -115,19 +115,16 @@ impl<const D: usize> Support<D> {
     fn ways_around(&self, x: [f64; D], size: f64) -> Result<Vec<(Way<D>, &Quantity<D>)>, Fault> {
         let axis = self.axis.as_ref().expect("checked: there is an axis");
         let along = |directions: [[f64; D]; 3]| {
-            let stated = self.around.iter().zip(directions);
+            let stated = self.ways().into_iter().zip(directions);
             stated
-                .filter_map(|(value, way)| Some((Way::of(way), value.as_ref()?)))
+                .filter_map(|(value, way)| Some((Way::of(way), value?)))
                 .collect()
         };
         if let Some(directions) = axis.directions(x, 1e-9 * size) {
             return Ok(along(directions));
         }
         // On the axis both directions across it are as good as any others, if nothing is to move along them.
-        let [radial, hoop, _] = self
-            .around
-            .each_ref()
-            .map(|value| value.as_ref().map(|q| q.at(x)));
+        let [radial, hoop, _] = self.ways().map(|value| value.map(|q| q.at(x)));
         match (radial, hoop) {
             (None, None) | (Some(0.0), Some(0.0)) => Ok(along(axis.any_directions())),
             _ => Err(Fault::Stated(format!(
@@ -142,14 +139,14 @@ impl<const D: usize> Support<D> {
     }
 }
 
-impl<const D: usize> Target<D> {
+impl<const D: usize> Target<'_, D> {
     /// Its nodes, each once.
-    pub(super) fn nodes(&self, mesh: &Mesh<D>) -> Result<Vec<u32>, Fault>
+    pub(super) fn nodes(self, mesh: &Mesh<D>) -> Result<Vec<u32>, Fault>
     where
         ElementKind: Topology<D>,
     {
         let names = match self {
-            Self::Point(point) => return Ok(vec![nearest_node(mesh, *point)?]),
+            Self::Point(point) => return Ok(vec![nearest_node(mesh, point)?]),
             Self::Nodes(names) => return nodes_of_sets(mesh, names),
             Self::Boundary(names) => names,
         };
@@ -211,7 +208,7 @@ where
             }
         }
         for (number, support) in self.supports.iter().enumerate() {
-            let Target::Boundary(names) = &support.place else {
+            let Target::Boundary(names) = support.target() else {
                 continue;
             };
             for name in names.all().iter().filter(|_| support.symmetry) {
@@ -441,7 +438,7 @@ where
         prescriptions: &Prescriptions<D>,
     ) -> Vec<[f64; D]> {
         let centre = |(number, support): (usize, &Support<D>)| {
-            let Target::Boundary(names) = &support.place else {
+            let Target::Boundary(names) = support.target() else {
                 let own = prescriptions.all.iter().filter(|p| p.support == number);
                 let mut nodes: Vec<u32> = own.map(|p| p.node).collect();
                 nodes.dedup();

@@ -146,7 +146,7 @@ fn broken_cases_are_explained_with_their_line() {
         (
             "boundary = \"left\"",
             "boundary = \"left\"\nfactors = [1, 2]",
-            "line 8: factors belong to load steps",
+            "line 10: factors belong to load steps",
         ),
         (
             "[[contact]]",

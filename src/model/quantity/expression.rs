@@ -346,7 +346,14 @@ fn shown(text: &str) -> String {
     }
 }
 
+/// Names are guessed where they are read from files.
+#[cfg(not(feature = "case"))]
+fn nearest(_: &str, _: usize) -> Option<&'static str> {
+    None
+}
+
 /// The name that was probably meant. One letter is like any other: it has to be the same but for its case.
+#[cfg(feature = "case")]
 fn nearest(wrong: &str, dimension: usize) -> Option<&'static str> {
     if wrong.len() > SHOWN {
         return None;

@@ -1,0 +1,304 @@
+//! How parts of a model are read from the tables of a case file, where their types alone do not say it.
+
+use super::Quantity;
+use super::entities::{AXES, Names};
+use crate::contact::Obstacle;
+use crate::elasticity::{Incompressible, Plane};
+use serde::de::{Error, IgnoredAny};
+use serde::{Deserialize, Deserializer};
+use std::fmt::Display;
+
+/// What is wrong with a part, and which key of it is at fault: none where that is the whole of it.
+pub(crate) struct Flaw {
+    pub key: &'static str,
+    pub text: String,
+}
+
+impl Flaw {
+    pub(super) fn of(key: &'static str, text: impl Into<String>) -> Self {
+        let text = text.into();
+        Self { key, text }
+    }
+}
+
+impl From<&str> for Flaw {
+    fn from(text: &str) -> Self {
+        Self::of("", text)
+    }
+}
+
+impl From<String> for Flaw {
+    fn from(text: String) -> Self {
+        Self::of("", text)
+    }
+}
+
+/// Begins messages of this room, which say in whole sentences what a value cannot mean; others say which form it has not.
+pub(crate) const MEANING: char = '\u{2}';
+
+pub(super) fn meaningless<E: Error>(text: impl Display) -> E {
+    E::custom(format_args!("{MEANING}{text}"))
+}
+
+/// What D dimensions are called.
+pub(crate) fn called(dimension: usize) -> &'static str {
+    match dimension {
+        2 => "the plane",
+        _ => "space",
+    }
+}
+
+/// Numbers as a point or a vector.
+pub(crate) fn as_vector<const D: usize>(entries: &[f64]) -> Result<[f64; D], String> {
+    entries.try_into().map_err(|_| {
+        let (found, place) = (entries.len(), called(D));
+        format!("expected {D} entries, found {found}: the mesh is one of {place}")
+    })
+}
+
+pub(super) fn point<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<[f64; D], S::Error> {
+    as_vector(&Vec::deserialize(from)?).map_err(meaningless)
+}
+
+pub(super) fn vector<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<Option<[f64; D]>, S::Error> {
+    point(from).map(Some)
+}
+
+/// What only one dimension has; `beyond` says why the other has not.
+fn only<'de, S: Deserializer<'de>, T: Deserialize<'de>>(
+    has: bool,
+    beyond: &str,
+    from: S,
+) -> Result<Option<T>, S::Error> {
+    if has {
+        return T::deserialize(from).map(Some);
+    }
+    IgnoredAny::deserialize(from)?;
+    Err(meaningless(beyond))
+}
+
+pub(super) fn z<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<Option<Quantity<D>>, S::Error> {
+    let beyond = "z has no meaning here: the mesh is one of the plane, with x and y";
+    only(D == 3, beyond, from)
+}
+
+pub(super) fn axial<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<Option<Quantity<D>>, S::Error> {
+    let beyond =
+        "axial has no meaning here: the mesh is one of the plane, where there are radial and hoop";
+    only(D == 3, beyond, from)
+}
+
+pub(super) fn plane<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<Option<Plane>, S::Error> {
+    let beyond = "plane has no meaning for a solid: leave it out";
+    only(D == 2, beyond, from)
+}
+
+pub(super) fn thickness<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<Option<f64>, S::Error> {
+    let beyond = "thickness has no meaning for a solid: leave it out";
+    only(D == 2, beyond, from)
+}
+
+/// The direction of an axis, which has one in space alone; `key` names it.
+fn direction_in<'de, S: Deserializer<'de>, const D: usize>(
+    key: &str,
+    from: S,
+) -> Result<Option<[f64; 3]>, S::Error> {
+    let beyond = format!("in the plane an axis is a point and stands upright: leave out {key}");
+    let entries: Option<Vec<f64>> = only(D == 3, &beyond, from)?;
+    let vector = entries.map(|entries| as_vector(&entries));
+    vector.transpose().map_err(meaningless)
+}
+
+pub(super) fn direction<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<Option<[f64; 3]>, S::Error> {
+    direction_in::<S, D>("the direction", from)
+}
+
+pub(super) fn axis<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<Option<[f64; 3]>, S::Error> {
+    direction_in::<S, D>("axis", from)
+}
+
+pub(super) fn all_axes<const D: usize>() -> [bool; D] {
+    [true; D]
+}
+
+pub(super) fn axes<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<[bool; D], S::Error> {
+    let mut bound = [false; D];
+    for direction in Names::deserialize(from)?.all() {
+        let Some(axis) = AXES[..D].iter().position(|axis| axis == direction) else {
+            let known = AXES[..D].join("\", \"");
+            let text = format_args!("\"{direction}\" is none of the directions \"{known}\"");
+            return Err(meaningless(text));
+        };
+        bound[axis] = true;
+    }
+    Ok(bound)
+}
+
+/// "auto", true or false.
+pub(super) fn incompressible<'de, S: Deserializer<'de>>(
+    from: S,
+) -> Result<Incompressible, S::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "expected \"auto\", true or false")]
+    enum Said {
+        Flag(bool),
+        Word(Word),
+    }
+    #[derive(Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum Word {
+        Auto,
+    }
+    Ok(match Said::deserialize(from)? {
+        Said::Flag(true) => Incompressible::Yes,
+        Said::Flag(false) => Incompressible::No,
+        Said::Word(Word::Auto) => Incompressible::Auto,
+    })
+}
+
+/// The two spellings of names.
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected the name of a boundary in quotes, or a list of names"
+)]
+enum Spelling {
+    One(String),
+    Several(Vec<String>),
+}
+
+impl<'de> Deserialize<'de> for Names {
+    fn deserialize<S: Deserializer<'de>>(from: S) -> Result<Self, S::Error> {
+        Ok(match Spelling::deserialize(from)? {
+            Spelling::One(name) => name.into(),
+            Spelling::Several(names) => names.into(),
+        })
+    }
+}
+
+/// Exactly N entries: arrays of serde take the first N of more.
+pub(crate) fn exactly<'de, S: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
+    from: S,
+) -> Result<[T; N], S::Error> {
+    let entries = Vec::<T>::deserialize(from)?;
+    <[T; N]>::try_from(entries).map_err(|entries| {
+        S::Error::custom(format!("expected {N} entries, found {}", entries.len()))
+    })
+}
+
+/// What a boundary may touch, as it is written: two shapes in the plane, three in space. Normals point out of the obstacle;
+/// vectors are of any length.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+enum Shape {
+    HalfPlane {
+        #[serde(deserialize_with = "exactly")]
+        point: [f64; 2],
+        #[serde(deserialize_with = "exactly")]
+        normal: [f64; 2],
+    },
+    Circle {
+        #[serde(deserialize_with = "exactly")]
+        center: [f64; 2],
+        radius: f64,
+    },
+    HalfSpace {
+        #[serde(deserialize_with = "exactly")]
+        point: [f64; 3],
+        #[serde(deserialize_with = "exactly")]
+        normal: [f64; 3],
+    },
+    Sphere {
+        #[serde(deserialize_with = "exactly")]
+        center: [f64; 3],
+        radius: f64,
+    },
+    /// Without ends.
+    Cylinder {
+        #[serde(deserialize_with = "exactly")]
+        point: [f64; 3],
+        #[serde(deserialize_with = "exactly")]
+        axis: [f64; 3],
+        radius: f64,
+    },
+}
+
+impl Shape {
+    /// Its key, and those of the dimension that it has none of the shapes of.
+    fn names(&self) -> (&'static str, &'static str) {
+        const PLANE: &str = "half_plane or circle";
+        const SPACE: &str = "half_space, sphere or cylinder";
+        match self {
+            Self::HalfPlane { .. } => ("half_plane", SPACE),
+            Self::Circle { .. } => ("circle", SPACE),
+            Self::HalfSpace { .. } => ("half_space", PLANE),
+            Self::Sphere { .. } => ("sphere", PLANE),
+            Self::Cylinder { .. } => ("cylinder", PLANE),
+        }
+    }
+
+    /// The obstacle, if it is one of D dimensions.
+    fn obstacle<const D: usize>(&self) -> Option<Obstacle<D>> {
+        fn of<const D: usize>(vector: &[f64]) -> Option<[f64; D]> {
+            vector.try_into().ok()
+        }
+        Some(match self {
+            Self::HalfPlane { point, normal } => Obstacle::HalfSpace {
+                point: of(point)?,
+                normal: of(normal)?,
+            },
+            Self::HalfSpace { point, normal } => Obstacle::HalfSpace {
+                point: of(point)?,
+                normal: of(normal)?,
+            },
+            Self::Circle { center, radius } => Obstacle::Sphere {
+                center: of(center)?,
+                radius: *radius,
+            },
+            Self::Sphere { center, radius } => Obstacle::Sphere {
+                center: of(center)?,
+                radius: *radius,
+            },
+            Self::Cylinder {
+                point,
+                axis,
+                radius,
+            } => Obstacle::Cylinder {
+                point: of(point)?,
+                axis: of(axis)?,
+                radius: *radius,
+            },
+        })
+    }
+}
+
+pub(super) fn obstacle<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<Option<Obstacle<D>>, S::Error> {
+    let shape = Shape::deserialize(from)?;
+    let obstacle = shape.obstacle().ok_or_else(|| {
+        let ((name, others), place) = (shape.names(), called(D));
+        meaningless(format_args!(
+            "{name} is no obstacle in {place}, which the mesh is one of: write {others}"
+        ))
+    });
+    obstacle.map(Some)
+}
