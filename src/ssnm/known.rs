@@ -73,11 +73,11 @@ impl<const D: usize> Known<D> {
     }
 
     /// Makes steps longer where the last one led on, down to the least τ, and shorter where it did not.
-    pub fn adapt(&mut self, leads_on: bool, least: f64) {
+    pub fn adapt(&mut self, leads_on: bool, numbers: &Numbers) {
         self.is_stuck = !leads_on;
         self.proximal = match leads_on {
-            true => (0.1 * self.proximal).max(least),
-            false => (10.0 * self.proximal).min(1.0),
+            true => (self.proximal / numbers.proximal_factor).max(numbers.proximal),
+            false => (self.proximal * numbers.proximal_factor).min(1.0),
         };
     }
 
@@ -239,7 +239,7 @@ mod tests {
     use super::*;
     use crate::dual::scatter;
 
-    /// A contact problem on HHᵀ, more rows than H has columns: the errors of Newton's answer with a small τ and of many sweeps,
+    /// A contact problem on HHᵀ, more rows than H has columns: the errors of Newton's answer and of many sweeps,
     /// relative to what it was at the start.
     fn errors<const D: usize>(m: usize, motions: usize, mu: f64, seed: usize) -> [f64; 2] {
         let n = D * m;
@@ -251,7 +251,7 @@ mod tests {
         };
         let all = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
         let matrix = Csr::from_triplets(n, n, all.map(|(i, j)| (i, j, entry(i, j))));
-        let known = Known::<D>::new(&matrix, 1e-6).expect("there is memory");
+        let known = Known::<D>::new(&matrix, 1e-12).expect("there is memory");
         let law = Law::with(m, 0.1, mu);
         // In the range of A, so that velocities alone can end all contact.
         let from = Point {

@@ -97,7 +97,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             let leads_on = err <= numbers.progress * way.err;
             denied = if leads_on { 0 } else { denied + 1 };
             if let Some(known) = &mut self.known {
-                known.adapt(leads_on, numbers.proximal);
+                known.adapt(leads_on, &numbers);
             }
             if denied == numbers.denied || self.hidden == numbers.denied {
                 self.products.tighten(self.tolerance);
