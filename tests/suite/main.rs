@@ -42,4 +42,5 @@ mod solids;
 mod statics;
 mod thermal;
 mod ties;
+mod updated;
 mod validation;
