@@ -96,6 +96,9 @@ pub enum FactorError {
 const WORTH_THREADS: f64 = 1e11;
 /// A pivot below this part of its diagonal entry means a singular K.
 const PIVOT_LIMIT: f64 = 1e-14;
+/// An entry below this part of √(Kᵢᵢ Kⱼⱼ), which the terms that it is a sum of may have, is zero but for rounding: those that cancel
+/// for one value of Young's modulus leave some tenths of 1e-16 for another.
+const ROUNDING: f64 = 1e-14;
 
 /// The trailing block L₂₂ of one body: a dense lower triangle over the trailing positions
 /// `first..first + size`.
@@ -141,27 +144,49 @@ impl Elimination {
             .sum()
     }
 
-    /// The row and column of the first entry that the pattern has no place for.
-    fn misses(&self, lower: &Lower) -> Option<[usize; 2]> {
+    /// The entries that the pattern has no place for: which, and their columns.
+    fn missed(&self, lower: &Lower) -> Vec<(usize, usize)> {
         let panels = Panels::new(&self.symbolic, &[]);
         let mut panel_of = vec![0; self.order.len()];
         for s in 0..panels.end {
             let panel = panels.get(s);
             panel_of[panel.first..][..panel.cols].fill(s);
         }
+        let has_no_place = |column: usize, row: u32| {
+            let [p, q] = [column, row as usize].map(|unknown| self.position[unknown]);
+            let panel = panels.get(panel_of[p.min(q) as usize]);
+            let own = (p.max(q) as usize) < panel.first + panel.cols;
+            !own && panel.below.binary_search(&p.max(q)).is_err()
+        };
         (0..self.order.len())
             .into_par_iter()
             .with_min_len(1 << 12)
-            .find_map_first(|column| {
-                let rows = &lower.row_idx[lower.range(column)];
-                let missed = rows.iter().find(|&&row| {
-                    let [p, q] = [column, row as usize].map(|unknown| self.position[unknown]);
-                    let panel = panels.get(panel_of[p.min(q) as usize]);
-                    let own = (p.max(q) as usize) < panel.first + panel.cols;
-                    !own && panel.below.binary_search(&p.max(q)).is_err()
-                });
-                missed.map(|&row| [row as usize, column])
+            .flat_map_iter(|column| {
+                let missed = lower.range(column);
+                let missed = missed.filter(|&k| has_no_place(column, lower.row_idx[k]));
+                missed.map(|k| (k, column)).collect::<Vec<_>>()
             })
+            .collect()
+    }
+
+    /// Leaves out what the pattern has no place for, if all of it is rounding.
+    fn fit<const D: usize>(&self, k: &BlockCsr<D>, lower: &mut Lower) -> Result<(), FactorError> {
+        let missed = self.missed(lower);
+        if missed.is_empty() {
+            return Ok(());
+        }
+        let diagonal = k.diagonal();
+        for &(entry, column) in &missed {
+            let row = lower.row_idx[entry] as usize;
+            let size = (diagonal[row] * diagonal[column]).sqrt();
+            // Written so that NaN is refused.
+            if !(lower.values[entry].abs() <= ROUNDING * size) {
+                let [row, column] = [row + 1, column + 1];
+                return Err(FactorError::OtherPattern { row, column });
+            }
+        }
+        lower.remove(&missed);
+        Ok(())
     }
 
     /// Makes the factor of K, whose lower triangle is given, in `values`.
@@ -337,7 +362,8 @@ impl Factor {
     }
 
     /// Factorises a K with other values in the same order, with the same pattern of the factor. Entries of K may be anywhere
-    /// where the factor has some, which is in more places than those of the K that it was made for.
+    /// where the factor has some, which is in more places than those of the K that it was made for; elsewhere they may be zero but
+    /// for rounding.
     ///
     /// # Errors
     /// If K has another size, or an entry elsewhere: the factor is what it was then. If it is not positive definite, or ties bodies
@@ -350,11 +376,8 @@ impl Factor {
                 expected: self.n(),
             });
         }
-        let lower = Lower::of(k, &self.elimination.fixed);
-        if let Some(place) = self.elimination.misses(&lower) {
-            let [row, column] = place.map(|unknown| unknown + 1);
-            return Err(FactorError::OtherPattern { row, column });
-        }
+        let mut lower = Lower::of(k, &self.elimination.fixed);
+        self.elimination.fit(k, &mut lower)?;
         self.blocks.clear();
         let threads = self.elimination.threads();
         (self.elimination).factorise(k, &lower, &mut self.values, threads)?;
@@ -627,6 +650,25 @@ impl Lower {
     /// The entries of a column.
     fn range(&self, column: usize) -> std::ops::Range<usize> {
         self.col_ptr[column] as usize..self.col_ptr[column + 1] as usize
+    }
+
+    /// Without some entries, in ascending order, each with its column.
+    fn remove(&mut self, entries: &[(usize, usize)]) {
+        let mut next = entries.iter().map(|&(entry, _)| entry).peekable();
+        let (mut kept, mut begin) = (0, 0);
+        for column in 1..self.col_ptr.len() {
+            let end = self.col_ptr[column] as usize;
+            for entry in begin..end {
+                if next.next_if_eq(&entry).is_none() {
+                    self.row_idx[kept] = self.row_idx[entry];
+                    self.values[kept] = self.values[entry];
+                    kept += 1;
+                }
+            }
+            (self.col_ptr[column], begin) = (kept as u32, end);
+        }
+        self.row_idx.truncate(kept);
+        self.values.truncate(kept);
     }
 
     fn pattern(&self) -> SymbolicSparseColMatRef<'_, u32> {

@@ -84,7 +84,8 @@ pub fn check<const D: usize>(
     let first = made([1e5, 1e5], 0.0);
     let mut kept = engine(&first);
     solved(&first, &mut kept);
-    let beside = |problem: &ContactProblem<D>, kept: &mut Engine, what: &str| {
+    // Up to `more` iterations than with a hierarchy of its own: aggregates are those of the ties that there were.
+    let beside = |problem: &ContactProblem<D>, kept: &mut Engine, more: usize, what: &str| {
         kept.update(problem).or_panic();
         let mut fresh = engine(problem);
         let [found, expected] = [&mut *kept, &mut fresh].map(|engine| solved(problem, engine));
@@ -99,15 +100,25 @@ pub fn check<const D: usize>(
             kept.is_none()
                 || kept
                     .zip(fresh)
-                    .is_some_and(|(kept, fresh)| kept.abs_diff(fresh) <= 1),
+                    .is_some_and(|(kept, fresh)| kept.abs_diff(fresh) <= more),
             "{what}: {kept:?} iterations, {fresh:?} with an engine of its own"
         );
     };
-    for young in [[7e5, 7e5], [2e5, 1e5], [1e5, 3e6]] {
-        beside(&made(young, 0.0), &mut kept, &format!("{young:?}"));
+    for (young, more) in [([7e5, 7e5], 1), ([2e5, 1e5], 1), ([1e5, 3e6], 3)] {
+        beside(&made(young, 0.0), &mut kept, more, &format!("{young:?}"));
     }
-    let renewed = 3;
-    assert_eq!(kept.set_ups(), SetUps { made: 1, renewed });
+    // Entries that cancel in a uniform body do not where two materials meet: the factor, which has no places for zeros, may be
+    // ordered once more for these.
+    let most = 1 + usize::from(options.stiffness == Stiffness::Cholesky);
+    let SetUps {
+        made: set_ups,
+        renewed,
+    } = kept.set_ups();
+    assert!(
+        set_ups <= most && set_ups + renewed == 4,
+        "{:?}",
+        kept.set_ups()
+    );
     // Other rows on the K that is there; the load of gravity and supports alike.
     let last = made([1e5, 3e6], 0.0);
     kept.update(&last).or_panic();
@@ -115,7 +126,7 @@ pub fn check<const D: usize>(
     let (n, t) = (other.normal().clone(), other.tangential().clone());
     let bounds = vec![1.0; other.m()];
     let tilted = (last.with_contact(n, t, other.gap().to_vec(), bounds)).or_panic();
-    beside(&tilted, &mut kept, "other rows");
+    beside(&tilted, &mut kept, 3, "other rows");
     // And only some of them.
     let m = last.m() / 2;
     let few = |rows: &Csr, each: usize| {
@@ -124,9 +135,9 @@ pub fn check<const D: usize>(
     };
     let (n, t) = (few(last.normal(), 1), few(last.tangential(), D - 1));
     let half = (last.with_contact(n, t, vec![0.0; m], vec![0.5; m])).or_panic();
-    beside(&half, &mut kept, "fewer rows");
-    let renewed = renewed + 1;
-    assert_eq!(kept.set_ups(), SetUps { made: 1, renewed });
+    beside(&half, &mut kept, 3, "fewer rows");
+    let (made, renewed) = (set_ups, renewed + 1);
+    assert_eq!(kept.set_ups(), SetUps { made, renewed });
 }
 
 #[test]

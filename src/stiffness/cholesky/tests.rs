@@ -129,6 +129,15 @@ fn another_pattern_is_refused() {
         .map_err(|e| e.to_string());
     assert!(error.is_err_and(|why| why.contains("unknown 6 to unknown 1")));
     assert_eq!(factor.values, before);
+    // Rounding is no entry.
+    let diagonal = (0..6).map(|i| (i, i, 4.0));
+    let ties = (chain.iter()).flat_map(|&(i, j)| [(i, j, -1.0), (j, i, -1.0)]);
+    let rounding = [(0, 5, 1e-16), (5, 0, 1e-16)];
+    let rounded = BlockCsr::<1>::from_triplets(6, 6, diagonal.chain(ties).chain(rounding));
+    factor
+        .refactor(&rounded)
+        .unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(factor.values, before);
     // Two bodies that were apart, each with a trailing block: whether the pattern has a place for their tie by chance or not.
     let tied = [&chain[..], &[(2, 5)]].concat();
     let refused = made(&[2, 5]).refactor(&springs(6, &tied));
