@@ -119,6 +119,8 @@ struct Elimination {
     /// Those of each trailing block.
     sizes: Vec<usize>,
     symbolic: SymbolicCholesky<u32>,
+    /// Entries of the lower triangle that it was made for.
+    entries: usize,
     /// Unknowns that are fixed at zero.
     fixed: Vec<u32>,
 }
@@ -169,23 +171,31 @@ impl Elimination {
             .collect()
     }
 
-    /// Leaves out what the pattern has no place for, if all of it is rounding.
+    /// Leaves out what is zero but for rounding, where the pattern has no place for all entries: faer takes no more of them than
+    /// the order was made for, nor any outside of the factor.
     fn fit<const D: usize>(&self, k: &BlockCsr<D>, lower: &mut Lower) -> Result<(), FactorError> {
+        let too_many = lower.row_idx.len() > self.entries;
         let missed = self.missed(lower);
-        if missed.is_empty() {
+        if missed.is_empty() && !too_many {
             return Ok(());
         }
         let diagonal = k.diagonal();
-        for &(entry, column) in &missed {
+        let is_rounding = |&(entry, column): &(usize, usize)| {
             let row = lower.row_idx[entry] as usize;
             let size = (diagonal[row] * diagonal[column]).sqrt();
-            // Written so that NaN is refused.
-            if !(lower.values[entry].abs() <= ROUNDING * size) {
-                let [row, column] = [row + 1, column + 1];
-                return Err(FactorError::OtherPattern { row, column });
-            }
+            row != column && lower.values[entry].abs() <= ROUNDING * size
+        };
+        let all = (0..self.order.len())
+            .flat_map(|column| lower.range(column).map(move |entry| (entry, column)));
+        let rounding: Vec<(usize, usize)> = all.filter(is_rounding).collect();
+        let many = lower.row_idx.len() - rounding.len() > self.entries;
+        let last = (lower.row_idx.len() - 1, self.order.len() - 1);
+        let outside = missed.iter().find(|entry| !is_rounding(entry));
+        if let Some(&(entry, column)) = outside.or(many.then_some(&last)) {
+            let [row, column] = [lower.row_idx[entry] as usize + 1, column + 1];
+            return Err(FactorError::OtherPattern { row, column });
         }
-        lower.remove(&missed);
+        lower.remove(&rounding);
         Ok(())
     }
 
@@ -292,6 +302,7 @@ impl Plan {
                 n_leading,
                 sizes,
                 symbolic,
+                entries: lower.row_idx.len(),
                 fixed,
             },
             lower,
@@ -361,9 +372,8 @@ impl Factor {
         })
     }
 
-    /// Factorises a K with other values in the same order, with the same pattern of the factor. Entries of K may be anywhere
-    /// where the factor has some, which is in more places than those of the K that it was made for; elsewhere they may be zero but
-    /// for rounding.
+    /// Factorises a K with other values in the same order, with the same pattern of the factor. K may have as many entries as the
+    /// one that it was made for, anywhere where the factor has some; what is zero but for rounding does not count.
     ///
     /// # Errors
     /// If K has another size, or an entry elsewhere: the factor is what it was then. If it is not positive definite, or ties bodies
