@@ -8,6 +8,7 @@
 
 mod assembly;
 mod dilatation;
+mod law;
 mod loads;
 mod modes;
 mod stress;
@@ -26,6 +27,7 @@ pub use vertices::vertices;
 use crate::mesh::shape::Point;
 use crate::mesh::{ElementKind, Mesh, ShapeFunctions, Topology};
 use dilatation::Dilatation;
+use law::Law;
 use modes::Modes;
 use std::f64::consts::TAU;
 
@@ -160,10 +162,8 @@ impl Material {
 
     /// What elements of it need, of this thickness.
     fn moduli(&self, plane: Plane, thickness: f64) -> Moduli {
-        let (lambda, mu) = self.lame(plane);
         Moduli {
-            lambda: lambda * thickness,
-            mu: mu * thickness,
+            law: Law::new(self, plane, thickness),
             projected: self.is_projected(plane),
             modes: self.incompatible_modes,
         }
@@ -202,11 +202,11 @@ where
     pub thickness: f64,
 }
 
-/// What assembly needs of a material: the Lamé pair times the thickness.
+/// What elements need of a material.
 #[derive(Clone, Copy)]
 struct Moduli {
-    lambda: f64,
-    mu: f64,
+    /// Times the thickness.
+    law: Law,
     /// Whether the dilatation is projected.
     projected: bool,
     /// Whether there are incompatible modes.
@@ -245,7 +245,7 @@ impl Moduli {
         E: ShapeFunctions<D, N, Q>,
     {
         (self.modes && kind.may_have_modes())
-            .then(|| Modes::new::<E, Q>(points, x, plane, [self.lambda, self.mu]))
+            .then(|| Modes::new::<E, Q>(points, x, plane, &self.law))
     }
 
     /// The projection of its dilatation, if there is one.

@@ -125,6 +125,15 @@ impl Path {
     }
 }
 
+/// How often an [`Engine`] has made what is of K.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SetUps {
+    /// From nothing: an order of elimination with its symbolic factor, or a hierarchy with its aggregates.
+    pub made: usize,
+    /// The values alone, on what had been made.
+    pub renewed: usize,
+}
+
 type Again = dyn Fn(bool, &EngineOptions, &mut dyn FnMut(&str)) -> Result<Path, EngineError> + Send;
 
 /// A dual operator by the means chosen.
@@ -174,8 +183,9 @@ type Again = dyn Fn(bool, &EngineOptions, &mut dyn FnMut(&str)) -> Result<Path, 
 pub struct Engine {
     /// [`again`] for the problem, whose dimension is no matter of the engine's.
     again: Box<Again>,
-    /// Where K and B of the problem are, which it keeps: by these its problems are known.
-    matrices: [usize; 2],
+    /// Where K and B of the problem are, which it keeps: by these its problems are known. None after an update that failed.
+    matrices: Option<[usize; 2]>,
+    set_ups: SetUps,
     path: Path,
     options: EngineOptions,
     log: Box<dyn FnMut(&str) + Send>,
@@ -191,40 +201,7 @@ impl Engine {
         options: EngineOptions,
         mut log: impl FnMut(&str) + Send + 'static,
     ) -> Result<Self, EngineError> {
-        let n = problem.n();
-        let path = match (options.place, options.stiffness) {
-            (Device::Gpu, Stiffness::Cholesky) => return Err(EngineError::NoCholeskyOnGpu),
-            (Device::Gpu, _) => on_gpu(problem, &options, &mut log)?,
-            (Device::Cpu, Stiffness::Pcg) => on_cpu(problem, &options)?,
-            (_, Stiffness::Cholesky) => Path::Cholesky(Box::new(DirectDual::new(problem)?)),
-            (place, Stiffness::Auto) => match direct(
-                problem,
-                memory::total_bytes(),
-                rayon::current_num_threads(),
-                &mut log,
-            )? {
-                Some(dual) => Path::Cholesky(dual),
-                None if place == Device::Auto && n >= WORTH_A_GPU => {
-                    on_best(problem, &options, &mut log)?
-                }
-                None => on_cpu(problem, &options)?,
-            },
-            // Whoever names an adapter means it.
-            (Device::Auto, Stiffness::Pcg) if n < WORTH_A_GPU && options.gpu.adapter.is_none() => {
-                on_cpu(problem, &options)?
-            }
-            (Device::Auto, Stiffness::Pcg) => on_best(problem, &options, &mut log)?,
-        };
-        let [_, fallback] = path.levels();
-        if let Some(reason) = fallback {
-            log(&format!(
-                "{reason}: using block-Jacobi instead of multigrid"
-            ));
-        } else if !matches!(path, Path::Cholesky(_)) && problem.coordinates().is_none() {
-            log(
-                "no coordinates are given: multigrid has no rotations to work with and needs more iterations",
-            );
-        }
+        let path = chosen(problem, &options, &mut log)?;
         Ok(Self::on(path, problem.clone(), options, Box::new(log)))
     }
 
@@ -236,8 +213,12 @@ impl Engine {
         log: Box<dyn FnMut(&str) + Send>,
     ) -> Self {
         Self {
-            matrices: addresses(&problem),
+            matrices: Some(addresses(&problem)),
             again: Box::new(move |lost, options, log| again(&problem, lost, options, log)),
+            set_ups: SetUps {
+                made: 1,
+                renewed: 0,
+            },
             path,
             options,
             log,
@@ -248,7 +229,96 @@ impl Engine {
     /// Whether it was made for a problem with the same K, N and T: for this one, or one that this one, or both, were made
     /// from by [`ContactProblem::with_data`] and its like.
     pub fn fits<const D: usize>(&self, problem: &ContactProblem<D>) -> bool {
-        self.matrices == addresses(problem)
+        self.matrices == Some(addresses(problem))
+    }
+
+    /// Goes on with another problem, with all that can be kept of what was made for the one before: where K has the same pattern,
+    /// the order of elimination and the symbolic factor, or the structure of the hierarchy; where K is the same and N, T and d
+    /// have changed, all of it, as long as B touches no other unknowns. Where nothing of it fits, everything is made anew; what
+    /// happened, [`Engine::set_ups`] tells. What solves have found out about the problem before is forgotten, unless K, N and T
+    /// are the same.
+    ///
+    /// # Errors
+    /// Those of [`Engine::new`]. It fits no problem then, until an update succeeds.
+    ///
+    /// # Example
+    /// Ten values of Young's modulus, and then another place of the floor, all with one order of elimination:
+    ///
+    /// ```
+    /// use signorini::contact::Obstacle;
+    /// use signorini::elasticity::Material;
+    /// use signorini::engine::{Engine, SetUps};
+    /// use signorini::mesh::structured::{CellShape, rectangle};
+    /// use signorini::model::{Model, Pair, Support, Traction};
+    /// use signorini::ssnm::Status;
+    ///
+    /// let built = |young: f64, normal: [f64; 2]| {
+    ///     let plane = Obstacle::HalfSpace { point: [0.0, -1e-4], normal };
+    ///     Model::on(rectangle([0.0; 2], [3.0, 1.0], [12, 4], CellShape::Quad, "body", ""))
+    ///         .material(Material::new(young, 0.3))
+    ///         .support(Support::on("left").fixed())
+    ///         .traction(Traction::on("top").pressure(100.0))
+    ///         .contact(Pair::obstacle("bottom", plane).coulomb(0.3))
+    ///         .build()
+    /// };
+    /// let level = [0.0, 1.0];
+    /// let first = built(1e5, level)?.problem;
+    /// let mut engine = Engine::new(&first, Default::default(), |line| println!("{line}"))?;
+    /// let mut forces = Vec::new();
+    /// for k in 1..=10 {
+    ///     let problem = built(1e5 * f64::from(k), level)?.problem;
+    ///     engine.update(&problem)?;
+    ///     let solution = problem.solve_on(&mut engine, &Default::default())?;
+    ///     forces.push(solution.lambda[..problem.m()].iter().sum::<f64>());
+    /// }
+    /// // The stiffer the body, the more of the load its support carries.
+    /// assert!(forces.is_sorted_by(|a, b| a > b));
+    /// assert_eq!(engine.set_ups(), SetUps { made: 1, renewed: 10 });
+    /// // The floor is tilted a little: K stays as it is.
+    /// engine.update(&first)?;
+    /// let other = built(1e5, [0.001, 1.0])?.problem;
+    /// let (normal, tangential) = (other.normal().clone(), other.tangential().clone());
+    /// let bounds = vec![0.0; other.m()];
+    /// let tilted = first.with_contact(normal, tangential, other.gap().to_vec(), bounds)?;
+    /// engine.update(&tilted)?;
+    /// assert_eq!(tilted.solve_on(&mut engine, &Default::default())?.status, Status::Converged);
+    /// assert_eq!(engine.set_ups(), SetUps { made: 1, renewed: 11 });
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn update<const D: usize>(
+        &mut self,
+        problem: &ContactProblem<D>,
+    ) -> Result<(), EngineError> {
+        if self.fits(problem) {
+            return Ok(());
+        }
+        // As long as this is under way, and after an error.
+        let before = self.matrices.take();
+        self.recycled = RecycledSubspace::default();
+        let kept = problem.clone();
+        self.again = Box::new(move |lost, options, log| again(&kept, lost, options, log));
+        let same_k = before.is_some_and(|[k, _]| k == addresses(problem)[0]);
+        let renewed = match (&mut self.path, before) {
+            (_, None) => None,
+            (Path::Cholesky(dual), _) => dual.update(problem, same_k)?,
+            (Path::Cpu(dual), _) => dual.update(problem, same_k)?,
+            #[cfg(feature = "gpu")]
+            (Path::Gpu(dual, _), _) => dual.update(problem, same_k)?,
+        };
+        match renewed {
+            Some(renewed) => self.set_ups.renewed += usize::from(renewed),
+            None => {
+                self.path = chosen(problem, &self.options, &mut self.log)?;
+                self.set_ups.made += 1;
+            }
+        }
+        self.matrices = Some(addresses(problem));
+        Ok(())
+    }
+
+    /// How often what is of K was made.
+    pub fn set_ups(&self) -> SetUps {
+        self.set_ups
     }
 
     /// "cpu" or "gpu".
@@ -319,6 +389,7 @@ impl Engine {
                 outcome => return outcome,
             };
             self.path = self.way_back(error)?;
+            self.set_ups.made += 1;
         }
     }
 
@@ -355,6 +426,47 @@ impl Engine {
             }
         })
     }
+}
+
+/// What the options and the problem suggest.
+fn chosen<const D: usize>(
+    problem: &ContactProblem<D>,
+    options: &EngineOptions,
+    log: &mut dyn FnMut(&str),
+) -> Result<Path, EngineError> {
+    let n = problem.n();
+    let path = match (options.place, options.stiffness) {
+        (Device::Gpu, Stiffness::Cholesky) => return Err(EngineError::NoCholeskyOnGpu),
+        (Device::Gpu, _) => on_gpu(problem, options, log)?,
+        (Device::Cpu, Stiffness::Pcg) => on_cpu(problem, options)?,
+        (_, Stiffness::Cholesky) => Path::Cholesky(Box::new(DirectDual::new(problem)?)),
+        (place, Stiffness::Auto) => match direct(
+            problem,
+            memory::total_bytes(),
+            rayon::current_num_threads(),
+            log,
+        )? {
+            Some(dual) => Path::Cholesky(dual),
+            None if place == Device::Auto && n >= WORTH_A_GPU => on_best(problem, options, log)?,
+            None => on_cpu(problem, options)?,
+        },
+        // Whoever names an adapter means it.
+        (Device::Auto, Stiffness::Pcg) if n < WORTH_A_GPU && options.gpu.adapter.is_none() => {
+            on_cpu(problem, options)?
+        }
+        (Device::Auto, Stiffness::Pcg) => on_best(problem, options, log)?,
+    };
+    let [_, fallback] = path.levels();
+    if let Some(reason) = fallback {
+        log(&format!(
+            "{reason}: using block-Jacobi instead of multigrid"
+        ));
+    } else if !matches!(path, Path::Cholesky(_)) && problem.coordinates().is_none() {
+        log(
+            "no coordinates are given: multigrid has no rotations to work with and needs more iterations",
+        );
+    }
+    Ok(path)
 }
 
 /// Bytes that the Cholesky factor of a problem will take, as [`Stiffness::Auto`] predicts them.

@@ -355,6 +355,46 @@ impl<const D: usize, K> ContactProblem<D, K> {
             .with_slip_bound(slip_bound)
     }
 
+    /// The problem on the same K with other contact nodes, of which there may be more or fewer: N, T, d and g as in [`ContactData`],
+    /// but the gap may be negative. Contact is hard there, without coefficients of friction, areas and ties; slip is counted from
+    /// where u is zero.
+    ///
+    /// # Errors
+    /// What [`ContactProblem::new`] checks of these.
+    pub fn with_contact(
+        &self,
+        normal: Csr,
+        tangential: Csr,
+        mut gap: Vec<f64>,
+        mut slip_bound: Vec<f64>,
+    ) -> Result<Self, ProblemError>
+    where
+        K: Clone,
+    {
+        let m = gap.len();
+        let shape = |matrix: &Csr| (matrix.n_rows(), matrix.n_cols());
+        check::contact_shapes::<D>(shape(&normal), shape(&tangential), m, self.n())?;
+        check::rows_finite(&normal, &tangential)?;
+        check::gap(&mut gap)?;
+        check::slip_bound(&mut slip_bound, m)?;
+        check::no_overlap_of_nothing(&gap, &normal, &[], &[])?;
+        check::rank(&normal, &tangential, self.n(), &[])?;
+        let [normal, tangential] = [normal, tangential].map(|rows| match rows.n_cols() {
+            n if n == self.n_rows() => rows,
+            _ => Csr::from_triplets(rows.n_rows(), self.n_rows(), rows.triplets()),
+        });
+        let origin = vec![0.0; tangential.n_rows()];
+        Ok(Self {
+            system: Arc::new(self.system.as_ref().clone().with_rows(normal, tangential)),
+            stiffness: self.stiffness.clone(),
+            case: LoadCase {
+                force: Arc::clone(&self.case.force),
+                acting: self.case.acting,
+                ..LoadCase::new(Vec::new(), gap, origin, slip_bound)
+            },
+        })
+    }
+
     /// The same system under another load case, which has its own coefficients of friction.
     ///
     /// # Panics

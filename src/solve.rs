@@ -32,8 +32,8 @@ pub enum Error {
     Engine(#[from] EngineError),
     /// The engine was made for a problem with another K, N or T.
     #[error(
-        "the engine was made for a problem with other matrices: make one for this problem, or make this problem from that one \
-         (ContactProblem::with_data, with_gap, with_friction_coefficient), which keeps the matrices"
+        "the engine was made for a problem with other matrices: hand it this problem (Engine::update), or make this problem from \
+         that one (ContactProblem::with_data, with_gap, with_friction_coefficient), which keeps the matrices"
     )]
     OtherMatrices,
     /// A load step cannot be meant.

@@ -146,6 +146,28 @@ impl Gpu {
     }
 }
 
+/// How far the run of a CG state has come.
+fn read_progress(precision: Precision, state: &[u8]) -> Progress {
+    let mut reals = [0.0; STATE_REALS.len()];
+    read_reals(precision, state, &mut reals);
+    let words = state[reals.len() * precision.bytes()..].as_chunks().0;
+    let words: [u32; STATE_WORDS.len()] = std::array::from_fn(|i| u32::from_ne_bytes(words[i]));
+    // As `STATE_REALS` and `STATE_WORDS` name them.
+    let [_, rr, goal, rr_start, energy, full_block, open_block, ..] = reals;
+    let [done, broken, iterations, in_full, in_open] = words;
+    Progress {
+        iterations: iterations as usize,
+        rr,
+        goal,
+        rr_start,
+        energy,
+        recent: full_block + open_block,
+        recent_terms: (in_full + in_open) as usize,
+        done: done != 0,
+        broken: broken != 0,
+    }
+}
+
 /// A flag where a condition holds.
 fn flag_if(condition: bool, flag: u32) -> u32 {
     if condition { flag } else { 0 }
@@ -444,22 +466,7 @@ impl Backend for Gpu {
         }
         let mut progress = None;
         self.read(&sources, |bytes| {
-            let mut reals = [0.0; STATE_REALS.len()];
-            read_reals(precision, bytes, &mut reals);
-            let words = &bytes[reals.len() * real as usize..];
-            let word =
-                |i: usize| u32::from_ne_bytes(words[4 * i..][..4].try_into().expect("four bytes"));
-            progress = Some(Progress {
-                rr: reals[1],
-                goal: reals[2],
-                rr_start: reals[3],
-                energy: reals[4],
-                recent: reals[5] + reals[6],
-                recent_terms: (word(3) + word(4)) as usize,
-                done: word(0) != 0,
-                broken: word(1) != 0,
-                iterations: word(2) as usize,
-            });
+            progress = Some(read_progress(precision, bytes));
             read_reals(precision, &bytes[STATE_BYTES as usize..], out);
         })?;
         Ok(progress.expect("a successful read has called its closure"))

@@ -57,6 +57,29 @@ pub(crate) fn plan<const D: usize>(problem: &ContactProblem<D>) -> Result<Plan, 
     Plan::new(problem.stiffness(), problem.coordinates(), &touched, fixed)
 }
 
+/// B₂ of a B, unless it touches unknowns that are not among the trailing ones.
+fn trailing_rows(factor: &Factor, contact: &Csr) -> Option<Csr> {
+    let entries: Option<Vec<(usize, usize, f64)>> = (contact.triplets())
+        .filter_map(|(i, j, v)| {
+            let position = factor.position(j)?;
+            Some((position.checked_sub(factor.n_leading())).map(|column| (i, column, v)))
+        })
+        .collect();
+    let trailing = factor.n() - factor.n_leading();
+    Some(Csr::from_triplets(contact.n_rows(), trailing, entries?))
+}
+
+/// An error with the place where it is known.
+fn placed<const D: usize>(problem: &ContactProblem<D>, error: FactorError) -> FactorError {
+    match error {
+        FactorError::NotPositiveDefinite { unknown, .. } => FactorError::NotPositiveDefinite {
+            unknown,
+            place: problem.place_of(unknown - 1),
+        },
+        error => error,
+    }
+}
+
 impl DirectDual {
     /// Factorises K of the problem and checks the factor with a solve.
     pub fn new<const D: usize>(problem: &ContactProblem<D>) -> Result<Self, FactorError> {
@@ -69,27 +92,16 @@ impl DirectDual {
         plan: Plan,
     ) -> Result<Self, FactorError> {
         let k = problem.stiffness();
-        let factor = Factor::new(k, plan).map_err(|error| match error {
-            FactorError::NotPositiveDefinite { unknown, .. } => FactorError::NotPositiveDefinite {
-                unknown,
-                place: problem.place_of(unknown - 1),
-            },
-            error => error,
-        })?;
-        let trailing = factor.n() - factor.n_leading();
+        let factor = Factor::new(k, plan).map_err(|error| placed(problem, error))?;
         let contact = Arc::clone(problem.contact_matrix());
-        let entries = contact.triplets().filter_map(|(i, j, v)| {
-            let position = factor.position(j)?;
-            Some((i, position - factor.n_leading(), v))
-        });
-        let b = Csr::from_triplets(contact.n_rows(), trailing, entries);
+        let b = trailing_rows(&factor, &contact).expect("what B touches comes last");
         let mut dual = Self {
+            workspace: vec![0.0; b.n_cols()],
             b,
             k: Arc::clone(k) as _,
             contact,
             load: Arc::clone(problem.load_case().force()),
             reduced_load: Vec::new(),
-            workspace: vec![0.0; trailing],
             matrix: of_rigid_bodies(problem),
             refined: false,
             solve_seconds: 0.0,
@@ -97,6 +109,42 @@ impl DirectDual {
         };
         dual.probe(problem)?;
         Ok(dual)
+    }
+
+    /// Goes on with another problem, whose K is the same where `same_k` says so; whether K has got other values, None where its
+    /// unknowns, the pattern of its K or what its B touches do not fit. After that and after an error it is of no use any more.
+    pub(crate) fn update<const D: usize>(
+        &mut self,
+        problem: &ContactProblem<D>,
+        same_k: bool,
+    ) -> Result<Option<bool>, FactorError> {
+        let touched = problem.touched();
+        let fixed = problem
+            .floating_bodies()
+            .unknowns_to_fix(|unknown| touched[unknown / D]);
+        if problem.n_rows() != self.factor.n() || fixed != self.factor.fixed() {
+            return Ok(None);
+        }
+        let Some(b) = trailing_rows(&self.factor, problem.contact_matrix()) else {
+            return Ok(None);
+        };
+        if !same_k {
+            match self.factor.refactor(problem.stiffness()) {
+                Err(FactorError::OtherPattern { .. }) => return Ok(None),
+                outcome => outcome.map_err(|error| placed(problem, error))?,
+            }
+            self.k = Arc::clone(problem.stiffness()) as _;
+        }
+        (self.b, self.contact) = (b, Arc::clone(problem.contact_matrix()));
+        self.matrix = of_rigid_bodies(problem);
+        if same_k {
+            self.take(problem.load_case());
+        } else {
+            self.load = Arc::clone(problem.load_case().force());
+            self.refined = false;
+            self.probe(problem)?;
+        }
+        Ok(Some(!same_k))
     }
 
     /// The factor of K.

@@ -3,10 +3,12 @@
 use super::{Correction, Costs, DualError, DualOperator, Stop, followed_right_hand_side};
 use crate::backend::{Backend, Run};
 use crate::control::Accuracy;
-use crate::problem::{ContactProblem, LoadCase};
+use crate::problem::{ContactProblem, LoadCase, Vertices};
 use crate::sparse::stored::{SquareBlocks, power_of_two_below};
-use crate::sparse::{Csr, difference, norm};
+use crate::sparse::{BlockCsr, Csr, difference, norm};
+use crate::stiffness::amg::AmgError;
 use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner, UNREACHABLE};
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Times that a displacement is made more accurate for the sake of its ties.
@@ -26,6 +28,49 @@ struct OnBackend<B: Backend> {
     lambda: B::Vector,
     f: B::Vector,
     u: B::Vector,
+}
+
+impl<B: Backend> OnBackend<B> {
+    /// For loads in this unit; None where products with B are made on the host. u is zero.
+    fn new(pcg: &mut Pcg<B>, b: &Csr, load: &[f64], unit: f64) -> Result<Option<Self>, PcgError> {
+        if !pcg.is_f64() {
+            return Ok(None);
+        }
+        let backend = &mut pcg.backend;
+        let (p, y) = (backend.vector(b.n_rows())?, backend.vector(b.n_rows())?);
+        let lambda = backend.vector(b.n_rows() + 1)?;
+        let mut f = backend.vector(b.n_cols())?;
+        let scaled: Vec<f64> = load.iter().map(|f| f / unit).collect();
+        backend.upload(&scaled, &mut f);
+        let transposed = b.transposed();
+        Ok(Some(Self {
+            gather: backend.rows(b, &pcg.x, &y)?,
+            scatter: backend.rows(&transposed, &p, &pcg.x)?,
+            p,
+            y,
+            loads: backend.rows(&loads(&transposed, &scaled), &lambda, &pcg.x)?,
+            lambda,
+            f,
+            u: backend.vector(b.n_cols())?,
+        }))
+    }
+}
+
+/// K with its ties to the ground where bodies can move as a whole, and the corners of its elements with the same ties.
+struct Grounded<'a, const D: usize> {
+    k: Arc<BlockCsr<D>>,
+    ties: Vec<(u32, f64)>,
+    vertices: Option<Cow<'a, Vertices<D>>>,
+}
+
+impl<'a, const D: usize> Grounded<'a, D> {
+    fn of(problem: &'a ContactProblem<D>) -> Self {
+        let touched = problem.touched();
+        let (k, ties) = (problem.floating_bodies())
+            .grounded(problem.stiffness(), |unknown| touched[unknown / D]);
+        let vertices = problem.vertices().map(|vertices| vertices.grounded(&ties));
+        Self { k, ties, vertices }
+    }
 }
 
 /// The dual operator of a problem by PCG on a backend.
@@ -58,11 +103,7 @@ impl<B: Backend> NestedDual<B> {
         backend: B,
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
-        let b = Arc::clone(problem.contact_matrix());
-        let touched = problem.touched();
-        let (k, ties) = (problem.floating_bodies())
-            .grounded(problem.stiffness(), |unknown| touched[unknown / D]);
-        let vertices = problem.vertices().map(|vertices| vertices.grounded(&ties));
+        let Grounded { k, ties, vertices } = Grounded::of(problem);
         let mut pcg = Pcg::of_second_order(
             backend,
             &k,
@@ -71,41 +112,57 @@ impl<B: Backend> NestedDual<B> {
             preconditioner,
         )?;
         let unit = power_of_two_below(norm(problem.load()));
-        let mut u = Vec::new();
-        let on_backend = if pcg.is_f64() {
-            let backend = &mut pcg.backend;
-            let (p, y) = (backend.vector(b.n_rows())?, backend.vector(b.n_rows())?);
-            let lambda = backend.vector(b.n_rows() + 1)?;
-            let mut f = backend.vector(b.n_cols())?;
-            let scaled: Vec<f64> = problem.load().iter().map(|f| f / unit).collect();
-            backend.upload(&scaled, &mut f);
-            let transposed = b.transposed();
-            Some(OnBackend {
-                gather: backend.rows(&b, &pcg.x, &y)?,
-                scatter: backend.rows(&transposed, &p, &pcg.x)?,
-                p,
-                y,
-                loads: backend.rows(&loads(&transposed, &scaled), &lambda, &pcg.x)?,
-                lambda,
-                f,
-                u: backend.vector(b.n_cols())?,
-            })
-        } else {
-            u = vec![0.0; b.n_cols()];
-            None
-        };
+        let (b, load) = (problem.contact_matrix(), problem.load_case().force());
         Ok(Self {
-            b,
+            b: Arc::clone(b),
             k: Arc::clone(problem.stiffness()) as _,
-            load: Arc::clone(problem.load_case().force()),
+            load: Arc::clone(load),
+            on_backend: OnBackend::new(&mut pcg, b, load, unit)?,
+            u: if pcg.is_f64() {
+                Vec::new()
+            } else {
+                vec![0.0; b.n_cols()]
+            },
             pcg,
             ties,
             unit,
-            u,
             x: Vec::new(),
             unit_of_x: 1.0,
-            on_backend,
         })
+    }
+
+    /// Goes on with another problem, whose K is the same where `same_k` says so; whether the preconditioner has got other values,
+    /// None where its structure does not fit. After that and after an error it is of no use any more.
+    pub(crate) fn update<const D: usize>(
+        &mut self,
+        problem: &ContactProblem<D>,
+        same_k: bool,
+    ) -> Result<Option<bool>, PcgError> {
+        if [problem.n_rows(), D] != [self.k.n_rows(), self.k.block()] {
+            return Ok(None);
+        }
+        let mut renewed = false;
+        // Which unknowns are tied depends on the rows of B.
+        if !same_k || !self.ties.is_empty() {
+            let Grounded { k, ties, vertices } = Grounded::of(problem);
+            if !same_k || ties != self.ties {
+                renewed = true;
+                let updated = (self.pcg).update(&k, problem.coordinates(), vertices.as_deref());
+                match updated {
+                    Err(PcgError::Hierarchy(AmgError::OtherPattern { .. })) => return Ok(None),
+                    updated => updated?,
+                }
+            }
+            (self.k, self.ties) = (Arc::clone(problem.stiffness()) as _, ties);
+        }
+        self.b = Arc::clone(problem.contact_matrix());
+        self.load = Arc::clone(problem.load_case().force());
+        self.unit = power_of_two_below(norm(&self.load));
+        self.u.fill(0.0);
+        // B there goes before another one comes.
+        self.on_backend = None;
+        self.on_backend = OnBackend::new(&mut self.pcg, &self.b, &self.load, self.unit)?;
+        Ok(Some(renewed))
     }
 
     /// What it computes on.

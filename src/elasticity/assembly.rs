@@ -61,9 +61,9 @@ fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize]) -> Vec<&'a mut [T]> {
 }
 
 /// Hands the blocks of the rows of an element's stiffness matrix that are wanted to `take`, each with its nodes a and
-/// b: K_ab = ∫ λ ∇φ_a ∇φ_bᵀ + μ ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I; where the dilatation is projected (`dilatation.rs`), λ is −2/3 μ
-/// there and the rest of it acts on what is left of the dilatation; incompatible modes (`modes.rs`) take something away. Round an axis div has φ/x along x, too, and the strain of
-/// what goes round its 2μ.
+/// b: what the law's tangent makes of the gradients ([`Tangent::add`](super::law::Tangent::add)); where the dilatation is
+/// projected (`dilatation.rs`), what the law says of it acts on what is left of it; incompatible modes (`modes.rs`) take
+/// something away.
 struct Blocks<'a, const D: usize, W, F>
 where
     ElementKind: Topology<D>,
@@ -90,44 +90,24 @@ where
     fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(mut self) {
         let x = self.mesh.coordinates(self.element);
         let moduli = self.moduli[self.element.region as usize];
-        let Moduli { lambda, mu, .. } = moduli;
         let points = self.plane.stiffness_points::<E, D, N, Q>(&x);
         let modes = moduli.modes::<E, D, N, Q>(self.element.kind(), &points, &x, self.plane);
         let dilatation =
             moduli.dilatation::<E, D, N, Q>(self.element.kind(), &points, &x, self.plane);
-        // With κ = λ + 2/3 μ for what is projected.
-        let (lambda, bulk) = match dilatation {
-            Some(_) => (-2.0 / 3.0 * mu, lambda + 2.0 / 3.0 * mu),
-            None => (lambda, 0.0),
+        let (law, bulk) = match dilatation {
+            Some(_) => moduli.law.without_dilatation(),
+            None => (moduli.law, 0.0),
         };
+        let round = self.plane == Plane::Axisymmetric;
         for a in (0..N).filter(|&a| (self.wanted)(a)) {
             let mut blocks = [[[0.0; D]; D]; N];
             for point in &points {
-                let ga = point.gradient[a];
-                let (l, m) = (lambda * point.weight, mu * point.weight);
-                for (block, gb) in blocks.iter_mut().zip(&point.gradient) {
-                    let dot = m * dot(ga, *gb);
-                    for i in 0..D {
-                        for j in 0..D {
-                            block[i][j] += if i == j {
-                                (l + m) * ga[i] * gb[i] + dot
-                            } else {
-                                l * ga[i] * gb[j] + m * gb[i] * ga[j]
-                            };
-                        }
-                    }
-                }
-                if self.plane == Plane::Axisymmetric {
-                    let hoop = self.plane.hoop(point.place(&x));
-                    let ha = hoop * point.shape[a];
-                    for (b, block) in blocks.iter_mut().enumerate() {
-                        let (gb, hb) = (point.gradient[b], hoop * point.shape[b]);
-                        block[0][0] += l * (ga[0] * hb + ha * gb[0]) + (l + 2.0 * m) * ha * hb;
-                        for c in 1..D {
-                            block[0][c] += l * ha * gb[c];
-                            block[c][0] += l * ga[c] * hb;
-                        }
-                    }
+                let ga = &point.gradient[a];
+                let tangent = law.tangent::<D>().times(point.weight);
+                let hoop = self.plane.hoop(point.place(&x));
+                for (b, block) in blocks.iter_mut().enumerate() {
+                    let hoops = round.then(|| [a, b].map(|node| hoop * point.shape[node]));
+                    tangent.add([ga, &point.gradient[b]], hoops, block);
                 }
             }
             for (b, mut block) in blocks.into_iter().enumerate() {

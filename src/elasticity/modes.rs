@@ -6,10 +6,9 @@
 //! do not stretch what goes round. Each is as large as makes the strain energy least, and so leaves the unknowns: with H the
 //! stiffness of the modes and L what couples them to the nodes, K becomes K − L H⁻¹ Lᵀ.
 
-use super::Plane;
+use super::{Law, Plane};
 use crate::mesh::ShapeFunctions;
 use crate::mesh::shape::Point;
-use crate::mesh::vector::dot;
 
 /// Most modes of an element: three functions along three axes. Mode D k + c is function k along axis c.
 const MOST: usize = 9;
@@ -29,12 +28,12 @@ pub(super) struct Modes<const D: usize, const N: usize> {
 impl<const D: usize, const N: usize> Modes<D, N> {
     const COUNT: usize = D * D;
 
-    /// Of an element with its nodes at x and these points of integration, with the Lamé pair; `plane` is for the plane.
+    /// Of an element with its nodes at x and these points of integration; `plane` is for the plane.
     pub fn new<E: ShapeFunctions<D, N, Q>, const Q: usize>(
         points: &[Point<D, N>; Q],
         x: &[[f64; D]; N],
         plane: Plane,
-        [lambda, mu]: [f64; 2],
+        law: &Law,
     ) -> Self {
         let middle = E::at(E::CENTRE, 1.0, x);
         let rows = std::array::from_fn(|k| {
@@ -63,23 +62,24 @@ impl<const D: usize, const N: usize> Modes<D, N> {
         made.mean = mean;
         for (point, (xi, _)) in points.iter().zip(rule) {
             let modes = made.gradients::<E, Q>(xi, x);
-            let (l, m) = (lambda * point.weight, mu * point.weight);
-            // λ div u div v + 2μ ε(u) : ε(v) for what moves along axis i with gradient g and along d with h.
-            let energy = |i: usize, g: [f64; D], div: f64, d: usize, h: [f64; D]| {
-                let along = if i == d { dot(g, h) } else { 0.0 };
-                l * div * h[d] + m * (h[i] * g[d] + along)
-            };
-            for p in 0..Self::COUNT {
-                let (h, d) = (modes[p / D], p % D);
-                for q in 0..=p {
-                    let (g, i) = (modes[q / D], q % D);
-                    made.factor[p][q] += energy(i, g, g[i], d, h);
+            let tangent = law.tangent::<D>().times(point.weight);
+            let hoop = plane.hoop(point.place(x));
+            for (k, own) in modes.iter().enumerate() {
+                for (l, other) in modes[..=k].iter().enumerate() {
+                    let mut block = [[0.0; D]; D];
+                    tangent.add([own, other], None, &mut block);
+                    for (c, row) in block.iter().enumerate() {
+                        let factor = &mut made.factor[D * k + c][D * l..][..D];
+                        factor.iter_mut().zip(row).for_each(|(f, v)| *f += v);
+                    }
                 }
-                let hoop = plane.hoop(point.place(x));
-                for (a, column) in made.columns[p].iter_mut().enumerate() {
-                    let div = point.divergence(a, hoop);
-                    for i in 0..D {
-                        column[i] += energy(i, point.gradient[a], div[i], d, h);
+                for (a, gradient) in point.gradient.iter().enumerate() {
+                    let mut block = [[0.0; D]; D];
+                    let hoops = Some([0.0, hoop * point.shape[a]]);
+                    tangent.add([own, gradient], hoops, &mut block);
+                    for (c, row) in block.iter().enumerate() {
+                        let column = &mut made.columns[D * k + c][a];
+                        column.iter_mut().zip(row).for_each(|(f, v)| *f += v);
                     }
                 }
             }

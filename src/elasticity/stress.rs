@@ -1,6 +1,6 @@
 //! Stress recovery.
 
-use super::{Body, Material, Plane, Temperature};
+use super::{Body, Plane, Temperature};
 use crate::mesh::shape::sum;
 use crate::mesh::{self, ElementKind, ShapeFunctions, Topology, Visit};
 
@@ -22,41 +22,6 @@ pub struct Stress {
 }
 
 impl Stress {
-    /// The stress under the displacement gradient ∂uᵢ/∂xⱼ and the strain of what goes round an axis, where the dilatation
-    /// counts as another one if that is given; `plane` is for the plane.
-    fn of<const D: usize>(
-        material: Material,
-        plane: Plane,
-        e: [[f64; D]; D],
-        hoop: f64,
-        dilatation: Option<f64>,
-    ) -> Self {
-        let space = D == 3;
-        let (lambda, mu) = material.lame(if space { Plane::PlaneStrain } else { plane });
-        let own = (0..D).map(|c| e[c][c]).sum::<f64>() + hoop;
-        // σ = 2μ dev ε + κ θ I with κ = λ + 2/3 μ.
-        let trace = match dilatation {
-            None => lambda * own,
-            Some(other) => lambda * other + 2.0 / 3.0 * mu * (other - own),
-        };
-        let normal = |c: usize| trace + 2.0 * mu * e[c][c];
-        let shear = |i: usize, j: usize| mu * (e[i][j] + e[j][i]);
-        let (xx, yy) = (normal(0), normal(1));
-        Self {
-            xx,
-            yy,
-            zz: match plane {
-                _ if space => normal(D - 1),
-                Plane::PlaneStrain => trace,
-                Plane::PlaneStress => 0.0,
-                Plane::Axisymmetric => trace + 2.0 * mu * hoop,
-            },
-            xy: shear(0, 1),
-            yz: if space { shear(1, D - 1) } else { 0.0 },
-            zx: if space { shear(D - 1, 0) } else { 0.0 },
-        }
-    }
-
     /// Takes a pressure away that acts along all axes; in plane stress, in the plane alone.
     fn relieve(&mut self, pressure: f64, in_plane_alone: bool) {
         self.xx -= pressure;
@@ -161,10 +126,10 @@ where
         let u: [[f64; D]; N] = std::array::from_fn(|a| self.displacement[nodes[a] as usize]);
         let plane = self.body.plane;
         let points = plane.stiffness_points::<E, D, N, Q>(&x);
-        let moduli = material.moduli(plane, 1.0);
+        let in_space = if D == 3 { Plane::PlaneStrain } else { plane };
+        let moduli = material.moduli(in_space, 1.0);
         let dilatation = moduli.dilatation::<E, D, N, Q>(self.element.kind(), &points, &x, plane);
         let modes = moduli.modes::<E, D, N, Q>(self.element.kind(), &points, &x, plane);
-        let in_space = if D == 3 { Plane::PlaneStrain } else { plane };
         let relief = |place| {
             let warmth = (self.temperature).map(|at| at(self.element.region, place));
             warmth.map_or(0.0, |warmth| material.thermal_pressure(in_space) * warmth)
@@ -203,8 +168,15 @@ where
                     }
                 }
             }
-            let dilatation = (dilatation.as_ref()).map(|of| of.at(place, &u));
-            let mut stress = Stress::of(material, plane, e, hoop, dilatation);
+            let mut stress = match &dilatation {
+                None => moduli.law.response(&e, hoop).0,
+                Some(dilatation) => {
+                    let (law, bulk) = moduli.law.without_dilatation();
+                    let (mut stress, _) = law.response(&e, hoop);
+                    stress.relieve(-bulk * dilatation.at(place, &u), false);
+                    stress
+                }
+            };
             if self.temperature.is_some() {
                 stress.relieve(relief(place), in_space == Plane::PlaneStress);
             }

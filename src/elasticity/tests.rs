@@ -231,3 +231,51 @@ fn unknowns_in_space_come_in_threes() {
     let points = mesh::tests::in_space(vec![[0.0; 3], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
     assert_eq!(unknowns.coordinates(&points), points.nodes[1..]);
 }
+
+/// The tangent is the derivative of the stress: entry [i][j] is the force along i on φ_a of the stress under φ_b along j.
+#[test]
+fn stress_and_tangent_are_of_one_law() {
+    fn check<const D: usize>(plane: Plane, law: super::law::Law) {
+        let [ga, gb]: [[f64; D]; 2] = [
+            std::array::from_fn(|c| 0.3 + 0.5 * c as f64),
+            std::array::from_fn(|c| 0.7 - 0.4 * c as f64),
+        ];
+        let hoops = (plane == Plane::Axisymmetric).then_some([0.2, -0.9]);
+        let mut block = [[0.0; D]; D];
+        law.tangent::<D>()
+            .times(2.0)
+            .add([&ga, &gb], hoops, &mut block);
+        for j in 0..D {
+            let mut e = [[0.0; D]; D];
+            e[j] = gb;
+            let hb = hoops.map_or(0.0, |[_, hb]| if j == 0 { hb } else { 0.0 });
+            let (s, _) = law.response(&e, hb);
+            let rows = [[s.xx, s.xy, s.zx], [s.xy, s.yy, s.yz], [s.zx, s.yz, s.zz]];
+            for i in 0..D {
+                let round = match (i, hoops) {
+                    (0, Some([ha, _])) => s.zz * ha,
+                    _ => 0.0,
+                };
+                let force: f64 = (0..D).map(|k| rows[i][k] * ga[k]).sum::<f64>() + round;
+                assert!(
+                    (block[i][j] - 2.0 * force).abs() < 1e-13 * 2e3,
+                    "{plane:?} {i} {j}"
+                );
+            }
+        }
+    }
+    let material = Material::new(1e3, 0.3);
+    for plane in [Plane::PlaneStrain, Plane::PlaneStress, Plane::Axisymmetric] {
+        let law = super::law::Law::new(&material, plane, 1.0);
+        check::<2>(plane, law);
+        if plane == Plane::PlaneStrain {
+            check::<3>(plane, law);
+        }
+        // Apart from the dilatation and with it again, in the plane x = y = z alike.
+        let (left, bulk) = law.without_dilatation();
+        let e = [[0.1, 0.4], [0.2, -0.3]];
+        let [(all, _), (rest, _)] = [law, left].map(|law| law.response(&e, 0.0));
+        let theta = bulk * (0.1 - 0.3);
+        assert!((all.xx - rest.xx - theta).abs() < 1e-10 && (all.xy - rest.xy).abs() < 1e-12);
+    }
+}

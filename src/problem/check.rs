@@ -387,25 +387,34 @@ pub(super) fn contact_shapes<const D: usize>(
 fn finite_entries<const D: usize>(data: &mut ContactData<D>) -> Result<(), ProblemError> {
     finite("the load f", &data.load)?;
     gap(&mut data.gap)?;
-    let entry = |name, found: Option<(usize, usize, f64)>| match found {
+    let k = &data.stiffness;
+    let values = k.values().par_iter();
+    if values.any(|block| block.as_flattened().iter().any(|v| !v.is_finite())) {
+        entries_finite("the stiffness matrix K", k.triplets())?;
+    }
+    rows_finite(&data.normal, &data.tangential)?;
+    let points = data.coordinates.iter().flatten().enumerate();
+    let places = points.flat_map(|(i, x)| (0..D).map(move |c| (i, c, x[c])));
+    entries_finite("the coordinates", places)
+}
+
+pub(super) fn rows_finite(normal: &Csr, tangential: &Csr) -> Result<(), ProblemError> {
+    entries_finite("N", normal.triplets())?;
+    entries_finite("T", tangential.triplets())
+}
+
+fn entries_finite(
+    name: &'static str,
+    mut entries: impl Iterator<Item = (usize, usize, f64)>,
+) -> Result<(), ProblemError> {
+    match entries.find(|(_, _, v)| !v.is_finite()) {
         Some((i, j, value)) => Err(ProblemError::NotFinite {
             name,
             place: Place::At(i + 1, j + 1),
             value,
         }),
         None => Ok(()),
-    };
-    let bad = |&(_, _, v): &(usize, usize, f64)| !v.is_finite();
-    let k = &data.stiffness;
-    let values = k.values().par_iter();
-    if values.any(|block| block.as_flattened().iter().any(|v| !v.is_finite())) {
-        entry("the stiffness matrix K", k.triplets().find(bad))?;
     }
-    entry("N", data.normal.triplets().find(bad))?;
-    entry("T", data.tangential.triplets().find(bad))?;
-    let points = data.coordinates.iter().flatten().enumerate();
-    let mut places = points.flat_map(|(i, x)| (0..D).map(move |c| (i, c, x[c])));
-    entry("the coordinates", places.find(bad))
 }
 
 /// One entry per contact node.

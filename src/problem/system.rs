@@ -43,38 +43,48 @@ impl<const D: usize> System<D> {
     pub(super) fn new(data: &ContactData<D>, n: usize) -> Self {
         const { assert!(D == 2 || D == 3, "contact is in the plane or in space") };
         let k = &data.stiffness;
-        let m = data.gap.len();
         let (count, parts) = k.components();
         let floating = match &data.coordinates {
             Some(points) => FloatingBodies::among(k, points, count, &parts),
             None => FloatingBodies::default(),
         };
-        let tangential = data.tangential.triplets().map(|(i, j, v)| (i + m, j, v));
-        let rows = data.normal.triplets().chain(tangential);
-        let diagonal = k.diagonal();
-        let own_compliance =
-            compliances::<D>(&data.normal, &data.tangential, &diagonal, &Ranks::default());
         Self {
             n,
             n_free: n,
-            contact: Arc::new(Csr::from_triplets(
-                D * m,
-                k.n_cols(),
-                rows.filter(|&(_, _, v)| v != 0.0),
-            )),
-            areas: vec![1.0; m],
+            contact: Arc::new(Csr::from_triplets(0, 0, [])),
+            areas: Vec::new(),
             floating,
             parts,
             coupled: (0..k.n_rows()).map(|i| is_coupled(k, i)).collect(),
-            compliance: own_compliance.clone(),
-            own_compliance,
+            compliance: Vec::new(),
+            own_compliance: Vec::new(),
             contact_compliance: Vec::new(),
             ranks: Ranks::default(),
-            diagonal,
-            normal: data.normal.clone(),
-            tangential: data.tangential.clone(),
+            diagonal: k.diagonal(),
+            normal: Csr::from_triplets(0, 0, []),
+            tangential: Csr::from_triplets(0, 0, []),
             coordinates: data.coordinates.clone(),
             vertices: None,
+        }
+        .with_rows(data.normal.clone(), data.tangential.clone())
+    }
+
+    /// The same K with other rows of hard contact, whose areas are not known.
+    pub(super) fn with_rows(self, normal: Csr, tangential: Csr) -> Self {
+        let m = normal.n_rows();
+        let tangents = tangential.triplets().map(|(i, j, v)| (i + m, j, v));
+        let rows = normal.triplets().chain(tangents);
+        let contact = Csr::from_triplets(D * m, self.n_rows(), rows.filter(|&(_, _, v)| v != 0.0));
+        let own = compliances::<D>(&normal, &tangential, &self.diagonal, &self.ranks);
+        Self {
+            contact: Arc::new(contact),
+            areas: vec![1.0; m],
+            compliance: own.clone(),
+            own_compliance: own,
+            contact_compliance: Vec::new(),
+            normal,
+            tangential,
+            ..self
         }
     }
 

@@ -41,6 +41,7 @@ pub use cycle::Multigrid;
 use crate::problem::Vertices;
 use crate::sparse::BlockCsr;
 use crate::sparse::stored::{BlockMatrix, Dense, Real, power_of_two_below, store};
+use setup::Skeleton;
 use std::fmt;
 
 /// Settings of the hierarchy; those of [`AmgSettings::of_dimension`] were measured, see the tests. The default is that of
@@ -150,6 +151,17 @@ pub enum AmgError {
          need coordinates, which tell their rigid motions, or supports"
     )]
     Singular,
+    /// The pattern of K is another one than the hierarchy was made for.
+    #[error(
+        "the stiffness matrix has {} nodes and {} blocks, but the hierarchy was made for {} and {}: make a new hierarchy",
+        found[0], found[1], expected[0], expected[1]
+    )]
+    OtherPattern {
+        /// Nodes and blocks of K.
+        found: [usize; 2],
+        /// Those that it was made for.
+        expected: [usize; 2],
+    },
     /// Indices have 32 bits.
     #[error("the stiffness matrix has too many entries for 32-bit indices")]
     TooLarge,
@@ -230,6 +242,8 @@ pub struct Hierarchy<S = f32> {
     pub(crate) coarse: Coarse<S>,
     /// The power of two that K was multiplied with.
     pub scale: f64,
+    /// What stays where K gets other values; none of block-Jacobi.
+    skeleton: Option<Skeleton>,
 }
 
 /// Sizes of one level.
@@ -269,17 +283,41 @@ impl<S: Real> Hierarchy<S> {
         if k.n_blocks() > u32::MAX as usize / 2 {
             return Err(AmgError::TooLarge);
         }
-        match coordinates {
-            Some(points) if points.len() != n => Err(AmgError::Coordinates {
+        Self::of_skeleton(Some(Skeleton::new(k, settings)), k, coordinates, vertices)
+    }
+
+    /// The hierarchy of a K with other values on the aggregates, the patches and the places of the blocks of P of this one; the
+    /// values of P, the coarse matrices and the bounds of the smoothers are made anew. Coordinates and corners may have moved.
+    ///
+    /// # Errors
+    /// If K has another number of nodes or blocks, and those of [`Hierarchy::new`].
+    pub fn rebuild<const D: usize>(
+        &self,
+        k: &BlockCsr<D>,
+        coordinates: Option<&[[f64; D]]>,
+        vertices: Option<&Vertices<D>>,
+    ) -> Result<Self, AmgError> {
+        Self::of_skeleton(self.skeleton.clone(), k, coordinates, vertices)
+    }
+
+    fn of_skeleton<const D: usize>(
+        skeleton: Option<Skeleton>,
+        k: &BlockCsr<D>,
+        coordinates: Option<&[[f64; D]]>,
+        vertices: Option<&Vertices<D>>,
+    ) -> Result<Self, AmgError> {
+        let Some(skeleton) = skeleton else {
+            return Self::block_jacobi(k);
+        };
+        match (coordinates, D) {
+            (Some(points), _) if points.len() != k.n_block_rows() => Err(AmgError::Coordinates {
                 found: points.len(),
-                expected: n,
+                expected: k.n_block_rows(),
             }),
-            None => setup::build::<D, D, S>(k, None, None, settings),
-            Some(_) => match D {
-                2 => setup::build::<D, 3, S>(k, coordinates, vertices, settings),
-                3 => setup::build::<D, 6, S>(k, coordinates, vertices, settings),
-                _ => Err(AmgError::Shape),
-            },
+            (None, _) => skeleton.fill::<D, D, S>(k, None, None),
+            (Some(_), 2) => skeleton.fill::<D, 3, S>(k, coordinates, vertices),
+            (Some(_), 3) => skeleton.fill::<D, 6, S>(k, coordinates, vertices),
+            (Some(_), _) => Err(AmgError::Shape),
         }
     }
 
@@ -295,6 +333,7 @@ impl<S: Real> Hierarchy<S> {
                 values: store(inverse.as_flattened().as_flattened(), 1.0 / scale),
             },
             scale,
+            skeleton: None,
         })
     }
 

@@ -27,6 +27,7 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Par, Side};
+use rayon::prelude::*;
 use std::time::Instant;
 
 /// Why K could not be factorised.
@@ -67,6 +68,27 @@ pub enum FactorError {
     /// It has too many entries.
     #[error("the Cholesky factor has too many entries for 32-bit indices")]
     TooLarge,
+    /// K has another size than the one that the factor was made for.
+    #[error(
+        "the stiffness matrix has {found} rows, but the factor was made for {expected}: make a new factor"
+    )]
+    OtherSize {
+        /// Its rows.
+        found: usize,
+        /// Those of the factor.
+        expected: usize,
+    },
+    /// K has another pattern than the one that the factor was made for.
+    #[error(
+        "the stiffness matrix ties unknown {row} to unknown {column}, which the pattern of the factor has no place for: \
+         make a new factor"
+    )]
+    OtherPattern {
+        /// The row of the entry, from 1.
+        row: usize,
+        /// Its column.
+        column: usize,
+    },
 }
 
 /// Operations from which all threads share the dense blocks of the factorisation: some seconds of one of them.
@@ -74,6 +96,9 @@ pub enum FactorError {
 const WORTH_THREADS: f64 = 1e11;
 /// A pivot below this part of its diagonal entry means a singular K.
 const PIVOT_LIMIT: f64 = 1e-14;
+/// An entry below this part of √(Kᵢᵢ Kⱼⱼ), which the terms that it is a sum of may have, is zero but for rounding: those that cancel
+/// for one value of Young's modulus leave some tenths of 1e-16 for another.
+const ROUNDING: f64 = 1e-14;
 
 /// The trailing block L₂₂ of one body: a dense lower triangle over the trailing positions
 /// `first..first + size`.
@@ -83,17 +108,154 @@ struct TrailingBlock {
     values: Vec<f64>,
 }
 
+/// The order of elimination and the pattern of a factor: what stays where K gets other values.
+struct Elimination {
+    /// `order[position] = unknown`.
+    order: Vec<u32>,
+    /// `position[unknown]` in that order.
+    position: Vec<u32>,
+    /// Unknowns before the trailing blocks.
+    n_leading: usize,
+    /// Those of each trailing block.
+    sizes: Vec<usize>,
+    symbolic: SymbolicCholesky<u32>,
+    /// Entries of the lower triangle that it was made for.
+    entries: usize,
+    /// Unknowns that are fixed at zero.
+    fixed: Vec<u32>,
+}
+
+impl Elimination {
+    /// How many threads the numeric factorisation is worth.
+    fn threads(&self) -> Par {
+        if self.operations() >= WORTH_THREADS {
+            Par::rayon(rayon::current_num_threads())
+        } else {
+            Par::Seq
+        }
+    }
+
+    /// Multiplications and additions of the factorisation.
+    fn operations(&self) -> f64 {
+        Panels::new(&self.symbolic, &[])
+            .map(|panel| {
+                (0..panel.cols)
+                    .map(|j| ((panel.rows - j) as f64).powi(2))
+                    .sum::<f64>()
+            })
+            .sum()
+    }
+
+    /// The entries that the pattern has no place for: which, and their columns.
+    fn missed(&self, lower: &Lower) -> Vec<(usize, usize)> {
+        let panels = Panels::new(&self.symbolic, &[]);
+        let mut panel_of = vec![0; self.order.len()];
+        for s in 0..panels.end {
+            let panel = panels.get(s);
+            panel_of[panel.first..][..panel.cols].fill(s);
+        }
+        let has_no_place = |column: usize, row: u32| {
+            let [p, q] = [column, row as usize].map(|unknown| self.position[unknown]);
+            let panel = panels.get(panel_of[p.min(q) as usize]);
+            let own = (p.max(q) as usize) < panel.first + panel.cols;
+            !own && panel.below.binary_search(&p.max(q)).is_err()
+        };
+        (0..self.order.len())
+            .into_par_iter()
+            .with_min_len(1 << 12)
+            .flat_map_iter(|column| {
+                let missed = lower.range(column);
+                let missed = missed.filter(|&k| has_no_place(column, lower.row_idx[k]));
+                missed.map(|k| (k, column)).collect::<Vec<_>>()
+            })
+            .collect()
+    }
+
+    /// Leaves out what is zero but for rounding, where the pattern has no place for all entries: faer takes no more of them than
+    /// the order was made for, nor any outside of the factor.
+    fn fit<const D: usize>(&self, k: &BlockCsr<D>, lower: &mut Lower) -> Result<(), FactorError> {
+        let too_many = lower.row_idx.len() > self.entries;
+        let missed = self.missed(lower);
+        if missed.is_empty() && !too_many {
+            return Ok(());
+        }
+        let diagonal = k.diagonal();
+        let is_rounding = |&(entry, column): &(usize, usize)| {
+            let row = lower.row_idx[entry] as usize;
+            let size = (diagonal[row] * diagonal[column]).sqrt();
+            row != column && lower.values[entry].abs() <= ROUNDING * size
+        };
+        let all = (0..self.order.len())
+            .flat_map(|column| lower.range(column).map(move |entry| (entry, column)));
+        let rounding: Vec<(usize, usize)> = all.filter(is_rounding).collect();
+        let many = lower.row_idx.len() - rounding.len() > self.entries;
+        let last = (lower.row_idx.len() - 1, self.order.len() - 1);
+        let outside = missed.iter().find(|entry| !is_rounding(entry));
+        if let Some(&(entry, column)) = outside.or(many.then_some(&last)) {
+            let [row, column] = [lower.row_idx[entry] as usize + 1, column + 1];
+            return Err(FactorError::OtherPattern { row, column });
+        }
+        lower.remove(&rounding);
+        Ok(())
+    }
+
+    /// Makes the factor of K, whose lower triangle is given, in `values`.
+    fn factorise<const D: usize>(
+        &self,
+        k: &BlockCsr<D>,
+        lower: &Lower,
+        values: &mut Vec<f64>,
+        threads: Par,
+    ) -> Result<(), FactorError> {
+        let n = self.order.len();
+        let (symbolic, len) = (&self.symbolic, self.symbolic.len_val());
+        let out_of_memory = || FactorError::OutOfMemory {
+            mib: (len * 8) >> 20,
+        };
+        (values.try_reserve_exact(len.saturating_sub(values.len())))
+            .map_err(|_| out_of_memory())?;
+        values.resize(len, 0.0);
+        let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(threads, Default::default());
+        let mut memory = MemBuffer::try_new(scratch).map_err(|_| out_of_memory())?;
+        let not_definite = |position: usize| {
+            let unknown = self.order[position] as usize;
+            FactorError::NotPositiveDefinite {
+                unknown: unknown + 1,
+                place: String::new(),
+            }
+        };
+        symbolic
+            .factorize_numeric_llt(
+                values,
+                SparseColMatRef::new(lower.pattern(), &lower.values),
+                Side::Lower,
+                LltRegularization::default(),
+                threads,
+                MemStack::new(&mut memory),
+                Default::default(),
+            )
+            .map_err(|LltError::NonPositivePivot { index }| not_definite(index.min(n - 1)))?;
+        drop(memory);
+
+        let diagonal = k.diagonal();
+        for panel in Panels::new(symbolic, values) {
+            for j in 0..panel.cols {
+                let pivot = panel.values[j * panel.rows + j];
+                let unknown = self.order[panel.first + j] as usize;
+                // Written so that NaN is refused.
+                if !(pivot * pivot > PIVOT_LIMIT * diagonal[unknown]) {
+                    return Err(not_definite(panel.first + j));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
 /// The order of elimination and the pattern of the factor: what it will cost is known before it is made.
 pub struct Plan {
-    order: Vec<u32>,
-    position: Vec<u32>,
-    n_leading: usize,
-    sizes: Vec<usize>,
-    col_ptr: Vec<u32>,
-    row_idx: Vec<u32>,
-    values: Vec<f64>,
-    symbolic: SymbolicCholesky<u32>,
-    fixed: Vec<u32>,
+    elimination: Elimination,
+    lower: Lower,
     seconds: f64,
 }
 
@@ -117,11 +279,10 @@ impl Plan {
         } = contact_last(k, coordinates, touched);
         let position = inverse(&order);
 
-        let (col_ptr, row_idx, values) = lower_columns(k, &fixed);
-        let pattern = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &col_ptr, None, &row_idx);
+        let lower = Lower::of(k, &fixed);
         let perm = faer::perm::PermRef::new_checked(&order, &position, n);
         let symbolic = factorize_symbolic_cholesky(
-            pattern,
+            lower.pattern(),
             Side::Lower,
             SymmetricOrdering::Custom(perm),
             CholeskySymbolicParams {
@@ -135,74 +296,55 @@ impl Plan {
         })?;
 
         Ok(Self {
-            order,
-            position,
-            n_leading,
-            sizes,
-            col_ptr,
-            row_idx,
-            values,
-            symbolic,
-            fixed,
+            elimination: Elimination {
+                order,
+                position,
+                n_leading,
+                sizes,
+                symbolic,
+                entries: lower.row_idx.len(),
+                fixed,
+            },
+            lower,
             seconds: start.elapsed().as_secs_f64(),
         })
     }
 
     /// Bytes that the factor and its making will take, beside K itself.
     pub fn bytes(&self) -> usize {
-        let scratch = (self.symbolic)
-            .factorize_numeric_llt_scratch::<f64>(self.threads(), Default::default())
+        let Elimination {
+            symbolic, sizes, ..
+        } = &self.elimination;
+        let scratch = symbolic
+            .factorize_numeric_llt_scratch::<f64>(self.elimination.threads(), Default::default())
             .unaligned_bytes_required();
-        let lower = size_of_val(&self.values[..]) + size_of_val(&self.row_idx[..]);
+        let lower = size_of_val(&self.lower.values[..]) + size_of_val(&self.lower.row_idx[..]);
         // The trailing blocks are copied when the scratch space is free again.
-        let trailing: usize = self.sizes.iter().map(|size| 8 * size * size).sum();
-        8 * self.symbolic.len_val() + scratch.max(trailing) + 2 * lower
-    }
-
-    /// How many threads the numeric factorisation is worth.
-    fn threads(&self) -> Par {
-        if self.operations() >= WORTH_THREADS {
-            Par::rayon(rayon::current_num_threads())
-        } else {
-            Par::Seq
-        }
+        let trailing: usize = sizes.iter().map(|size| 8 * size * size).sum();
+        8 * symbolic.len_val() + scratch.max(trailing) + 2 * lower
     }
 
     /// Multiplications and additions of the factorisation.
     pub fn operations(&self) -> f64 {
-        Panels::new(&self.symbolic, &[])
-            .map(|panel| {
-                (0..panel.cols)
-                    .map(|j| ((panel.rows - j) as f64).powi(2))
-                    .sum::<f64>()
-            })
-            .sum()
+        self.elimination.operations()
     }
 }
 
 /// K = L Lᵀ with the touched unknowns last.
 pub struct Factor {
-    symbolic: SymbolicCholesky<u32>,
+    elimination: Elimination,
     values: Vec<f64>,
-    /// `order[position] = unknown`.
-    order: Vec<u32>,
-    /// `position[unknown]` in that order.
-    position: Vec<u32>,
-    /// Unknowns before the trailing blocks.
-    n_leading: usize,
     blocks: Vec<TrailingBlock>,
-    /// Unknowns that are fixed at zero.
-    fixed: Vec<u32>,
     /// Longest panel, for the workspace of the sweeps.
     max_rows: usize,
-    /// Seconds for ordering, symbolic and numeric factorisation.
+    /// Seconds for ordering, symbolic and numeric factorisation; of the last one where K has got other values since.
     pub seconds: f64,
 }
 
 impl Factor {
     /// Factorises K as planned for it.
     pub fn new<const D: usize>(k: &BlockCsr<D>, plan: Plan) -> Result<Self, FactorError> {
-        let threads = plan.threads();
+        let threads = plan.elimination.threads();
         Self::on_threads(k, plan, threads)
     }
 
@@ -214,107 +356,88 @@ impl Factor {
     ) -> Result<Self, FactorError> {
         let start = Instant::now();
         let Plan {
-            order,
-            position,
-            n_leading,
-            sizes,
-            col_ptr,
-            row_idx,
-            values,
-            symbolic,
-            fixed,
+            elimination,
+            lower,
             seconds,
         } = plan;
-        let n = k.n_rows();
-        let pattern = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &col_ptr, None, &row_idx);
-        let out_of_memory = || FactorError::OutOfMemory {
-            mib: (symbolic.len_val() * 8) >> 20,
-        };
-        let mut factor: Vec<f64> = Vec::new();
-        factor
-            .try_reserve_exact(symbolic.len_val())
-            .map_err(|_| out_of_memory())?;
-        factor.resize(symbolic.len_val(), 0.0);
-        let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(threads, Default::default());
-        let mut memory = MemBuffer::try_new(scratch).map_err(|_| out_of_memory())?;
-        let not_definite = |position: usize| {
-            let unknown = order[position] as usize;
-            FactorError::NotPositiveDefinite {
-                unknown: unknown + 1,
-                place: String::new(),
-            }
-        };
-        symbolic
-            .factorize_numeric_llt(
-                &mut factor,
-                SparseColMatRef::new(pattern, &values),
-                Side::Lower,
-                LltRegularization::default(),
-                threads,
-                MemStack::new(&mut memory),
-                Default::default(),
-            )
-            .map_err(|LltError::NonPositivePivot { index }| not_definite(index.min(n - 1)))?;
-
-        drop(memory);
-
-        let diagonal = k.diagonal();
-        let mut max_rows = 0;
-        for panel in Panels::new(&symbolic, &factor) {
-            max_rows = max_rows.max(panel.rows);
-            for j in 0..panel.cols {
-                let pivot = panel.values[j * panel.rows + j];
-                let unknown = order[panel.first + j] as usize;
-                // Written so that NaN is refused.
-                if !(pivot * pivot > PIVOT_LIMIT * diagonal[unknown]) {
-                    return Err(not_definite(panel.first + j));
-                }
-            }
-        }
-        let blocks = trailing_blocks(&symbolic, &factor, n_leading, &sizes);
-        let seconds = seconds + start.elapsed().as_secs_f64();
-
+        let mut values = Vec::new();
+        elimination.factorise(k, &lower, &mut values, threads)?;
+        let panels = Panels::new(&elimination.symbolic, &[]);
         Ok(Self {
-            symbolic,
-            values: factor,
-            order,
-            position,
-            n_leading,
-            blocks,
-            fixed,
-            max_rows,
-            seconds,
+            max_rows: panels.map(|panel| panel.rows).max().unwrap_or(0),
+            blocks: trailing_blocks(&elimination, &values)?,
+            elimination,
+            values,
+            seconds: seconds + start.elapsed().as_secs_f64(),
         })
+    }
+
+    /// Factorises a K with other values in the same order, with the same pattern of the factor. K may have as many entries as the
+    /// one that it was made for, anywhere where the factor has some; what is zero but for rounding does not count.
+    ///
+    /// # Errors
+    /// If K has another size, or an entry elsewhere: the factor is what it was then. If it is not positive definite, or ties bodies
+    /// that were apart: there is no factor then, until this succeeds.
+    pub fn refactor<const D: usize>(&mut self, k: &BlockCsr<D>) -> Result<(), FactorError> {
+        let start = Instant::now();
+        if k.n_rows() != self.n() {
+            return Err(FactorError::OtherSize {
+                found: k.n_rows(),
+                expected: self.n(),
+            });
+        }
+        let mut lower = Lower::of(k, &self.elimination.fixed);
+        self.elimination.fit(k, &mut lower)?;
+        self.blocks.clear();
+        let threads = self.elimination.threads();
+        (self.elimination).factorise(k, &lower, &mut self.values, threads)?;
+        self.blocks = trailing_blocks(&self.elimination, &self.values)?;
+        self.seconds = start.elapsed().as_secs_f64();
+        Ok(())
     }
 
     /// Unknowns.
     pub fn n(&self) -> usize {
-        self.order.len()
+        self.elimination.order.len()
     }
 
     /// Unknowns before the trailing ones.
     pub fn n_leading(&self) -> usize {
-        self.n_leading
+        self.elimination.n_leading
     }
 
     /// The place of an unknown in the order of elimination; None if it is fixed.
     pub fn position(&self, unknown: usize) -> Option<usize> {
-        (self.fixed.binary_search(&(unknown as u32)).is_err())
-            .then(|| self.position[unknown] as usize)
+        (self
+            .elimination
+            .fixed
+            .binary_search(&(unknown as u32))
+            .is_err())
+        .then(|| self.elimination.position[unknown] as usize)
+    }
+
+    /// The unknowns that are fixed at zero.
+    pub fn fixed(&self) -> &[u32] {
+        &self.elimination.fixed
     }
 
     /// Zeroes the fixed unknowns of a vector.
     pub fn release(&self, x: &mut [f64]) {
-        for &i in &self.fixed {
+        for &i in &self.elimination.fixed {
             x[i as usize] = 0.0;
         }
     }
 
     /// The forward half of a solve: what [`Factor::finish`] takes.
     pub fn reduce(&self, load: &[f64]) -> Vec<f64> {
-        let mut x: Vec<f64> = self.order.iter().map(|&i| load[i as usize]).collect();
-        for &i in &self.fixed {
-            x[self.position[i as usize] as usize] = 0.0;
+        let mut x: Vec<f64> = self
+            .elimination
+            .order
+            .iter()
+            .map(|&i| load[i as usize])
+            .collect();
+        for &i in &self.elimination.fixed {
+            x[self.elimination.position[i as usize] as usize] = 0.0;
         }
         if !self.touches_too_much() {
             self.forward(&mut x);
@@ -327,7 +450,7 @@ impl Factor {
         if self.touches_too_much() {
             self.forward(x);
         }
-        self.trailing_solve(self.n_leading, x);
+        self.trailing_solve(self.elimination.n_leading, x);
         self.backward(x);
         self.unpermute(x)
     }
@@ -340,7 +463,7 @@ impl Factor {
     /// B touches this many unknowns that dense trailing blocks would not pay: every solve is a full one,
     /// and all unknowns count as trailing.
     fn touches_too_much(&self) -> bool {
-        self.n_leading == 0 && self.blocks.is_empty()
+        self.elimination.n_leading == 0 && self.blocks.is_empty()
     }
 
     /// The rows of K⁻¹x, or of the trailing solve, that B needs.
@@ -366,7 +489,7 @@ impl Factor {
     fn forward(&self, x: &mut [f64]) {
         let end = self.sweep_end();
         let mut local = vec![0.0; self.max_rows];
-        for panel in Panels::new(&self.symbolic, &self.values) {
+        for panel in Panels::new(&self.elimination.symbolic, &self.values) {
             if panel.first >= end {
                 break;
             }
@@ -385,7 +508,7 @@ impl Factor {
     fn backward(&self, x: &mut [f64]) {
         let end = self.sweep_end();
         let mut local = vec![0.0; self.max_rows];
-        for panel in Panels::new(&self.symbolic, &self.values).rev() {
+        for panel in Panels::new(&self.elimination.symbolic, &self.values).rev() {
             if panel.first >= end {
                 continue;
             }
@@ -401,15 +524,15 @@ impl Factor {
 
     fn sweep_end(&self) -> usize {
         if self.blocks.is_empty() {
-            self.order.len()
+            self.elimination.order.len()
         } else {
-            self.n_leading
+            self.elimination.n_leading
         }
     }
 
     fn unpermute(&self, x: &[f64]) -> Vec<f64> {
         let mut u = vec![0.0; x.len()];
-        for (&unknown, &value) in self.order.iter().zip(x) {
+        for (&unknown, &value) in self.elimination.order.iter().zip(x) {
             u[unknown as usize] = value;
         }
         u
@@ -493,44 +616,88 @@ fn inverse(order: &[u32]) -> Vec<u32> {
 }
 
 /// The lower triangle of K by columns; zeros off the diagonal are left out, and so is what ties a fixed unknown.
-fn lower_columns<const D: usize>(k: &BlockCsr<D>, fixed: &[u32]) -> (Vec<u32>, Vec<u32>, Vec<f64>) {
-    let n = k.n_rows();
-    let tied = |unknown: usize| fixed.binary_search(&(unknown as u32)).is_err();
-    let room = D * D * k.n_blocks() / 2 + n;
-    let mut col_ptr = Vec::with_capacity(n + 1);
-    let mut row_idx = Vec::with_capacity(room);
-    let mut values = Vec::with_capacity(room);
-    col_ptr.push(0);
-    for i in 0..k.n_block_rows() {
-        let (cols, blocks) = k.row(i);
-        let below = cols.partition_point(|&j| (j as usize) < i);
-        for a in 0..D {
-            // K is symmetric: the row of blocks i holds the columns D i and those after it.
-            for (&j, block) in cols[below..].iter().zip(&blocks[below..]) {
-                for (b, &value) in block[a].iter().enumerate() {
-                    let (row, column) = (D * j as usize + b, D * i + a);
-                    if row == column || (row > column && value != 0.0 && tied(row) && tied(column))
-                    {
-                        row_idx.push(row as u32);
-                        values.push(value);
+struct Lower {
+    col_ptr: Vec<u32>,
+    row_idx: Vec<u32>,
+    values: Vec<f64>,
+}
+
+impl Lower {
+    fn of<const D: usize>(k: &BlockCsr<D>, fixed: &[u32]) -> Self {
+        let n = k.n_rows();
+        let tied = |unknown: usize| fixed.binary_search(&(unknown as u32)).is_err();
+        let room = D * D * k.n_blocks() / 2 + n;
+        let mut col_ptr = Vec::with_capacity(n + 1);
+        let mut row_idx = Vec::with_capacity(room);
+        let mut values = Vec::with_capacity(room);
+        col_ptr.push(0);
+        for i in 0..k.n_block_rows() {
+            let (cols, blocks) = k.row(i);
+            let below = cols.partition_point(|&j| (j as usize) < i);
+            for a in 0..D {
+                // K is symmetric: the row of blocks i holds the columns D i and those after it.
+                for (&j, block) in cols[below..].iter().zip(&blocks[below..]) {
+                    for (b, &value) in block[a].iter().enumerate() {
+                        let (row, column) = (D * j as usize + b, D * i + a);
+                        if row == column
+                            || (row > column && value != 0.0 && tied(row) && tied(column))
+                        {
+                            row_idx.push(row as u32);
+                            values.push(value);
+                        }
                     }
                 }
+                col_ptr.push(row_idx.len() as u32);
             }
-            col_ptr.push(row_idx.len() as u32);
+        }
+        Self {
+            col_ptr,
+            row_idx,
+            values,
         }
     }
-    (col_ptr, row_idx, values)
+
+    /// The entries of a column.
+    fn range(&self, column: usize) -> std::ops::Range<usize> {
+        self.col_ptr[column] as usize..self.col_ptr[column + 1] as usize
+    }
+
+    /// Without some entries, in ascending order, each with its column.
+    fn remove(&mut self, entries: &[(usize, usize)]) {
+        let mut next = entries.iter().map(|&(entry, _)| entry).peekable();
+        let (mut kept, mut begin) = (0, 0);
+        for column in 1..self.col_ptr.len() {
+            let end = self.col_ptr[column] as usize;
+            for entry in begin..end {
+                if next.next_if_eq(&entry).is_none() {
+                    self.row_idx[kept] = self.row_idx[entry];
+                    self.values[kept] = self.values[entry];
+                    kept += 1;
+                }
+            }
+            (self.col_ptr[column], begin) = (kept as u32, end);
+        }
+        self.row_idx.truncate(kept);
+        self.values.truncate(kept);
+    }
+
+    fn pattern(&self) -> SymbolicSparseColMatRef<'_, u32> {
+        let n = self.col_ptr.len() - 1;
+        SymbolicSparseColMatRef::new_unsorted_checked(n, n, &self.col_ptr, None, &self.row_idx)
+    }
 }
 
 /// Copies the dense trailing blocks out of the factor.
+///
+/// # Errors
+/// If K ties two bodies that it did not tie when their unknowns were ordered.
 fn trailing_blocks(
-    symbolic: &SymbolicCholesky<u32>,
+    elimination: &Elimination,
     values: &[f64],
-    n_leading: usize,
-    sizes: &[usize],
-) -> Vec<TrailingBlock> {
+) -> Result<Vec<TrailingBlock>, FactorError> {
+    let n_leading = elimination.n_leading;
     let mut first = 0;
-    let mut blocks: Vec<TrailingBlock> = sizes
+    let mut blocks: Vec<TrailingBlock> = (elimination.sizes)
         .iter()
         .map(|&size| {
             first += size;
@@ -542,10 +709,10 @@ fn trailing_blocks(
         })
         .collect();
     if blocks.is_empty() {
-        return blocks;
+        return Ok(blocks);
     }
     let mut current = 0;
-    for panel in Panels::new(symbolic, values) {
+    for panel in Panels::new(&elimination.symbolic, values) {
         for j in 0..panel.cols {
             let Some(column) = (panel.first + j).checked_sub(n_leading) else {
                 continue;
@@ -564,11 +731,17 @@ fn trailing_blocks(
                     panel.below[i - panel.cols] as usize
                 };
                 // Supernodes may be padded with zeros across two bodies.
-                if let Some(place) = target.get_mut(row - n_leading - first) {
-                    *place = value;
+                match target.get_mut(row - n_leading - first) {
+                    Some(place) => *place = value,
+                    None if value == 0.0 => {}
+                    None => {
+                        let [row, column] = [row, panel.first + j]
+                            .map(|position| elimination.order[position] as usize + 1);
+                        return Err(FactorError::OtherPattern { row, column });
+                    }
                 }
             }
         }
     }
-    blocks
+    Ok(blocks)
 }

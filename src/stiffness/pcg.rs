@@ -284,6 +284,29 @@ impl<B: Backend> Pcg<B> {
         }
     }
 
+    /// Takes another K of the same pattern: the preconditioner keeps its structure, which may have got worse where K has changed
+    /// much. After an error nothing can be solved.
+    pub fn update<const D: usize>(
+        &mut self,
+        k: &Arc<BlockCsr<D>>,
+        coordinates: Option<&[[f64; D]]>,
+        vertices: Option<&Vertices<D>>,
+    ) -> Result<(), PcgError> {
+        self.preconditioner.clear();
+        self.k = Arc::clone(k) as _;
+        (self.matrix, self.scale) = self.backend.matrix(Arc::clone(&self.k))?;
+        self.state = self.backend.state(&self.matrix, &self.x)?;
+        // What runs have shown was about the K before.
+        (self.rate, self.last, self.rounding) = (1.0, 0, refine::ROUNDING);
+        self.falls.forget();
+        let Self {
+            backend,
+            preconditioner,
+            ..
+        } = self;
+        preconditioner.rebuild::<D, PcgError>(backend, k, coordinates, vertices)
+    }
+
     /// Whether the backend's own arithmetic is enough for an f64 answer.
     pub fn is_f64(&self) -> bool {
         self.backend.unit_roundoff() < 1e-12

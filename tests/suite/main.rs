@@ -43,4 +43,5 @@ mod solids;
 mod statics;
 mod thermal;
 mod ties;
+mod updated;
 mod validation;

@@ -1,7 +1,10 @@
 //! The V-cycle, written once for all backends.
 
-use super::{Coarse, Hierarchy, Inverse, Smoother};
+use super::setup::Skeleton;
+use super::{AmgError, Coarse, Hierarchy, Inverse, Level, Smoother};
 use crate::backend::{Backend, BackendError, Product};
+use crate::problem::Vertices;
+use crate::sparse::BlockCsr;
 use crate::sparse::stored::Real as _;
 
 /// A matrix on a backend, and the Chebyshev iteration that smooths with it.
@@ -46,6 +49,7 @@ pub struct Multigrid<B: Backend> {
     coarse: CoarseThere<B>,
     /// One more than levels.
     vectors: Vec<LevelVectors<B>>,
+    skeleton: Option<Skeleton>,
 }
 
 impl<B: Backend> Multigrid<B> {
@@ -63,26 +67,33 @@ impl<B: Backend> Multigrid<B> {
                 })
             })
             .collect::<Result<_, BackendError>>()?;
-        let mut levels = Vec::new();
-        for level in hierarchy.levels {
-            levels.push(LevelThere {
-                smoother: smoother(backend, level.smoother)?,
-                prolongation: backend.level_matrix(level.prolongation)?,
-                restriction: backend.level_matrix(level.restriction)?,
-            });
-        }
-        let coarse = match hierarchy.coarse {
-            Coarse::Inverse(dense) => CoarseThere::Inverse(backend.dense_matrix(dense)?),
-            Coarse::Diagonal { block, values } => {
-                CoarseThere::Diagonal(backend.level_diagonal(values, block)?)
-            }
-            Coarse::Smoothed(coarse) => CoarseThere::Smoothed(smoother(backend, coarse)?),
-        };
+        let (levels, coarse) = there(backend, hierarchy.levels, hierarchy.coarse)?;
         Ok(Self {
             levels,
             coarse,
             vectors,
+            skeleton: hierarchy.skeleton,
         })
+    }
+
+    /// Makes room where other values are to come: there is no cycle before [`Multigrid::rebuild`].
+    pub(crate) fn clear(&mut self) {
+        self.levels.clear();
+    }
+
+    /// Takes the values that another K gives, as [`Hierarchy::rebuild`] makes them. After an error there is no cycle.
+    pub(crate) fn rebuild<const D: usize, E: From<AmgError> + From<BackendError>>(
+        &mut self,
+        backend: &mut B,
+        k: &BlockCsr<D>,
+        coordinates: Option<&[[f64; D]]>,
+        vertices: Option<&Vertices<D>>,
+    ) -> Result<(), E> {
+        self.clear();
+        let skeleton = self.skeleton.clone();
+        let hierarchy = Hierarchy::of_skeleton(skeleton, k, coordinates, vertices)?;
+        (self.levels, self.coarse) = there(backend, hierarchy.levels, hierarchy.coarse)?;
+        Ok(())
     }
 
     /// r, to be filled before a cycle.
@@ -108,6 +119,30 @@ impl<B: Backend> Multigrid<B> {
             &mut self.vectors,
         );
     }
+}
+
+/// The levels and what is done on the coarsest, on the backend.
+fn there<B: Backend>(
+    backend: &mut B,
+    levels: Vec<Level<B::Stored>>,
+    coarse: Coarse<B::Stored>,
+) -> Result<(Vec<LevelThere<B>>, CoarseThere<B>), BackendError> {
+    let mut made = Vec::with_capacity(levels.len());
+    for level in levels {
+        made.push(LevelThere {
+            smoother: smoother(backend, level.smoother)?,
+            prolongation: backend.level_matrix(level.prolongation)?,
+            restriction: backend.level_matrix(level.restriction)?,
+        });
+    }
+    let coarse = match coarse {
+        Coarse::Inverse(dense) => CoarseThere::Inverse(backend.dense_matrix(dense)?),
+        Coarse::Diagonal { block, values } => {
+            CoarseThere::Diagonal(backend.level_diagonal(values, block)?)
+        }
+        Coarse::Smoothed(coarse) => CoarseThere::Smoothed(smoother(backend, coarse)?),
+    };
+    Ok((made, coarse))
 }
 
 fn smoother<B: Backend>(

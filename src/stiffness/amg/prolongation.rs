@@ -222,15 +222,16 @@ pub(super) fn tentative<const B: usize, const M: usize>(
     Tentative { q, coarse, factors }
 }
 
-/// The prolongation that is being smoothed, on the blocks that it may have.
-struct Pattern {
+/// The places of the blocks that the prolongation may have.
+#[derive(Debug)]
+pub(super) struct Pattern {
     row_ptr: Vec<usize>,
     cols: Vec<u32>,
 }
 
 impl Pattern {
     /// The aggregates of a node and of its neighbours in a graph.
-    fn new(aggregates: &Groups, graph: &Graph) -> Self {
+    pub fn new(aggregates: &Groups, graph: &Graph) -> Self {
         let (mut row_ptr, mut cols) = (vec![0], Vec::new());
         for (i, &own) in aggregates.of_node.iter().enumerate() {
             let start = cols.len();
@@ -267,11 +268,10 @@ pub(super) fn smoothed<const B: usize, const M: usize>(
     inverse_diagonal: &[[[f64; B]; B]],
     omegas: &[f64],
     aggregates: &Groups,
-    graph: &Graph,
+    pattern: &Pattern,
     tentative: &Tentative<B, M>,
 ) -> BlockCsr<B, M> {
     let n = a.n_block_rows();
-    let pattern = Pattern::new(aggregates, graph);
     let q = |i: usize| -> (&[u32], &[Modes<B, M>]) {
         let own = &aggregates.of_node[i];
         let there = usize::from(*own != NONE);
@@ -288,7 +288,7 @@ pub(super) fn smoothed<const B: usize, const M: usize>(
             omega,
             aggregates,
             tentative,
-            pattern: &pattern,
+            pattern,
         };
         p = Some(match &p {
             None => step.of(q),

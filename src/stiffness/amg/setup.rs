@@ -1,8 +1,8 @@
 //! How the hierarchy is made, level by level.
 
-use super::aggregation::{Graph, Groups, NONE, Strength, aggregate, strength, ties, weights};
+use super::aggregation::{Groups, NONE, Strength, aggregate, strength, ties, weights};
 use super::patches;
-use super::prolongation::{Modes, rigid_body_modes, smoothed, take_out_held, tentative};
+use super::prolongation::{Modes, Pattern, rigid_body_modes, smoothed, take_out_held, tentative};
 use super::{
     AmgError, AmgSettings, Coarse, Hierarchy, Inverse, Level, Smoother, coarse, product, scale_of,
     smoother,
@@ -10,6 +10,7 @@ use super::{
 use crate::problem::Vertices;
 use crate::sparse::BlockCsr;
 use crate::sparse::stored::{BlockMatrix, Real, store};
+use std::sync::Arc;
 
 /// Safety factor on the estimate of λ_max(D⁻¹A), which comes from below and was found up to 10 % short.
 /// The smoother of degree 2 reduces the error up to about 1.1 times the end of its interval, so that the
@@ -24,48 +25,158 @@ const COARSE_DEGREE: usize = 16;
 /// Its α.
 const COARSE_ALPHA: f64 = 300.0;
 
-/// The hierarchy with M modes.
-pub(super) fn build<const D: usize, const M: usize, S: Real>(
-    k: &BlockCsr<D>,
-    coordinates: Option<&[[f64; D]]>,
-    vertices: Option<&Vertices<D>>,
-    settings: &AmgSettings,
-) -> Result<Hierarchy<S>, AmgError> {
-    let scale = scale_of(k)?;
-    // Unknowns of which an inverse has as many entries as it may.
-    let entries = (D * D * k.n_blocks()) as f64;
-    let settings = &AmgSettings {
-        dense_limit: (settings.dense_limit).min((settings.dense_part * entries).sqrt() as usize),
-        ..*settings
-    };
-    let theta = match coordinates {
-        Some(_) => [settings.theta, settings.coarse_theta],
-        None => [settings.theta_without_points; 2],
-    };
-    let (mut levels, coarse) = match vertices {
-        Some(vertices) if k.n_rows() > settings.dense_limit => {
-            to_vertices::<D, M, S>(k, vertices, scale, theta, settings)?
+/// What stays of a hierarchy where K gets other values.
+#[derive(Clone, Debug)]
+pub(super) struct Skeleton {
+    settings: AmgSettings,
+    /// Nodes and blocks of K.
+    size: [usize; 2],
+    /// From the first level that is coarsened by aggregates.
+    shapes: Vec<Arc<Shape>>,
+}
+
+/// What is found out about the matrix of a level.
+#[derive(Debug)]
+enum Shape {
+    /// It is inverted.
+    Inverse,
+    /// It is smoothed, on patches where they pay, and is the last one where it has no aggregates.
+    Smoothed {
+        patches: Option<Groups>,
+        coarser: Option<(Groups, Pattern)>,
+    },
+}
+
+impl Skeleton {
+    /// Without shapes, which the first hierarchy finds.
+    pub fn new<const D: usize>(k: &BlockCsr<D>, settings: &AmgSettings) -> Self {
+        // Unknowns of which an inverse has as many entries as it may.
+        let entries = (D * D * k.n_blocks()) as f64;
+        let most = (settings.dense_part * entries).sqrt() as usize;
+        Self {
+            settings: AmgSettings {
+                dense_limit: settings.dense_limit.min(most),
+                ..*settings
+            },
+            size: [k.n_block_rows(), k.n_blocks()],
+            shapes: Vec::new(),
         }
-        _ => {
-            let modes = rigid_body_modes::<D, M>(k.n_block_rows(), coordinates);
-            coarsen(k, modes, coordinates, scale, theta, settings)?
+    }
+
+    /// The hierarchy of a K, with M modes.
+    pub fn fill<const D: usize, const M: usize, S: Real>(
+        self,
+        k: &BlockCsr<D>,
+        coordinates: Option<&[[f64; D]]>,
+        vertices: Option<&Vertices<D>>,
+    ) -> Result<Hierarchy<S>, AmgError> {
+        let found = [k.n_block_rows(), k.n_blocks()];
+        if found != self.size {
+            return Err(AmgError::OtherPattern {
+                found,
+                expected: self.size,
+            });
         }
-    };
-    levels.reverse();
-    Ok(Hierarchy {
-        levels,
-        coarse,
-        scale,
-    })
+        let scale = scale_of(k)?;
+        let theta = match coordinates {
+            Some(_) => [self.settings.theta, self.settings.coarse_theta],
+            None => [self.settings.theta_without_points; 2],
+        };
+        let mut making = Making {
+            skeleton: self,
+            scale,
+            theta,
+            level: 0,
+        };
+        let (mut levels, coarse) = match vertices {
+            Some(vertices) if k.n_rows() > making.skeleton.settings.dense_limit => {
+                to_vertices::<D, M, S>(k, vertices, &mut making)?
+            }
+            _ => {
+                let modes = rigid_body_modes::<D, M>(k.n_block_rows(), coordinates);
+                coarsen(k, modes, coordinates, &mut making)?
+            }
+        };
+        levels.reverse();
+        Ok(Hierarchy {
+            levels,
+            coarse,
+            scale,
+            skeleton: Some(making.skeleton),
+        })
+    }
+}
+
+/// A hierarchy on its way from level to level.
+struct Making {
+    skeleton: Skeleton,
+    scale: f64,
+    /// θ of the first level and of those below.
+    theta: [f64; 2],
+    /// Whose shape is asked for next.
+    level: usize,
+}
+
+impl Making {
+    /// The shape of the next level, found now if it is not known.
+    fn shape(&mut self, find: impl FnOnce(&AmgSettings, f64) -> Shape) -> Arc<Shape> {
+        let Skeleton {
+            shapes, settings, ..
+        } = &mut self.skeleton;
+        if shapes.len() == self.level {
+            let theta = self.theta[self.level.min(1)];
+            shapes.push(Arc::new(find(settings, theta)));
+        }
+        self.level += 1;
+        Arc::clone(&shapes[self.level - 1])
+    }
+
+    /// Whether the matrix of the next level is inverted before anything else is found out about it.
+    fn inverts(&self, n: usize) -> bool {
+        match self.skeleton.shapes.get(self.level) {
+            Some(shape) => matches!(**shape, Shape::Inverse),
+            None => n <= self.skeleton.settings.dense_limit,
+        }
+    }
+}
+
+impl Shape {
+    /// Of a matrix with these components that nothing is tied to.
+    fn find<const B: usize, const M: usize, const D: usize>(
+        a: &BlockCsr<B>,
+        decoupled: &[[bool; B]],
+        points: Option<&[[f64; D]]>,
+        scale: f64,
+        settings: &AmgSettings,
+        theta: f64,
+    ) -> Self {
+        let ties = ties(a);
+        let weights = weights(a, scale);
+        let Strength { strong, pulling } = strength(&ties, &weights, theta, settings.reach, points);
+        let aggregates = aggregate(&ties, &strong, settings.busiest_first, |i| {
+            decoupled[i] == [true; B]
+        });
+        let n = a.n_rows();
+        let stalled =
+            aggregates.count == 0 || (aggregates.count * M) as f64 * LEAST_REDUCTION > n as f64;
+        if stalled && n <= settings.stalled_dense_limit {
+            return Self::Inverse;
+        }
+        Self::Smoothed {
+            patches: patches::patches(&ties, &strong),
+            coarser: (!stalled).then(|| {
+                let pattern = Pattern::new(&aggregates, &pulling);
+                (aggregates, pattern)
+            }),
+        }
+    }
 }
 
 /// The levels of the corners and all below them, then that of K, as [`coarsen`] has them.
 fn to_vertices<const D: usize, const M: usize, S: Real>(
     k: &BlockCsr<D>,
     vertices: &Vertices<D>,
-    scale: f64,
-    theta: [f64; 2],
-    settings: &AmgSettings,
+    making: &mut Making,
 ) -> Result<(Vec<Level<S>>, Coarse<S>), AmgError> {
     let p = &vertices.prolongation;
     let r = product::transpose(p);
@@ -74,15 +185,10 @@ fn to_vertices<const D: usize, const M: usize, S: Real>(
         .or(made.as_ref())
         .expect("one of both");
     let modes = rigid_body_modes::<D, M>(matrix.n_block_rows(), Some(&vertices.points));
-    let (mut levels, coarse) = coarsen(
-        matrix,
-        modes,
-        Some(&vertices.points),
-        scale,
-        theta,
-        settings,
-    )?;
+    let (mut levels, coarse) = coarsen(matrix, modes, Some(&vertices.points), making)?;
     drop(made);
+    let scale = making.scale;
+    let AmgSettings { degree, alpha, .. } = making.skeleton.settings;
     let inverse_diagonal = smoother::inverse_diagonal(k)
         .map_err(|node| AmgError::NotPositiveDefinite { node, block: D })?;
     let inverse = Inverse::Diagonal {
@@ -95,7 +201,7 @@ fn to_vertices<const D: usize, const M: usize, S: Real>(
         smoother: Smoother {
             matrix: stored,
             inverse,
-            steps: steps(settings.degree, settings.alpha, radius),
+            steps: steps(degree, alpha, radius),
         },
         prolongation: BlockMatrix::new(p, 1.0),
         restriction: BlockMatrix::new(&r, 1.0),
@@ -122,56 +228,52 @@ fn radius<const B: usize, S: Real>(
         .ok_or(AmgError::Singular)
 }
 
-/// The levels of `a` and all below it, the finest last, and the coarsest. `theta` is for this level and for those below.
+/// The levels of `a` and all below it, the finest last, and the coarsest.
 fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
     a: &BlockCsr<B>,
     mut modes: Vec<Modes<B, M>>,
     points: Option<&[[f64; D]]>,
-    scale: f64,
-    theta: [f64; 2],
-    settings: &AmgSettings,
+    making: &mut Making,
 ) -> Result<(Vec<Level<S>>, Coarse<S>), AmgError> {
-    let n = a.n_rows();
-    if n <= settings.dense_limit {
-        return Ok((Vec::new(), Coarse::Inverse(coarse::inverse(a, scale)?)));
+    let scale = making.scale;
+    let inverse = || Ok((Vec::new(), Coarse::Inverse(coarse::inverse(a, scale)?)));
+    if making.inverts(a.n_rows()) {
+        making.shape(|_, _| Shape::Inverse);
+        return inverse();
     }
     let inverse_diagonal = smoother::inverse_diagonal(a)
         .map_err(|node| AmgError::NotPositiveDefinite { node, block: B })?;
     let decoupled = take_out_held(a, &mut modes);
-    let ties = ties(a);
-    let weights = weights(a, scale);
-    let Strength { strong, pulling } = strength(&ties, &weights, theta[0], settings.reach, points);
-    let aggregates = aggregate(&ties, &strong, settings.busiest_first, |i| {
-        decoupled[i] == [true; B]
+    let shape = making.shape(|settings, theta| {
+        Shape::find::<B, M, D>(a, &decoupled, points, scale, settings, theta)
     });
-    let stalled = (aggregates.count * M) as f64 * LEAST_REDUCTION > n as f64;
-    if (stalled || aggregates.count == 0) && n <= settings.stalled_dense_limit {
-        return Ok((Vec::new(), Coarse::Inverse(coarse::inverse(a, scale)?)));
-    }
-    let smoothing = smoothing::<B, S>(a, &inverse_diagonal, [&ties, &strong], scale)?;
-    drop(ties);
+    let Shape::Smoothed { patches, coarser } = &*shape else {
+        return inverse();
+    };
+    let smoothing = smoothing::<B, S>(a, &inverse_diagonal, patches.as_ref(), scale)?;
     let smoother = |degree: usize, alpha: f64| Smoother {
         matrix: BlockMatrix::new(a, scale),
         inverse: smoothing.inverse,
         steps: steps(degree, alpha, smoothing.radius),
     };
-    if stalled || aggregates.count == 0 {
+    let Some((aggregates, pattern)) = coarser else {
         let last = smoother(COARSE_DEGREE, COARSE_ALPHA);
         return Ok((Vec::new(), Coarse::Smoothed(last)));
-    }
-    let tentative = tentative(&modes, &aggregates);
+    };
+    let settings = making.skeleton.settings;
+    let tentative = tentative(&modes, aggregates);
     let omegas = (settings.weights).map(|w| w * 4.0 / 3.0 / smoothing.node_radius);
     let p = smoothed(
         a,
         &inverse_diagonal,
         &omegas,
-        &aggregates,
-        &pulling,
+        aggregates,
+        pattern,
         &tentative,
     );
     let r = product::transpose(&p);
     let mut matrix = product::galerkin(&r, a, &p);
-    if has_free_modes(a, &matrix, &aggregates, &tentative.coarse) {
+    if has_free_modes(a, &matrix, aggregates, &tentative.coarse) {
         return Err(AmgError::Singular);
     }
     hold_missing(&mut matrix, &tentative.coarse, 1.0 / scale);
@@ -181,10 +283,9 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
     drop(p);
     let restriction = BlockMatrix::new(&r, 1.0);
     drop(r);
-    drop((modes, tentative.q, strong, pulling, inverse_diagonal));
-    let points = points.map(|points| centres(points, &aggregates));
-    let (modes, theta) = (tentative.coarse, [theta[1]; 2]);
-    let (mut levels, last) = coarsen(&matrix, modes, points.as_deref(), scale, theta, settings)
+    drop((modes, tentative.q, inverse_diagonal));
+    let points = points.map(|points| centres(points, aggregates));
+    let (mut levels, last) = coarsen(&matrix, tentative.coarse, points.as_deref(), making)
         // Only the blocks of K can be named to the user.
         .map_err(|_| AmgError::Singular)?;
     drop(matrix);
@@ -207,7 +308,7 @@ struct Smoothing<S> {
 fn smoothing<const B: usize, S: Real>(
     a: &BlockCsr<B>,
     inverse_diagonal: &[[[f64; B]; B]],
-    [ties, strong]: [&Graph; 2],
+    patches: Option<&Groups>,
     scale: f64,
 ) -> Result<Smoothing<S>, AmgError> {
     let stored = BlockMatrix::new(a, scale);
@@ -217,9 +318,9 @@ fn smoothing<const B: usize, S: Real>(
         values: store(inverse_diagonal.as_flattened().as_flattened(), 1.0 / scale),
     };
     let node_radius = radius(&diagonal)?;
-    let (inverse, radius) = match patches::patches(ties, strong) {
+    let (inverse, radius) = match patches {
         Some(patches) => {
-            let inverse = patches::inverse(a, inverse_diagonal, &patches);
+            let inverse = patches::inverse(a, inverse_diagonal, patches);
             let inverse = Inverse::Patches(BlockMatrix::new(&inverse, 1.0 / scale));
             let radius = radius(&inverse)?;
             (inverse, radius)

@@ -31,6 +31,11 @@ impl Falls {
         }
     }
 
+    /// As before the first run.
+    pub fn forget(&mut self) {
+        *self = Self::new(self.fast, self.learns);
+    }
+
     /// Whether an iteration leaves half of the energy error and more, or is known to leave smooth errors.
     pub fn is_slow(&self) -> bool {
         !self.fast || self.fall >= 0.5

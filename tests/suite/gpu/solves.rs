@@ -260,3 +260,14 @@ fn a_singular_matrix_is_an_error_of_the_problem() {
         }
     }
 }
+
+/// Matrices and preconditioner of another K, and other rows, come to the device.
+#[test]
+fn an_engine_goes_on_with_another_problem_there() {
+    use crate::updated::{check, plane, space};
+    for (path, options) in paths().into_iter().filter(|(path, _)| path.contains("GPU")) {
+        println!("{path}");
+        check(|young, slope| plane([45, 15], young, slope), &options);
+        check(|young, slope| space([15, 5, 5], young, slope), &options);
+    }
+}
