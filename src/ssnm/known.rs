@@ -156,15 +156,16 @@ impl<const D: usize> OnMatrix<'_, D> {
         self.known.proximal * self.known.mean
     }
 
-    /// Solves the problem from λᵏ; λᵏ itself where that comes to nothing. Also returns the number of Newton steps.
-    pub fn solve(&self, target: f64) -> (Vec<f64>, usize) {
+    /// Solves the problem from λᵏ, to a merit of `target`; λᵏ itself where that comes to nothing. Also returns the number of Newton
+    /// steps, and whether it is solved.
+    pub fn solve(&self, target: f64) -> (Vec<f64>, usize, bool) {
         let mut start = self.from.lambda.clone();
         add_times(-1.0 / self.known.mean, &self.from.r, &mut start);
         let before = self.at(start.clone()).merit;
         let (solved, steps) = Equations::<D>::solve(self, start, target);
         match solved.merit <= 0.5 * before {
-            true => (solved.lambda, steps),
-            false => (self.from.lambda.clone(), steps),
+            true => (solved.lambda, steps, solved.merit <= target),
+            false => (self.from.lambda.clone(), steps, false),
         }
     }
 }
@@ -239,8 +240,7 @@ mod tests {
     use super::*;
     use crate::dual::scatter;
 
-    /// A contact problem on HHᵀ, more rows than H has columns: the errors of Newton's answer and of many sweeps,
-    /// relative to what it was at the start.
+    /// A contact problem on HHᵀ, more rows than H has columns: the errors of Newton's answer and of many sweeps, relative to r.
     fn errors<const D: usize>(m: usize, motions: usize, mu: f64, seed: usize) -> [f64; 2] {
         let n = D * m;
         let numbers = scatter(seed + n * (motions + 1));
@@ -266,7 +266,7 @@ mod tests {
             known.mean * norm(&difference(&z, &point.lambda))
         };
         let numbers = Numbers::default();
-        let (lambda, _) = OnMatrix {
+        let (lambda, ..) = OnMatrix {
             known: &known,
             law: &law,
             from: &from,
@@ -283,7 +283,7 @@ mod tests {
         };
         let mut swept = from.clone();
         (0..5000).for_each(|_| known.sweep(&law, &mut swept));
-        [error(&found) / error(&from), error(&swept) / error(&from)]
+        [&found, &swept].map(|point| error(point) / norm(&from.r))
     }
 
     #[test]

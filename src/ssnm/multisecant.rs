@@ -24,6 +24,10 @@ struct Proposal {
     err: f64,
     /// Newton steps made for it.
     steps: usize,
+    /// Whether it is one on A itself.
+    is_on_matrix: bool,
+    /// Whether it is as accurate as it was asked for.
+    is_solved: bool,
 }
 
 /// The best point, and whether steps still lead anywhere.
@@ -96,8 +100,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             let err = self.update_error(&mut way.point);
             let leads_on = err <= numbers.progress * way.err;
             denied = if leads_on { 0 } else { denied + 1 };
-            if let Some(known) = &mut self.known {
-                known.adapt(leads_on, &numbers);
+            if let Some(known) = self.known.as_mut().filter(|_| proposal.is_on_matrix) {
+                known.adapt(proposal.is_solved && leads_on, &numbers);
             }
             if denied == numbers.denied || self.hidden == numbers.denied {
                 self.products.tighten(self.tolerance);
@@ -123,7 +127,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     /// Solves the problem from λᵏ on what is known of A.
     fn propose(&self, way: &Way<D>, fruitless: usize) -> Proposal {
-        let (mut point, steps) = match &self.known {
+        // Where A itself leads nowhere, the surrogate may: it has no τ that hides directions along which A is small.
+        let known = self.known.as_ref().filter(|_| fruitless % 4 != 2);
+        let (mut point, steps, is_solved) = match known {
             Some(known) => self.on_matrix(known, way),
             None => self.on_surrogate(way, fruitless),
         };
@@ -146,12 +152,14 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             step,
             image,
             steps,
+            is_on_matrix: known.is_some(),
+            is_solved,
         }
     }
 
-    /// On A itself: where forces are to lie, with r and α before they are there, and the Newton steps made. Sweeps come first
-    /// where the last step led nowhere.
-    fn on_matrix(&self, known: &Known<D>, way: &Way<D>) -> (Point, usize) {
+    /// On A itself: where forces are to lie, with r and α before they are there, the Newton steps made, and whether they have solved
+    /// the problem. Sweeps come first where the last step led nowhere.
+    fn on_matrix(&self, known: &Known<D>, way: &Way<D>) -> (Point, usize, bool) {
         let numbers = self.numbers;
         let mut from = way.point.clone();
         if known.is_stuck() || way.history.is_empty() {
@@ -167,17 +175,17 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             },
             stop: &self.products.stop,
         };
-        let (lambda, steps) = problem.solve(numbers.solved * way.err);
+        let (lambda, steps, is_solved) = problem.solve(numbers.solved * way.err);
         let point = Point {
             lambda,
             ..way.point.clone()
         };
-        (point, steps)
+        (point, steps, is_solved)
     }
 
     /// On the surrogate, likewise; under Coulomb's law in shorter steps where the last ones were `fruitless`: under given bounds the
     /// minimum of q on the chord makes a step as short as need be.
-    fn on_surrogate(&self, way: &Way<D>, fruitless: usize) -> (Point, usize) {
+    fn on_surrogate(&self, way: &Way<D>, fruitless: usize) -> (Point, usize, bool) {
         let (surrogate, from) = (&self.surrogate, &way.point);
         let base = surrogate.base();
         let mut tau = match self.law.is_coulomb() {
@@ -217,7 +225,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             add_times(1.0, &balance.coefficients(eta), &mut point.motion);
             add_times(-1.0, &balance.spread(eta), &mut point.r);
         }
-        (point, steps)
+        (point, steps, true)
     }
 
     /// Goes towards a proposal, as far as one product with A shows to be best.
@@ -236,14 +244,22 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         if let Some(balanced) = &self.balanced {
             balanced.project(&mut rest);
         }
-        let mut image = self.surrogate.split(&mut rest);
+        // Products with a matrix cost nothing, and have no rounding of those before.
+        let mut image = match proposal.is_on_matrix {
+            true => vec![0.0; step.len()],
+            false => self.surrogate.split(&mut rest),
+        };
         let mut new = vec![0.0; step.len()];
         if norm_max(&rest) > f64::EPSILON * norm_max(step) {
             new = self.products.apply(&rest)?;
             add_times(1.0, &new, &mut image);
             add_times(1.0, &difference(&image, expected), &mut end.r);
         }
-        let part = self.part_towards(&before, &end, way.err);
+        // A step on A itself is as short as τ has made it.
+        let part = match proposal.is_on_matrix {
+            true => 1.0,
+            false => self.part_towards(&before, &end, way.err),
+        };
         way.point = before.towards(&end, part);
         self.refresh(&mut way.point, part)?;
         // A part outside the span of what is known that is but rounding of the step tells nothing. (Under Coulomb's law a block
