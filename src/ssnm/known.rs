@@ -13,14 +13,14 @@ use super::Numbers;
 use super::law::Law;
 use super::point::Point;
 use super::subproblem::{Equations, Trial};
-use crate::constraint::{at, put, row_of};
+use crate::constraint::{at, put, row_of, tangential};
 use crate::control::Stop;
 use crate::sparse::lu::Pattern;
 use crate::sparse::{BlockCsr, Csr, add_times, difference, norm};
 use std::array::from_fn;
 
 /// Iterations for the λ of one node in a sweep at most: the next sweep goes on where these end.
-const LOCAL: usize = 20;
+const LOCAL: usize = 100;
 
 /// A, node by node.
 pub(super) struct Known<const D: usize> {
@@ -107,11 +107,13 @@ impl<const D: usize> Known<D> {
             }
             let mut now = before;
             for _ in 0..LOCAL {
-                let z = from_fn(|a| {
-                    let moved: f64 = (0..D).map(|c| own[a][c] * (now[c] - before[c])).sum();
-                    now[a] - (slope[a] + moved) / b
+                let mut moved: [f64; D] = from_fn(|a| {
+                    let more: f64 = (0..D).map(|c| own[a][c] * (now[c] - before[c])).sum();
+                    slope[a] + more
                 });
-                let next = law.solve::<D>(i, z).0;
+                // What slides is to be lifted off by μ times its slip: then λ is the nearest point of the cone (De Saxcé and Feng 1998).
+                moved[0] += law.mu(i) * tangential(moved);
+                let next = law.nearest::<D>(i, from_fn(|a| now[a] - moved[a] / b)).0;
                 if std::mem::replace(&mut now, next) == next {
                     break;
                 }

@@ -313,8 +313,7 @@ fn bodies_that_more_contacts_hold_than_they_have_motions() {
         }
     }
     assert!(excess > 300, "{excess} rows more than motions");
-    // Of 48: Coulomb's law has no certificate, and a packing may be as hard as for any other method.
-    assert!(solved >= 44, "{solved} solves converged");
+    assert_eq!(solved, 48);
 }
 
 #[test]
