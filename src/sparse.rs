@@ -173,32 +173,6 @@ impl<const B: usize> BlockCsr<B> {
         (count as usize, component)
     }
 
-    /// The block rows of each connected part; None where one has more than `most`.
-    pub(crate) fn small_components(&self, most: usize) -> Option<Vec<Vec<usize>>> {
-        let mut is_seen = vec![false; self.n_block_rows];
-        let mut parts = Vec::new();
-        for seed in 0..self.n_block_rows {
-            if std::mem::replace(&mut is_seen[seed], true) {
-                continue;
-            }
-            let mut part = vec![seed];
-            let mut next = 0;
-            while let Some(&i) = part.get(next) {
-                for &j in self.row(i).0 {
-                    if !std::mem::replace(&mut is_seen[j as usize], true) {
-                        part.push(j as usize);
-                    }
-                }
-                if part.len() > most {
-                    return None;
-                }
-                next += 1;
-            }
-            parts.push(part);
-        }
-        Some(parts)
-    }
-
     /// The scalar diagonal of the matrix; zero where nothing is stored.
     pub fn diagonal(&self) -> Vec<f64> {
         let mut diagonal = vec![0.0; self.n_rows()];

@@ -4,7 +4,7 @@ Blocks of a page are marked behind their language:
 
 - ``toml,file=NAME`` (any language): what the reader saves as NAME,
 - ``sh,run``, ``python,run``: what the reader runs, in the same directory; ``exit=3`` where the program ends with that code,
-- ``text,output``: lines of what the block above prints, in this order. ``…`` stands for anything; numbers agree to 1e-4, or to what
+- ``text,output``: lines of what the block above prints, in this order. ``…`` matches any text; numbers agree to 1e-4, or to what
   ``output=0.02`` says where they depend on the version of a mesher.
 """
 
@@ -85,7 +85,7 @@ def test_each_tutorial_runs() -> None:
 
 
 def anchors(page: Path) -> set[str]:
-    """What may stand behind # in a link to the page: headings as GitHub and mdBook name them, and anchors of its own."""
+    """The anchors of the page: headings as GitHub and mdBook name them, and anchors that the page defines."""
     text = FENCE.sub("", page.read_text(encoding="utf-8"))
     found = set(re.findall(r'<a id="([^"]+)">', text))
     for heading in re.findall(r"^#+ +(.+)$", text, re.M):

@@ -16,7 +16,7 @@ const ONE_OF_EACH: &str = "\
     [[tie]]\nboundary = \"right\"\nagainst = \"next\"\n\
     [[equal]]\nsets = \"set\"\n";
 
-/// The keys of these kinds: what a model is read from, but for what stands once.
+/// The keys of these kinds: the keys of a model without those of tables that appear once.
 fn lists() -> Vec<&'static str> {
     let all = text::OF_BODIES.iter().copied();
     all.filter(|key| !["analysis", "steps"].contains(key))
@@ -30,8 +30,8 @@ fn refusal(text: &str) -> String {
     }
 }
 
-/// A kind that has a key but is none of the parts of a model would be read and pass unchecked; one without documentation
-/// or without a method of Python's would be there for those alone who know of it.
+/// A model would accept a kind without checks if the kind had a key but no entry in `parts`. Nobody would find a kind without
+/// documentation or without a method in Python.
 #[test]
 fn every_kind_is_a_part_and_is_told_of() {
     let definition: Definition = match text::read(ONE_OF_EACH) {

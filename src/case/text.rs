@@ -1,5 +1,5 @@
-//! The text of a case file: entries that are replaced before it is read, what its tables are read as, where an entry stands,
-//! and the parser's errors.
+//! The text of a case file: `--set` replaces entries before the text is read, serde reads its tables, a path gives the line of
+//! an entry, and the parser's errors become ours.
 //!
 //! Entries are named by paths such as `support[1].axis.point`, whose numbers count from 0; `material[]` is the last of several.
 

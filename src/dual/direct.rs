@@ -234,16 +234,26 @@ fn of_rigid_bodies<const D: usize>(problem: &ContactProblem<D>) -> Option<Csr> {
     if !problem.floating_bodies().is_empty() {
         return None;
     }
-    let (n, b) = (problem.n_rows(), problem.contact_matrix());
+    let (n, b, k) = (
+        problem.n_rows(),
+        problem.contact_matrix(),
+        problem.stiffness(),
+    );
+    let (count, part_of) = k.components();
+    let mut bodies = vec![Vec::new(); count];
+    (part_of.iter().enumerate()).for_each(|(node, &part)| bodies[part as usize].push(node));
+    if bodies.iter().any(|body| D * body.len() > RIGID) {
+        return None;
+    }
     let mut inverse = Vec::new();
-    for body in problem.stiffness().small_components(RIGID.div_ceil(D))? {
+    for body in bodies {
         let unknowns: Vec<usize> = (body.iter())
             .flat_map(|&node| D * node..D * node + D)
             .collect();
         let place = |unknown: usize| unknowns.iter().position(|&u| u == unknown);
         let mut own = Mat::<f64>::zeros(unknowns.len(), unknowns.len());
         for &node in &body {
-            let (cols, blocks) = problem.stiffness().row(node);
+            let (cols, blocks) = k.row(node);
             for (&col, block) in cols.iter().zip(blocks) {
                 for (a, row) in block.iter().enumerate() {
                     for (c, &value) in row.iter().enumerate() {

@@ -85,11 +85,7 @@ impl<const D: usize> Known<D> {
     pub fn times(&self, p: &[f64]) -> Vec<f64> {
         let mut by_node = vec![0.0; p.len()];
         self.blocks.mul(&node_by_node::<D>(p), &mut by_node);
-        let mut image = vec![0.0; p.len()];
-        for (i, of) in by_node.chunks_exact(D).enumerate() {
-            put::<D>(&mut image, i, from_fn(|a| of[a]));
-        }
-        image
+        from_nodes::<D>(&by_node)
     }
 
     /// A sweep of projected Gauss–Seidel: node by node the λ that obeys the law while all others stay; r follows. Newton's method
@@ -140,6 +136,15 @@ fn node_by_node<const D: usize>(x: &[f64]) -> Vec<f64> {
     (0..x.len())
         .map(|k| x[row_of::<D>(m, k / D, k % D)])
         .collect()
+}
+
+/// The vector as long as λ with these entries contact by contact.
+fn from_nodes<const D: usize>(by_node: &[f64]) -> Vec<f64> {
+    let mut x = vec![0.0; by_node.len()];
+    for (i, of) in by_node.chunks_exact(D).enumerate() {
+        put::<D>(&mut x, i, from_fn(|a| of[a]));
+    }
+    x
 }
 
 /// What is to be solved.
@@ -225,10 +230,8 @@ impl<const D: usize> Equations<D> for OnMatrix<'_, D> {
             }
         }
         let by_node = pattern.solve(&values, &node_by_node::<D>(&trial.rest));
-        let mut direction = vec![0.0; by_node.len()];
-        for (i, of) in by_node.chunks_exact(D).enumerate() {
-            put::<D>(&mut direction, i, from_fn(|a| -of[a]));
-        }
+        let mut direction = from_nodes::<D>(&by_node);
+        direction.iter_mut().for_each(|v| *v = -*v);
         direction
     }
 

@@ -29,13 +29,11 @@ where
     mesh
 }
 
-/// A block of two layers, with these Young's moduli, pressed and pushed on a floor whose slope is given.
-pub fn plane(cells: [usize; 2], young: [f64; 2], slope: f64) -> ContactProblem {
-    let mesh = rectangle([0.0; 2], [3.0, 1.0], cells, CellShape::Quad, "body", "");
-    let floor = Obstacle::HalfSpace {
-        point: [0.0, -1e-4],
-        normal: [slope, 1.0],
-    };
+/// A block of two layers, with these Young's moduli, pressed and pushed on a floor.
+fn pressed<const D: usize>(mesh: Mesh<D>, floor: Obstacle<D>, young: [f64; 2]) -> ContactProblem<D>
+where
+    ElementKind: Space<D>,
+{
     let model = Model::on(in_halves(mesh))
         .material_in("body", Material::new(young[0], 0.3))
         .material_in("second", Material::new(young[1], 0.3))
@@ -43,6 +41,16 @@ pub fn plane(cells: [usize; 2], young: [f64; 2], slope: f64) -> ContactProblem {
         .traction(Traction::on("top").pressure(100.0))
         .contact(Pair::obstacle("bottom", floor).coulomb(0.3));
     model.build().or_panic().problem
+}
+
+/// That in the plane, on a floor whose slope is given.
+pub fn plane(cells: [usize; 2], young: [f64; 2], slope: f64) -> ContactProblem {
+    let mesh = rectangle([0.0; 2], [3.0, 1.0], cells, CellShape::Quad, "body", "");
+    let floor = Obstacle::HalfSpace {
+        point: [0.0, -1e-4],
+        normal: [slope, 1.0],
+    };
+    pressed(mesh, floor, young)
 }
 
 /// The same in space.
@@ -53,13 +61,7 @@ pub fn space(cells: [usize; 3], young: [f64; 2], slope: f64) -> ContactProblem<3
         point: [0.0, 0.0, -1e-4],
         normal: [slope, 0.0, 1.0],
     };
-    let model = Model::on(in_halves(mesh))
-        .material_in("body", Material::new(young[0], 0.3))
-        .material_in("second", Material::new(young[1], 0.3))
-        .support(Support::on("left").fixed())
-        .traction(Traction::on("top").pressure(100.0))
-        .contact(Pair::obstacle("bottom", floor).coulomb(0.3));
-    model.build().or_panic().problem
+    pressed(mesh, floor, young)
 }
 
 fn solved<const D: usize>(problem: &ContactProblem<D>, engine: &mut Engine) -> StepSolution<D>
