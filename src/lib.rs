@@ -170,6 +170,7 @@ pub mod input;
 mod lattice;
 pub mod matrix_market;
 mod memory;
+mod large;
 pub mod mesh;
 pub mod model;
 #[cfg(feature = "mpi")]

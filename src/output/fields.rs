@@ -2,7 +2,7 @@
 
 use super::put;
 use crate::contact::{Space, pooled};
-use crate::elasticity::{Stress, Temperature, stresses_at};
+use crate::elasticity::{Deformed, Stress, Temperature, cauchy_stresses, stresses_at};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::{Elastic, StepData};
 use crate::problem::ContactProblem;
@@ -30,7 +30,15 @@ where
         let field = |region, x| data.temperature.at(region, x);
         let temperature: Temperature<D> = &field;
         let temperature = (!data.temperature.is_none()).then_some(temperature);
-        let (at_nodes, in_elements) = stresses_at(&elastic.body(), &displacement, temperature);
+        let body = elastic.body();
+        let (at_nodes, in_elements) = match elastic.is_large() {
+            true => cauchy_stresses(&Deformed {
+                body: &body,
+                displacement: &displacement,
+                temperature,
+            }),
+            false => stresses_at(&body, &displacement, temperature),
+        };
         Self {
             displacement,
             at_nodes,
