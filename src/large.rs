@@ -6,10 +6,12 @@
 //! it is kept.
 
 use crate::contact::Space;
-use crate::engine::{Engine, EngineError};
 use crate::dual::DualError;
+use crate::engine::{Engine, EngineError};
 use crate::mesh::ElementKind;
-use crate::model::{Built, Configuration, Deformation, Elastic, Help, Moment, StepData, turned_with};
+use crate::model::{
+    Built, Configuration, Deformation, Elastic, Help, Moment, StepData, turned_with,
+};
 use crate::problem::{ContactProblem, Kkt};
 use crate::quasistatic::{self, Round, StepSettings, StepSolution};
 use crate::solve::{Error, Event, Solved};
@@ -94,7 +96,10 @@ fn is_indefinite(error: &Error) -> bool {
         Error::Step(error) => match &error.error.cause {
             Cause::Operator(DualError::Factor(error)) => is_indefinite_factor(error),
             Cause::Operator(DualError::Pcg(error)) => {
-                matches!(error, PcgError::NotPositiveDefinite | PcgError::Stalled { .. })
+                matches!(
+                    error,
+                    PcgError::NotPositiveDefinite | PcgError::Stalled { .. }
+                )
             }
             _ => false,
         },
@@ -103,7 +108,10 @@ fn is_indefinite(error: &Error) -> bool {
 }
 
 fn is_indefinite_factor(error: &FactorError) -> bool {
-    matches!(error, FactorError::NotPositiveDefinite { .. } | FactorError::BadFactor { .. })
+    matches!(
+        error,
+        FactorError::NotPositiveDefinite { .. } | FactorError::BadFactor { .. }
+    )
 }
 
 impl<const D: usize> Process<'_, D>
@@ -114,7 +122,9 @@ where
     fn to(&self, tolerance: f64) -> StepSettings {
         let mut settings = self.settings.clone();
         settings.ssnm.tolerance = tolerance;
-        settings.ssnm.time_limit = self.limit.map(|limit| limit.saturating_sub(self.begin.elapsed()));
+        settings.ssnm.time_limit = self
+            .limit
+            .map(|limit| limit.saturating_sub(self.begin.elapsed()));
         settings
     }
 
@@ -163,7 +173,9 @@ where
         for help in HELP {
             let at = match without.take() {
                 Some(at) => at,
-                None => self.elastic.configuration(before, moments, now, first, help)?,
+                None => self
+                    .elastic
+                    .configuration(before, moments, now, first, help)?,
             };
             match self.solve(&at, tolerance, watch) {
                 Ok(solution) => return Ok(Some((at, solution))),
@@ -191,7 +203,9 @@ where
         let mut least = self.elastic.least_volume(&now.displacement);
         for iteration in 0..=MOST {
             let first = iteration == 0;
-            let at = self.elastic.configuration(before, moments, &now, first, HELP[0])?;
+            let at = self
+                .elastic
+                .configuration(before, moments, &now, first, HELP[0])?;
             if !first {
                 let violation = at.violation();
                 let off = violation.max().max(at.unmoved(&now.displacement));
@@ -215,7 +229,8 @@ where
             if iteration == MOST {
                 break;
             }
-            let Some((at, solution)) = self.helped(before, moments, &now, at, first, inner, watch)?
+            let Some((at, solution)) =
+                self.helped(before, moments, &now, at, first, inner, watch)?
             else {
                 return Ok(Err(Ended::Indefinite));
             };
@@ -230,7 +245,8 @@ where
             let forces = self.elastic.forces_of(&at, &solution.lambda);
             let moved = |part: f64| -> Vec<[f64; D]> {
                 let each = now.displacement.iter().zip(&moves);
-                each.map(|(u, du)| std::array::from_fn(|c| u[c] + part * du[c])).collect()
+                each.map(|(u, du)| std::array::from_fn(|c| u[c] + part * du[c]))
+                    .collect()
             };
             let mut part = 1.0;
             let displacement = loop {
@@ -245,10 +261,15 @@ where
                     return Ok(Err(Ended::Lost));
                 }
             };
-            let mixed = now.forces.iter().zip(&forces).enumerate().map(|(i, (old, new))| {
-                let old = turned_with(*old, now.normals[i], at.normals[i]);
-                std::array::from_fn(|c| old[c] + part * (new[c] - old[c]))
-            });
+            let mixed = now
+                .forces
+                .iter()
+                .zip(&forces)
+                .enumerate()
+                .map(|(i, (old, new))| {
+                    let old = turned_with(*old, now.normals[i], at.normals[i]);
+                    std::array::from_fn(|c| old[c] + part * (new[c] - old[c]))
+                });
             let mixed: Vec<[f64; D]> = mixed.collect();
             now.displacement = displacement;
             now.forces = if part < 1.0 { mixed } else { forces };
@@ -280,7 +301,9 @@ where
         if is_definite(at)? {
             return Ok(true);
         }
-        let closed = self.elastic.configuration(before, moments, now, false, closed)?;
+        let closed = self
+            .elastic
+            .configuration(before, moments, now, false, closed)?;
         is_definite(&closed)
     }
 
@@ -300,10 +323,16 @@ where
         } = reached;
         let (elastic, data, u) = self.elastic.results_at(settled, to, &at);
         let solution = StepSolution {
-            status: if unstable { Status::Unstable } else { Status::Converged },
+            status: if unstable {
+                Status::Unstable
+            } else {
+                Status::Converged
+            },
             slip_bound: at.problem.bounds(&at.lambda).into_owned(),
             u,
-            slip: (at.load.slide.iter().zip(&at.state.slide)).map(|(to, from)| to - from).collect(),
+            slip: (at.load.slide.iter().zip(&at.state.slide))
+                .map(|(to, from)| to - from)
+                .collect(),
             sets,
             rounds: std::mem::take(&mut self.rounds),
             kkt: violation,
@@ -363,7 +392,11 @@ where
         let mut last: Option<(Reached<D>, Moment<D>)> = None;
         let mut failed = None;
         while time < end {
-            let to_time = if time + longest > end - 1e-9 { end } else { time + longest };
+            let to_time = if time + longest > end - 1e-9 {
+                end
+            } else {
+                time + longest
+            };
             let to = elastic.moment(to_time)?;
             let mut watch = |event: quasistatic::Event| observer(Event::Within(event));
             match process.step(&before, [&from, &to], &mut watch)? {

@@ -166,11 +166,11 @@ pub mod dual;
 pub mod elasticity;
 pub mod engine;
 pub mod input;
+mod large;
 #[cfg(test)]
 mod lattice;
 pub mod matrix_market;
 mod memory;
-mod large;
 pub mod mesh;
 pub mod model;
 #[cfg(feature = "mpi")]

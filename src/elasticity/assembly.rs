@@ -182,7 +182,12 @@ where
                 let begin = row_ptr[row] - row_ptr[rows.start];
                 let columns = &columns[begin..row_ptr[row + 1] - row_ptr[rows.start]];
                 let place = columns.partition_point(|&c| c < column);
-                add_block(self.unknowns, [nodes[a], nodes[b]], block, &mut values[begin + place]);
+                add_block(
+                    self.unknowns,
+                    [nodes[a], nodes[b]],
+                    block,
+                    &mut values[begin + place],
+                );
             };
             match self.at {
                 None => element.kind().with(Blocks {
@@ -366,10 +371,7 @@ where
 
 /// Nodal forces as a load of the free unknowns, in blocks of D per node: 0 for a prescribed component at a node that keeps a free
 /// one.
-pub(crate) fn free_forces<const D: usize>(
-    unknowns: &Unknowns<D>,
-    forces: &[[f64; D]],
-) -> Vec<f64> {
+pub(crate) fn free_forces<const D: usize>(unknowns: &Unknowns<D>, forces: &[[f64; D]]) -> Vec<f64> {
     let free = |row: usize| {
         let node = unknowns.node(row);
         unknowns.free_part(node, forces[node as usize])

@@ -99,7 +99,9 @@ impl<const D: usize, const N: usize> Dilatation<D, N> {
     pub fn values(&self, place: [f64; D]) -> [f64; MOST] {
         let monomials = self.monomials(place);
         std::array::from_fn(|k| match k < self.count {
-            true => (self.functions[k].iter().zip(monomials)).map(|(f, m)| f * m).sum(),
+            true => (self.functions[k].iter().zip(monomials))
+                .map(|(f, m)| f * m)
+                .sum(),
             false => 0.0,
         })
     }

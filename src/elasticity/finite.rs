@@ -12,7 +12,9 @@
 //! the moduli of St. Venant–Kirchhoff are those of plane stress, and neo-Hooke's law finds the stretch of the thickness.
 
 use super::assembly::rows_of;
-use super::{Body, Dilatation, Hyperelastic, Material, Moduli, Plane, Stress, Temperature, Unknowns};
+use super::{
+    Body, Dilatation, Hyperelastic, Material, Moduli, Plane, Stress, Temperature, Unknowns,
+};
 use crate::mesh::shape::Point;
 use crate::mesh::vector::dot;
 use crate::mesh::{self, ElementKind, Mesh, ShapeFunctions, Topology, Visit};
@@ -224,9 +226,7 @@ impl<const D: usize, const N: usize> Strained<D, N> {
             Hyperelastic::NeoHooke => {
                 from_fn(|i| law.mu * self.pushed[a][i] + (self.q - law.mu) * self.p[a][i])
             }
-            Hyperelastic::StVenantKirchhoff => {
-                times(&self.f, &times(&self.s, &self.gradient[a]))
-            }
+            Hyperelastic::StVenantKirchhoff => times(&self.f, &times(&self.s, &self.gradient[a])),
         };
         force[0] += match law.kind {
             Hyperelastic::NeoHooke => {
@@ -248,8 +248,8 @@ impl<const D: usize, const N: usize> Strained<D, N> {
                 let rest = mu - self.q;
                 for i in 0..D {
                     for k in 0..D {
-                        block[i][k] += w
-                            * (rest * self.p[b][i] * self.p[a][k] + self.lambda * pa[i] * pb[k]);
+                        block[i][k] +=
+                            w * (rest * self.p[b][i] * self.p[a][k] + self.lambda * pa[i] * pb[k]);
                     }
                 }
                 let hoops = mu * self.hoop[a] * self.hoop[b] + rest * self.round[a] * self.round[b];
@@ -266,7 +266,10 @@ impl<const D: usize, const N: usize> Strained<D, N> {
                 }
                 let hoops = self.s_across * self.hoop[a] * self.hoop[b]
                     + 2.0 * mu * self.round[a] * self.round[b];
-                (dot(self.gradient[a], times(&self.s, &self.gradient[b])), hoops)
+                (
+                    dot(self.gradient[a], times(&self.s, &self.gradient[b])),
+                    hoops,
+                )
             }
         };
         (0..D).for_each(|c| block[c][c] += w * along);
@@ -331,7 +334,11 @@ where
         let material: &Material = &body.materials[element.region as usize];
         let points = body.plane.stiffness_points::<E, D, N, Q>(&x);
         let dilatation = moduli.dilatation::<E, D, N, Q>(element.kind(), &points, &x, body.plane);
-        let plane = if D == 3 { Plane::PlaneStrain } else { body.plane };
+        let plane = if D == 3 {
+            Plane::PlaneStrain
+        } else {
+            body.plane
+        };
         // Neo-Hooke's law in plane stress has the λ of space, as the stretch of the thickness is an unknown of its own.
         let moduli_of = match material.law {
             Hyperelastic::NeoHooke => Plane::PlaneStrain,
@@ -364,7 +371,10 @@ where
             for (at, point) in strained.iter().zip(&points) {
                 let values = dilatation.values(point.place(&x));
                 let size = law.bulk * at.cold * at.theta;
-                parts.iter_mut().zip(values).for_each(|(part, value)| *part += size * value);
+                parts
+                    .iter_mut()
+                    .zip(values)
+                    .for_each(|(part, value)| *part += size * value);
             }
             (dilatation, parts)
         });
@@ -395,7 +405,11 @@ where
     fn projected_at(&self, place: [f64; D]) -> f64 {
         self.projected.as_ref().map_or(0.0, |(dilatation, parts)| {
             let values = dilatation.values(place);
-            parts.iter().zip(values).map(|(part, value)| part * value).sum()
+            parts
+                .iter()
+                .zip(values)
+                .map(|(part, value)| part * value)
+                .sum()
         })
     }
 
@@ -566,8 +580,7 @@ where
 
     fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) -> f64 {
         let x = self.mesh.coordinates(self.element);
-        let u: [[f64; D]; N] =
-            from_fn(|a| self.displacement[self.element.nodes()[a] as usize]);
+        let u: [[f64; D]; N] = from_fn(|a| self.displacement[self.element.nodes()[a] as usize]);
         let mut least = f64::INFINITY;
         for point in E::stiffness_points(&x) {
             let mut f: [[f64; D]; D] = from_fn(|i| from_fn(|j| f64::from(u8::from(i == j))));

@@ -115,7 +115,8 @@ where
         if elastic.is_large()
             && let Some(text) = analysis.floating_bodies().first()
         {
-            let text = format!("{text}; where displacements are large, supports have to hold each body");
+            let text =
+                format!("{text}; where displacements are large, supports have to hold each body");
             return Err(loose(&text));
         }
         elastic.assembly_seconds = start.elapsed().as_secs_f64();
@@ -129,8 +130,9 @@ where
     #[cfg(feature = "mpi")]
     pub fn into_draft(self) -> Result<Draft<D>, ModelError> {
         if self.definition.is_large() {
-            return Err(Entity::all(EntityKind::Model)
-                .error("several ranks need geometry = \"small\": solve large displacements in one process"));
+            return Err(Entity::all(EntityKind::Model).error(
+                "several ranks need geometry = \"small\": solve large displacements in one process",
+            ));
         }
         let start = Instant::now();
         let (mut elastic, _) = self.draft()?;
@@ -145,6 +147,9 @@ where
             mut definition,
         } = self;
         definition.check()?;
+        if !definition.is_large() {
+            definition.check_small()?;
+        }
         definition.hold_axis(&mut mesh)?;
         definition.place_values(&mesh)?;
         let materials = definition.materials(&mesh)?;
@@ -173,11 +178,14 @@ where
         if definition.is_large() {
             definition.check_large(&materials)?;
         } else {
-            definition.check_small()?;
             definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?;
         }
         let kept = match definition.is_large() {
-            true => candidates.places.into_iter().zip(candidates.pair_of).collect(),
+            true => candidates
+                .places
+                .into_iter()
+                .zip(candidates.pair_of)
+                .collect(),
             false => Vec::new(),
         };
         definition.count_places(&mesh, &contact, &pair_of, &mut candidates.pairs)?;
@@ -224,7 +232,14 @@ where
     ElementKind: Space<D>,
 {
     let (stiffness, load) = assemble(body, unknowns, forces);
-    let made = problem_of(stiffness, load, acting(forces), unknowns.coordinates(body.mesh), unknowns, contact)?;
+    let made = problem_of(
+        stiffness,
+        load,
+        acting(forces),
+        unknowns.coordinates(body.mesh),
+        unknowns,
+        contact,
+    )?;
     Ok(match vertices(body, unknowns) {
         Some(vertices) => made.with_vertices(vertices),
         None => made,

@@ -521,7 +521,8 @@ where
     ) -> Result<(), ModelError> {
         let mut seen = HashSet::new();
         for step in 0..self.n_steps() {
-            let factors = (self.supports.iter()).map(|s| self.factor(&s.factors, end_of(step)).to_bits());
+            let factors =
+                (self.supports.iter()).map(|s| self.factor(&s.factors, end_of(step)).to_bits());
             if !seen.insert(factors.collect::<Vec<_>>()) {
                 continue;
             }

@@ -4,6 +4,7 @@
 //! without the contact forces, d the distances from obstacles, and slip is counted from where each contact place was on its obstacle
 //! at the end of the last load step. Its violation at Δu = 0 is that of balance, contact and friction where the bodies are.
 
+use super::Definition;
 use super::build::problem_of;
 use super::elastic::Elastic;
 use super::entities::Part as _;
@@ -11,8 +12,9 @@ use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::{StepData, TemperatureField, outer_facets};
 use super::motion::Moved;
 use super::pair::{Against, Law};
-use super::Definition;
-use crate::contact::{ContactError, ContactPlace, ContactRows, Obstacle, Space, contact_rows, frame};
+use crate::contact::{
+    ContactError, ContactPlace, ContactRows, Obstacle, Space, contact_rows, frame,
+};
 use crate::elasticity::{
     Body, Deformed, Material, Temperature, Unknowns, add_block, free_forces, tangent_forces,
 };
@@ -110,7 +112,10 @@ where
     /// Whether nothing is stated that belongs to large displacements alone.
     pub(super) fn check_small(&self) -> Result<(), ModelError> {
         const LARGE: &str = "belongs to large displacements: state geometry = \"large\" under [analysis], or leave it out";
-        let turning = self.supports.iter().position(|support| support.rotate.is_some());
+        let turning = self
+            .supports
+            .iter()
+            .position(|support| support.rotate.is_some());
         if let Some(i) = turning {
             let text = format!("rotate {LARGE}");
             return Err(self.supports[i].entity(i).at("rotate").error(text));
@@ -166,10 +171,18 @@ where
             factor: own(&None),
             unknowns: definition.unknowns(&self.mesh, &self.prescriptions, time)?,
             dead: definition.forces(&body, time)?,
-            pressures: definition.tractions.iter().map(|t| own(&t.factors)).collect(),
+            pressures: definition
+                .tractions
+                .iter()
+                .map(|t| own(&t.factors))
+                .collect(),
             temperature: definition.temperature(&self.mesh, time)?,
             motions: (definition.pairs.iter())
-                .map(|pair| pair.motion.as_ref().map_or(0.0, |motion| own(&motion.factors)))
+                .map(|pair| {
+                    pair.motion
+                        .as_ref()
+                        .map_or(0.0, |motion| own(&motion.factors))
+                })
                 .collect(),
         })
     }
@@ -206,7 +219,12 @@ where
         blocks: &mut Vec<Block<D>>,
     ) -> Result<(), ModelError> {
         let body = self.body();
-        let tractions = self.definition.tractions.iter().zip(&at.pressures).enumerate();
+        let tractions = self
+            .definition
+            .tractions
+            .iter()
+            .zip(&at.pressures)
+            .enumerate();
         for (number, (traction, &factor)) in tractions {
             let (Some(pressure), true) = (&traction.pressure, factor != 0.0) else {
                 continue;
@@ -215,8 +233,10 @@ where
             let facets = facets.map_err(|fault| traction.entity(number).error(fault))?;
             for facet in &facets {
                 let nodes = facet_nodes(facet);
-                let rest: Vec<[f64; D]> =
-                    nodes.iter().map(|&node| self.mesh.nodes[node as usize]).collect();
+                let rest: Vec<[f64; D]> = nodes
+                    .iter()
+                    .map(|&node| self.mesh.nodes[node as usize])
+                    .collect();
                 let mut x: Vec<[f64; D]> = (nodes.iter().zip(&rest))
                     .map(|(&node, x)| from_fn(|c| x[c] + u[node as usize][c]))
                     .collect();
@@ -319,7 +339,9 @@ where
                             obstacle: obstacle.name(),
                         };
                         let pair = &self.definition.pairs[*pair as usize];
-                        return Err(pair.entity(self.candidates[i].1 as usize).error(Fault::Contact(error)));
+                        return Err(pair
+                            .entity(self.candidates[i].1 as usize)
+                            .error(Fault::Contact(error)));
                     }
                     normals[i] = normal;
                 }
@@ -387,7 +409,10 @@ where
                 }
                 for &(a, wa) in &rest.own {
                     for &(b, wb) in &rest.own {
-                        blocks.push(([a, b], from_fn(|j| from_fn(|k| size * wa * wb * nu[j] * nu[k]))));
+                        blocks.push((
+                            [a, b],
+                            from_fn(|j| from_fn(|k| size * wa * wb * nu[j] * nu[k])),
+                        ));
                     }
                     (0..D).for_each(|c| driven[a as usize][c] += size * wa * distances[i] * nu[c]);
                 }
@@ -412,9 +437,7 @@ where
             }
         }
         let net: Vec<[f64; D]> = (0..u.len())
-            .map(|i| {
-                from_fn(|c| outer[i][c] + driven[i][c] - resistance.forces[i][c] - held[i][c])
-            })
+            .map(|i| from_fn(|c| outer[i][c] + driven[i][c] - resistance.forces[i][c] - held[i][c]))
             .collect();
         let net = free_forces(&to.unknowns, &net);
 
@@ -456,7 +479,11 @@ where
         let problem = problem_of(stiffness, net, force, places_now, &to.unknowns, &contact)?;
         let all: f64 = resistance.forces.iter().map(|f| length(*f)).sum();
         // The work of the forces over their sum: what a load of as many would move by.
-        let deformation = if all > 0.0 { 4.0 * resistance.energy / all } else { 0.0 };
+        let deformation = if all > 0.0 {
+            4.0 * resistance.energy / all
+        } else {
+            0.0
+        };
         let own = problem.compliance().iter().zip(&lambda);
         let own = own.fold(0.0, |max: f64, (c, l)| max.max((c * l).abs()));
         let scale = deformation.max(own);
@@ -499,7 +526,13 @@ where
     pub(crate) fn forces_of(&self, at: &Configuration<D>, lambda: &[f64]) -> Vec<[f64; D]> {
         let mut forces = vec![[0.0; D]; self.candidates.len()];
         let (normal, tangential) = lambda.split_at(at.contact.places.len());
-        for (r, (place, &i)) in at.contact.places.iter().zip(&at.contact.candidate).enumerate() {
+        for (r, (place, &i)) in at
+            .contact
+            .places
+            .iter()
+            .zip(&at.contact.candidate)
+            .enumerate()
+        {
             let tied = self.pairs[self.candidates[i].1 as usize].tied;
             let pressing = if tied { normal[r] } else { normal[r].max(0.0) };
             forces[i] = from_fn(|c| pressing * place.frame[0][c]);
@@ -550,7 +583,13 @@ where
             .map(|((_, &i), moved)| at.distances[i] + moved)
             .collect();
         let mut slide = vec![0.0; slid.len()];
-        for (r, (place, &i)) in at.contact.places.iter().zip(&at.contact.candidate).enumerate() {
+        for (r, (place, &i)) in at
+            .contact
+            .places
+            .iter()
+            .zip(&at.contact.candidate)
+            .enumerate()
+        {
             for (a, tangent) in place.frame[1..].iter().enumerate() {
                 let k = (D - 1) * r + a;
                 slide[k] = dot(now.slipped[i], *tangent) - slid[k];
@@ -562,7 +601,12 @@ where
         }
         let mut elastic = self.clone();
         elastic.contact = at.contact.clone();
-        elastic.pair_of = at.contact.candidate.iter().map(|&i| self.candidates[i].1).collect();
+        elastic.pair_of = at
+            .contact
+            .candidate
+            .iter()
+            .map(|&i| self.candidates[i].1)
+            .collect();
         let data = StepData {
             factor: to.factor,
             unknowns: to.unknowns.clone(),
@@ -604,7 +648,12 @@ impl<const D: usize> Configuration<D> {
         let whole: ContactProblem<D, Elsewhere> = self.problem.elsewhere();
         let lawful = lawful(whole, &self.load, &self.state);
         let zeros = vec![0.0; self.state.u.len()];
-        lawful.conditions_by(self.scales, &zeros, &self.lambda, &[zeros.clone(), zeros.clone()])
+        lawful.conditions_by(
+            self.scales,
+            &zeros,
+            &self.lambda,
+            &[zeros.clone(), zeros.clone()],
+        )
     }
 
     /// The sets that contact places are in where nothing is left to be moved.
@@ -618,7 +667,9 @@ impl<const D: usize> Configuration<D> {
 
     /// The largest displacement that supports have still to prescribe, over the size of displacements.
     pub fn unmoved(&self, u: &[[f64; D]]) -> f64 {
-        let still = self.left.displacements(&vec![0.0; D * self.left.n_blocks()]);
+        let still = self
+            .left
+            .displacements(&vec![0.0; D * self.left.n_blocks()]);
         let size = |u: &[[f64; D]]| u.iter().fold(0.0, |max: f64, u| max.max(length(*u)));
         match size(&still) {
             0.0 => 0.0,

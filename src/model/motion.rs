@@ -78,7 +78,9 @@ impl<const D: usize> Motion<D> {
     pub(super) fn fault(&self) -> Option<&'static str> {
         let shift = self.shift.unwrap_or([0.0; D]);
         match &self.rotate {
-            _ if !shift.iter().all(|v| v.is_finite()) => Some("the shift of a motion must be finite"),
+            _ if !shift.iter().all(|v| v.is_finite()) => {
+                Some("the shift of a motion must be finite")
+            }
             None if self.shift.is_none() => Some("a motion needs shift or rotate"),
             Some(turn) => turn.fault(),
             None => None,

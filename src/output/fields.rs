@@ -209,10 +209,16 @@ where
                     .map(|(p, t)| format!(",{:e}", p + t))
                     .collect(),
             };
+            let rest = match elastic.is_large() {
+                false => String::new(),
+                true => (elastic.contact.places[i].mean(|node| elastic.mesh.nodes[node as usize]))
+                    .map(|x| format!(",{x:e}"))
+                    .concat(),
+            };
             put(
                 &mut text,
                 format_args!(
-                    "{},{},{}{vector},{}",
+                    "{},{},{}{vector},{}{rest}",
                     numbers.join(","),
                     self.status(i).name(),
                     csv_text(name_of(elastic.pair_of[i])),
@@ -231,15 +237,23 @@ where
             unit => format!(" [{unit}]"),
         };
         let (length, stress) = (told(&elastic.units.length), told(&elastic.units.stress()));
+        // Where displacements are large, x and y are where a place is.
+        let rest: String = match elastic.is_large() {
+            false => String::new(),
+            true => ["x", "y", "z"][..D]
+                .iter()
+                .map(|axis| format!(",rest_{axis}{length}"))
+                .collect(),
+        };
         match D {
             2 => format!(
                 "x{length},y{length},gap{length},normal_pressure{stress},tangential_traction{stress},slip{length},\
-                 status,contact,place\n"
+                 status,contact,place{rest}\n"
             ),
             _ => format!(
                 "x{length},y{length},z{length},gap{length},normal_pressure{stress},tangential_traction_1{stress},\
                  tangential_traction_2{stress},slip_1{length},slip_2{length},status,contact,traction_x{stress},\
-                 traction_y{stress},traction_z{stress},place\n"
+                 traction_y{stress},traction_z{stress},place{rest}\n"
             ),
         }
     }

@@ -25,7 +25,9 @@ fn difference<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
 }
 
 fn largest<const D: usize>(a: &[[f64; D]]) -> f64 {
-    a.as_flattened().iter().fold(0.0, |max: f64, v| max.max(v.abs()))
+    a.as_flattened()
+        .iter()
+        .fold(0.0, |max: f64, v| max.max(v.abs()))
 }
 
 /// Displaced by a quarter of an element and more: forces are the slopes of the energy, the tangent those of the forces; at rest
@@ -59,7 +61,8 @@ where
         let way = noisy::<D>(n, 1.0, 1234);
         let moved = |sign: f64| -> Vec<[f64; D]> {
             let each = u.iter().zip(&way);
-            each.map(|(u, w)| std::array::from_fn(|c| u[c] + sign * step * w[c])).collect()
+            each.map(|(u, w)| std::array::from_fn(|c| u[c] + sign * step * w[c]))
+                .collect()
         };
         let [(before, _), (behind, _)] = [moved(-1.0), moved(1.0)].map(|u| at(&u, warm));
         let (here, _) = at(&u, warm);
@@ -68,7 +71,10 @@ where
             .zip(way.as_flattened())
             .map(|(f, w)| f * w)
             .sum();
-        assert!((slope - work).abs() < 1e-7 * (1.0 + work.abs()), "{what}: {slope} {work}");
+        assert!(
+            (slope - work).abs() < 1e-7 * (1.0 + work.abs()),
+            "{what}: {slope} {work}"
+        );
         let mut product = vec![0.0; D * n];
         k.mul(way.as_flattened(), &mut product);
         let slopes: Vec<f64> = (behind.forces.as_flattened().iter())
@@ -107,7 +113,10 @@ where
     let whole: Vec<[f64; D]> = whole.collect();
     let (here, there) = (at(&u, true).0, at(&whole, true).0);
     let expected: Vec<[f64; D]> = here.forces.iter().map(|f| turned(*f)).collect();
-    assert!(difference(&there.forces, &expected) < 1e-12 * (1.0 + largest(&expected)), "{what}");
+    assert!(
+        difference(&there.forces, &expected) < 1e-12 * (1.0 + largest(&expected)),
+        "{what}"
+    );
     assert_relative_eq!(here.energy, there.energy, max_relative = 1e-11);
     let [before, behind] = [&u, &whole].map(|u| {
         let of = Deformed {
@@ -120,7 +129,12 @@ where
     for (a, b) in before.iter().zip(&behind) {
         assert_relative_eq!(a.von_mises(), b.von_mises(), max_relative = 1e-9);
         assert_relative_eq!(a.zz, b.zz, max_relative = 1e-9, epsilon = 1e-12);
-        assert_relative_eq!(a.xx + a.yy, b.xx + b.yy, max_relative = 1e-9, epsilon = 1e-12);
+        assert_relative_eq!(
+            a.xx + a.yy,
+            b.xx + b.yy,
+            max_relative = 1e-9,
+            epsilon = 1e-12
+        );
     }
 }
 
@@ -148,9 +162,16 @@ fn laws_of_the_plane() {
                         mesh: &mesh,
                         materials: &[material(law, poisson)],
                         plane,
-                        thickness: if plane == Plane::Axisymmetric { 1.0 } else { 0.7 },
+                        thickness: if plane == Plane::Axisymmetric {
+                            1.0
+                        } else {
+                            0.7
+                        },
                     };
-                    check(&body, &format!("{shape:?} {order} {plane:?} {law:?} {poisson}"));
+                    check(
+                        &body,
+                        &format!("{shape:?} {order} {plane:?} {law:?} {poisson}"),
+                    );
                 }
             }
         }
@@ -159,7 +180,11 @@ fn laws_of_the_plane() {
 
 #[test]
 fn laws_of_space() {
-    for shape in [SolidShape::Hexahedron, SolidShape::Tetrahedron, SolidShape::Wedge] {
+    for shape in [
+        SolidShape::Hexahedron,
+        SolidShape::Tetrahedron,
+        SolidShape::Wedge,
+    ] {
         for order in [1, 2] {
             let mut mesh = block([0.0; 3], [1.2, 1.0, 0.9], [1, 1, 1], shape, "body", "");
             if order == 2 {
@@ -181,7 +206,14 @@ fn laws_of_space() {
 /// A block that is stretched alike everywhere: the Cauchy stresses of the textbooks, and no stress of what expands freely.
 #[test]
 fn known_stresses() {
-    let mesh = block([0.0; 3], [1.0; 3], [1, 1, 1], SolidShape::Hexahedron, "body", "");
+    let mesh = block(
+        [0.0; 3],
+        [1.0; 3],
+        [1, 1, 1],
+        SolidShape::Hexahedron,
+        "body",
+        "",
+    );
     let stretch = [1.5_f64, 0.8, 0.9];
     let u: Vec<[f64; 3]> = (mesh.nodes.iter())
         .map(|x| std::array::from_fn(|c| (stretch[c] - 1.0) * x[c]))
@@ -205,9 +237,7 @@ fn known_stresses() {
         let trace: f64 = stretch.iter().map(|s| 0.5 * (s * s - 1.0)).sum();
         let expected = stretch.map(|s| match law {
             Hyperelastic::NeoHooke => (mu * (s * s - 1.0) + lambda * j.ln()) / j,
-            Hyperelastic::StVenantKirchhoff => {
-                s * s * (lambda * trace + mu * (s * s - 1.0)) / j
-            }
+            Hyperelastic::StVenantKirchhoff => s * s * (lambda * trace + mu * (s * s - 1.0)) / j,
         });
         for (found, expected) in [found.xx, found.yy, found.zz].iter().zip(expected) {
             assert_relative_eq!(*found, expected, max_relative = 1e-12);
@@ -242,7 +272,11 @@ fn known_stresses() {
         let (mut low, mut high) = (0.1, 3.0);
         for _ in 0..100 {
             let middle = 0.5 * (low + high);
-            if across(middle) < 0.0 { low = middle } else { high = middle }
+            if across(middle) < 0.0 {
+                low = middle
+            } else {
+                high = middle
+            }
         }
         let j = stretch[0] * stretch[1] * low;
         let expected = match law {
