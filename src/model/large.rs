@@ -449,7 +449,10 @@ where
             lambda[r] = dot(forces[i], place.frame[0]);
             for (a, tangent) in place.frame[1..].iter().enumerate() {
                 let at = (D - 1) * r + a;
-                lambda[rows + at] = dot(forces[i], *tangent);
+                // Without friction what is left along the tangents is rounding of the turn.
+                if place.slip_bound.is_any() {
+                    lambda[rows + at] = dot(forces[i], *tangent);
+                }
                 slips[at] = dot(slip[i], *tangent);
                 given_way[at] = dot(origin[i], *tangent);
             }

@@ -127,7 +127,7 @@ fn supports_and_obstacles_turn() {
                 .moving(Motion::turn(origin, 90.0)),
         )
         .steps(steps);
-    let ends = solved(model, 1e-11);
+    let ends = solved(model, 1e-10);
     assert_eq!(ends.len(), 4);
     let turned = |v: [f64; 2], angle: f64| {
         let (sin, cos) = angle.to_radians().sin_cos();
@@ -135,7 +135,7 @@ fn supports_and_obstacles_turn() {
     };
     for (end, factor) in ends.iter().zip(steps) {
         assert_eq!(end.status, Status::Converged);
-        assert!(end.iterations <= 7, "{}", end.iterations);
+        assert!(end.iterations <= 8, "{}", end.iterations);
         for (force, first) in end.forces.iter().zip(&ends[0].forces) {
             let expected = turned(*first, 90.0 * factor);
             for c in 0..2 {
@@ -364,7 +364,11 @@ fn a_case_file_and_its_results() {
     results.finish().unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(results.report.status, Some(Status::Converged));
     for step in &results.report.steps {
-        assert!(step.iterations.is_some_and(|count| count <= 20), "{:?}", step.iterations);
+        assert!(
+            step.iterations.is_some_and(|count| count <= 20),
+            "{:?}",
+            step.iterations
+        );
         let load = step.total_load.as_ref().expect("a model has loads");
         for c in 0..2 {
             let rest = step.contacts[0].force[c] + step.supports[0].force[c] + load[c];
