@@ -149,7 +149,9 @@ impl<B: Backend> NestedDual<B> {
                 renewed = true;
                 let updated = (self.pcg).update(&k, problem.coordinates(), vertices.as_deref());
                 match updated {
-                    Err(PcgError::Hierarchy(AmgError::OtherPattern { .. })) => return Ok(None),
+                    Err(PcgError::Hierarchy(
+                        AmgError::OtherPattern { .. } | AmgError::OtherCorners,
+                    )) => return Ok(None),
                     updated => updated?,
                 }
             }

@@ -162,6 +162,11 @@ pub enum AmgError {
         /// Those that it was made for.
         expected: [usize; 2],
     },
+    /// The corners of elements of second order are others, or there are none in place of some.
+    #[error(
+        "the corners of elements of second order are others than the hierarchy was made for: make a new hierarchy"
+    )]
+    OtherCorners,
     /// Indices have 32 bits.
     #[error("the stiffness matrix has too many entries for 32-bit indices")]
     TooLarge,

@@ -31,6 +31,8 @@ pub(super) struct Skeleton {
     settings: AmgSettings,
     /// Nodes and blocks of K.
     size: [usize; 2],
+    /// Corners of elements of second order, where it begins with them.
+    corners: Option<usize>,
     /// From the first level that is coarsened by aggregates.
     shapes: Vec<Arc<Shape>>,
 }
@@ -59,6 +61,7 @@ impl Skeleton {
                 ..*settings
             },
             size: [k.n_block_rows(), k.n_blocks()],
+            corners: None,
             shapes: Vec::new(),
         }
     }
@@ -77,22 +80,25 @@ impl Skeleton {
                 expected: self.size,
             });
         }
+        let vertices = vertices.filter(|_| k.n_rows() > self.settings.dense_limit);
+        let corners = vertices.map(|vertices| vertices.prolongation.n_block_cols());
+        if !self.shapes.is_empty() && corners != self.corners {
+            return Err(AmgError::OtherCorners);
+        }
         let scale = scale_of(k)?;
         let theta = match coordinates {
             Some(_) => [self.settings.theta, self.settings.coarse_theta],
             None => [self.settings.theta_without_points; 2],
         };
         let mut making = Making {
-            skeleton: self,
+            skeleton: Self { corners, ..self },
             scale,
             theta,
             level: 0,
         };
         let (mut levels, coarse) = match vertices {
-            Some(vertices) if k.n_rows() > making.skeleton.settings.dense_limit => {
-                to_vertices::<D, M, S>(k, vertices, &mut making)?
-            }
-            _ => {
+            Some(vertices) => to_vertices::<D, M, S>(k, vertices, &mut making)?,
+            None => {
                 let modes = rigid_body_modes::<D, M>(k.n_block_rows(), coordinates);
                 coarsen(k, modes, coordinates, &mut making)?
             }

@@ -7,10 +7,10 @@ use super::prolongation::{Pattern, rigid_body_modes, smoothed, tentative};
 use super::*;
 use crate::backend::cpu::Cpu;
 use crate::control::Stop;
-use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
+use crate::elasticity::{Body, Material, Plane, Unknowns, assemble, vertices};
 use crate::lattice::lattice;
 use crate::mesh::structured::{CellShape, SolidShape, rectangle};
-use crate::mesh::{Element, Mesh};
+use crate::mesh::{Element, Mesh, facet_nodes};
 use crate::problem::ContactProblem;
 use crate::reference::{self, CASE_B, CASE_C, Geometry, MATERIAL};
 use crate::sparse::{dot, norm};
@@ -86,15 +86,19 @@ fn clamped(mesh: &Mesh, materials: &[Material]) -> (BlockCsr<2>, Vec<f64>, Vec<[
         plane: Plane::PlaneStrain,
         thickness: 1.0,
     };
-    let mut prescribed = vec![[None; 2]; mesh.nodes.len()];
-    for &node in mesh.boundaries["left"].iter().flatten() {
-        prescribed[node as usize] = [Some(0.0); 2];
-    }
-    let unknowns = Unknowns::new(prescribed);
+    let unknowns = held_left(mesh);
     let mut forces = vec![[0.0; 2]; mesh.nodes.len()];
     body.add_traction(&mesh.boundaries["top"], |_, _| [1e6, -1e7], &mut forces);
     let (k, f) = assemble(&body, &unknowns, &forces);
     (k, f, unknowns.coordinates(mesh))
+}
+
+fn held_left(mesh: &Mesh) -> Unknowns {
+    let mut prescribed = vec![[None; 2]; mesh.nodes.len()];
+    for &node in mesh.boundaries["left"].iter().flat_map(facet_nodes) {
+        prescribed[node as usize] = [Some(0.0); 2];
+    }
+    Unknowns::new(prescribed)
 }
 
 /// A rectangle of triangles with moved nodes and diagonals at random.
@@ -868,6 +872,23 @@ fn a_rebuilt_hierarchy_is_as_good() {
         matches!(refused, Err(AmgError::OtherPattern { found: [72, _], .. })),
         "{refused:?}"
     );
+    // Nor does a hierarchy that begins with the corners of elements of second order serve without them.
+    let mesh = mesh.raised().unwrap_or_else(|error| panic!("{error}"));
+    let (k, _, points) = clamped(&mesh, &[MATERIAL; 2]);
+    let body = Body {
+        mesh: &mesh,
+        materials: &[MATERIAL; 2],
+        plane: Plane::PlaneStrain,
+        thickness: 1.0,
+    };
+    let vertices = vertices(&body, &held_left(&mesh));
+    let (points, vertices) = (Some(&points[..]), vertices.as_ref());
+    let settings = AmgSettings::of_dimension(2);
+    let m = Hierarchy::<f32>::of_second_order(&k, points, vertices, &settings)
+        .unwrap_or_else(|error| panic!("{error}"));
+    assert!(m.rebuild(&k, points, vertices).is_ok());
+    let refused = m.rebuild(&k, points, None).map(|_| ());
+    assert_eq!(refused, Err(AmgError::OtherCorners));
 }
 
 /// Seconds of a set-up and of a rebuild.
