@@ -15,9 +15,7 @@ use crate::model::{
 use crate::problem::{ContactProblem, Kkt};
 use crate::quasistatic::{self, Round, StepSettings, StepSolution};
 use crate::solve::{Error, Event, Solved};
-use crate::ssnm::{Cause, RecycledSubspace, Sets, Status};
-use crate::stiffness::cholesky::FactorError;
-use crate::stiffness::pcg::PcgError;
+use crate::ssnm::{Cause, RecycledSubspace, Status};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -55,10 +53,8 @@ const HELP: [Help; 7] = {
 
 /// Why a step has not converged.
 enum Ended {
-    /// It took too many iterations, or left what can be computed with.
+    /// It took too many iterations, left what can be computed with, or no help made its tangent definite.
     Lost,
-    /// No help was enough.
-    Indefinite,
     Stopped(Status),
 }
 
@@ -67,13 +63,13 @@ struct Reached<const D: usize>
 where
     ElementKind: Space<D>,
 {
-    now: Deformation<D>,
+    /// As the next step begins from it.
+    settled: Deformation<D>,
     /// The last one, with nothing left to be moved.
     at: Configuration<D>,
     violation: Kkt,
     iterations: usize,
     unstable: bool,
-    sets: Sets<D>,
 }
 
 /// Load steps on their way.
@@ -92,26 +88,15 @@ where
 /// Whether K is singular or not definite.
 fn is_indefinite(error: &Error) -> bool {
     match error {
-        Error::Engine(EngineError::Factor(error)) => is_indefinite_factor(error),
+        Error::Engine(EngineError::Factor(error)) => error.is_indefinite(),
+        Error::Engine(EngineError::Pcg(error)) => error.is_indefinite(),
         Error::Step(error) => match &error.error.cause {
-            Cause::Operator(DualError::Factor(error)) => is_indefinite_factor(error),
-            Cause::Operator(DualError::Pcg(error)) => {
-                matches!(
-                    error,
-                    PcgError::NotPositiveDefinite | PcgError::Stalled { .. }
-                )
-            }
+            Cause::Operator(DualError::Factor(error)) => error.is_indefinite(),
+            Cause::Operator(DualError::Pcg(error)) => error.is_indefinite(),
             _ => false,
         },
         _ => false,
     }
-}
-
-fn is_indefinite_factor(error: &FactorError) -> bool {
-    matches!(
-        error,
-        FactorError::NotPositiveDefinite { .. } | FactorError::BadFactor { .. }
-    )
 }
 
 impl<const D: usize> Process<'_, D>
@@ -216,8 +201,7 @@ where
                     self.elastic.check_driven(&at)?;
                     let unstable = !self.is_stable(before, moments, &now, &at)?;
                     return Ok(Ok(Reached {
-                        now,
-                        sets: at.sets(),
+                        settled: self.elastic.settled(before, now, &at),
                         at,
                         violation,
                         iterations: iteration,
@@ -232,7 +216,7 @@ where
             let Some((at, solution)) =
                 self.helped(before, moments, &now, at, first, inner, watch)?
             else {
-                return Ok(Err(Ended::Indefinite));
+                return Ok(Err(Ended::Lost));
             };
             match solution.status {
                 Status::TimeLimit | Status::Interrupted => {
@@ -261,18 +245,16 @@ where
                     return Ok(Err(Ended::Lost));
                 }
             };
-            let mixed = now
-                .forces
-                .iter()
-                .zip(&forces)
-                .enumerate()
-                .map(|(i, (old, new))| {
-                    let old = turned_with(*old, now.normals[i], at.normals[i]);
-                    std::array::from_fn(|c| old[c] + part * (new[c] - old[c]))
-                });
-            let mixed: Vec<[f64; D]> = mixed.collect();
+            now.forces = match part {
+                1.0 => forces,
+                _ => (forces.iter().enumerate())
+                    .map(|(i, new)| {
+                        let old = turned_with(now.forces[i], now.normals[i], at.normals[i]);
+                        std::array::from_fn(|c| old[c] + part * (new[c] - old[c]))
+                    })
+                    .collect(),
+            };
             now.displacement = displacement;
-            now.forces = if part < 1.0 { mixed } else { forces };
             now.normals.clone_from(&at.normals);
         }
         Ok(Err(Ended::Lost))
@@ -293,11 +275,12 @@ where
             held: 1e3,
             shift: 0.0,
         };
-        let mut is_definite = |at: &Configuration<D>| match self.engine.update(&at.problem) {
-            Ok(()) => Ok(true),
-            Err(EngineError::Factor(error)) if is_indefinite_factor(&error) => Ok(false),
-            Err(error) => Err(Error::from(error)),
-        };
+        let mut is_definite =
+            |at: &Configuration<D>| match self.engine.update(&at.problem).map_err(Error::from) {
+                Ok(()) => Ok(true),
+                Err(error) if is_indefinite(&error) => Ok(false),
+                Err(error) => Err(error),
+            };
         if is_definite(at)? {
             return Ok(true);
         }
@@ -312,16 +295,15 @@ where
         &mut self,
         reached: Reached<D>,
         to: &Moment<D>,
-        settled: &Deformation<D>,
     ) -> (Built<D>, StepData<D>, StepSolution<D>) {
         let Reached {
+            settled,
             at,
             violation,
             unstable,
-            sets,
             ..
         } = reached;
-        let (elastic, data, u) = self.elastic.results_at(settled, to, &at);
+        let (elastic, data, u) = self.elastic.results_at(&settled, to, &at);
         let solution = StepSolution {
             status: if unstable {
                 Status::Unstable
@@ -333,7 +315,7 @@ where
             slip: (at.load.slide.iter().zip(&at.state.slide))
                 .map(|(to, from)| to - from)
                 .collect(),
-            sets,
+            sets: at.sets(),
             rounds: std::mem::take(&mut self.rounds),
             kkt: violation,
             not_held: Vec::new(),
@@ -384,12 +366,12 @@ where
     let mut longest = 1.0_f64;
     for number in 1..=elastic.n_steps() {
         let end = number as f64;
-        let factor = elastic.moment(end)?.factor;
+        let factor = elastic.factor(end);
         if observer(Event::Begins { number, factor }).is_break() {
             return Ok(());
         }
         let mut time = end - 1.0;
-        let mut last: Option<(Reached<D>, Moment<D>)> = None;
+        let mut last: Option<Reached<D>> = None;
         let mut failed = None;
         while time < end {
             let to_time = if time + longest > end - 1e-9 {
@@ -400,15 +382,14 @@ where
             let to = elastic.moment(to_time)?;
             let mut watch = |event: quasistatic::Event| observer(Event::Within(event));
             match process.step(&before, [&from, &to], &mut watch)? {
-                Ok(mut reached) => {
-                    let now = std::mem::replace(&mut reached.now, before.clone());
-                    before = elastic.settled(&before, now, &reached.at);
+                Ok(reached) => {
+                    before.clone_from(&reached.settled);
                     if reached.iterations <= EASY {
                         longest = (1.5 * longest).min(1.0);
                     }
                     time = to_time;
                     let unstable = reached.unstable;
-                    last = Some((reached, elastic.moment(to_time)?));
+                    last = Some(reached);
                     from = to;
                     if unstable {
                         break;
@@ -418,7 +399,7 @@ where
                     failed = Some(status);
                     break;
                 }
-                Err(Ended::Lost | Ended::Indefinite) => {
+                Err(Ended::Lost) => {
                     longest = 0.5 * longest.min(to_time - time);
                     if longest < 0.5_f64.powi(CUTS) {
                         failed = Some(Status::Stagnated);
@@ -428,24 +409,20 @@ where
             }
         }
         // Where nothing of a step could be made, its end is its beginning.
-        let (reached, to) = match last {
-            Some(last) => last,
+        let reached = match last {
+            Some(reached) => reached,
             None => {
-                let to = elastic.moment(time)?;
-                let help = HELP[0];
-                let at = elastic.configuration(&before, [&from, &to], &before, false, help)?;
-                let reached = Reached {
+                let at = elastic.configuration(&before, [&from; 2], &before, false, HELP[0])?;
+                Reached {
                     violation: at.violation(),
-                    sets: at.sets(),
-                    now: before.clone(),
+                    settled: before.clone(),
                     at,
                     iterations: 0,
                     unstable: false,
-                };
-                (reached, to)
+                }
             }
         };
-        let (built, data, mut solution) = process.results(reached, &to, &before);
+        let (built, data, mut solution) = process.results(reached, &from);
         if let Some(status) = failed {
             solution.status = status;
         }

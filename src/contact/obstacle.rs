@@ -37,6 +37,12 @@ pub enum Obstacle<const D: usize = 2> {
     },
 }
 
+/// How long the part of a vector along a unit vector is, and what is left of it across.
+fn split<const D: usize>(v: [f64; D], along: [f64; D]) -> (f64, [f64; D]) {
+    let part = dot(v, along);
+    (part, std::array::from_fn(|c| v[c] - part * along[c]))
+}
+
 impl<const D: usize> Obstacle<D> {
     /// Distance of x from the obstacle (negative inside) and the unit direction from x to it.
     ///
@@ -57,9 +63,7 @@ impl<const D: usize> Obstacle<D> {
                 axis,
                 radius,
             } => {
-                let (to, axis) = (minus(point, x), unit(axis));
-                let along = dot(to, axis);
-                let across = std::array::from_fn(|c| to[c] - along * axis[c]);
+                let (_, across) = split(minus(point, x), unit(axis));
                 (length(across) - radius, unit(across))
             }
         }
@@ -71,18 +75,13 @@ impl<const D: usize> Obstacle<D> {
             Self::HalfSpace { .. } => return [0.0; D],
             Self::Sphere { center, .. } => (minus(center, x), None),
             Self::Cylinder { point, axis, .. } => {
-                let (to, axis) = (minus(point, x), unit(axis));
-                let part = dot(to, axis);
-                let across = std::array::from_fn(|c| to[c] - part * axis[c]);
-                (across, Some(axis))
+                let axis = unit(axis);
+                (split(minus(point, x), axis).1, Some(axis))
             }
         };
         let (far, way) = (length(to), unit(to));
-        let mut left = v;
-        for way in [Some(way), along].into_iter().flatten() {
-            let part = dot(left, way);
-            left = std::array::from_fn(|c| left[c] - part * way[c]);
-        }
+        let ways = [Some(way), along].into_iter().flatten();
+        let left = ways.fold(v, |left, way| split(left, way).1);
         left.map(|v| v / far)
     }
 
@@ -91,8 +90,7 @@ impl<const D: usize> Obstacle<D> {
         // Round a circle about an axis or a centre.
         let round = |from: [f64; D], to: [f64; D], radius: f64| {
             let (from, to) = (unit(from), unit(to));
-            let cos = dot(from, to);
-            let back: [f64; D] = std::array::from_fn(|c| from[c] - cos * to[c]);
+            let (cos, back) = split(from, to);
             let sin = length(back);
             match sin > 0.0 {
                 true => back.map(|v| -radius * sin.atan2(cos) / sin * v),
@@ -110,12 +108,7 @@ impl<const D: usize> Obstacle<D> {
                 radius,
             } => {
                 let axis = unit(axis);
-                let parts = [from, to].map(|x| {
-                    let arm = minus(x, point);
-                    let along = dot(arm, axis);
-                    let across: [f64; D] = std::array::from_fn(|c| arm[c] - along * axis[c]);
-                    (along, across)
-                });
+                let parts = [from, to].map(|x| split(minus(x, point), axis));
                 let turned = round(parts[0].1, parts[1].1, radius);
                 let along = parts[1].0 - parts[0].0;
                 std::array::from_fn(|c| turned[c] + along * axis[c])

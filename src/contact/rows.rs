@@ -461,6 +461,12 @@ impl<const D: usize> ContactRows<D> {
         }
     }
 
+    /// The places of the rows, each with its number and that of its candidate.
+    pub(crate) fn numbered(&self) -> impl Iterator<Item = (usize, usize, &ContactPlace<D>)> {
+        let each = self.candidate.iter().zip(&self.places).enumerate();
+        each.map(|(row, (&candidate, place))| (row, candidate, place))
+    }
+
     /// Which places are tied.
     pub fn tied(&self) -> Vec<bool> {
         let places = self.places.iter();

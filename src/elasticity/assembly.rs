@@ -129,10 +129,9 @@ struct Rows<'a, const D: usize>
 where
     ElementKind: Topology<D>,
 {
-    mesh: &'a Mesh<D>,
+    body: &'a Body<'a, D>,
     unknowns: &'a Unknowns<D>,
     incidence: Incidence,
-    plane: Plane,
     moduli: Vec<Moduli>,
     /// Where the bodies are; None: at rest.
     at: Option<&'a Deformed<'a, D>>,
@@ -146,7 +145,7 @@ where
     fn columns(&self, row: usize, found: &mut Vec<u32>) {
         found.clear();
         for &e in self.incidence.of(self.unknowns.node(row)) {
-            for &node in self.mesh.elements[e as usize].nodes() {
+            for &node in self.body.mesh.elements[e as usize].nodes() {
                 found.extend(self.unknowns.block(node));
             }
         }
@@ -168,7 +167,7 @@ where
         elements.sort_unstable();
         elements.dedup();
         for &e in &elements {
-            let element = &self.mesh.elements[e as usize];
+            let element = &self.body.mesh.elements[e as usize];
             let nodes = element.nodes();
             let row_of = |corner: usize| {
                 let block = self.unknowns.block(nodes[corner])? as usize;
@@ -189,29 +188,13 @@ where
                     &mut values[begin + place],
                 );
             };
-            match self.at {
-                None => element.kind().with(Blocks {
-                    mesh: self.mesh,
-                    element,
-                    plane: self.plane,
-                    moduli: &self.moduli,
-                    wanted,
-                    take,
-                }),
-                Some(at) => element.kind().with(TangentBlocks {
-                    of: *at,
-                    element,
-                    moduli: &self.moduli,
-                    wanted,
-                    take,
-                }),
-            }
+            visit_blocks(self.body, self.at, element, &self.moduli, wanted, take);
         }
     }
 }
 
-/// Adds a block K_ab to that of two nodes, without what is prescribed at either but for the decoupled equations of a node
-/// itself.
+/// Adds a block K_ab to that of two nodes, without what is prescribed at either, except for the decoupled equations of a
+/// node itself.
 pub(crate) fn add_block<const D: usize>(
     unknowns: &Unknowns<D>,
     [a, b]: [u32; 2],
@@ -308,10 +291,9 @@ where
     ElementKind: Topology<D>,
 {
     let rows = Rows {
-        mesh: body.mesh,
+        body,
         unknowns,
         incidence: Incidence::new(body.mesh),
-        plane: body.plane,
         moduli: body.moduli(),
         at,
     };
@@ -379,38 +361,16 @@ pub(crate) fn free_forces<const D: usize>(unknowns: &Unknowns<D>, forces: &[[f64
     (0..unknowns.n_blocks()).flat_map(free).collect()
 }
 
-/// The nodal forces that a displacement takes beyond those of where bodies are, to first order, from the elements with a
-/// prescribed displacement at one of their nodes: complete at those that are free.
+/// The nodal forces that a displacement takes beyond those of where bodies are, to first order, from the elements that it moves a node of.
 pub(crate) fn tangent_forces<const D: usize>(
     of: &Deformed<D>,
-    unknowns: &Unknowns<D>,
     displacement: &[[f64; D]],
 ) -> Vec<[f64; D]>
 where
     ElementKind: Topology<D>,
 {
-    let moduli = of.body.moduli();
-    let mut forces = vec![[0.0; D]; of.body.mesh.nodes.len()];
-    for element in &of.body.mesh.elements {
-        let nodes = element.nodes();
-        let moves = |&node: &u32| displacement[node as usize] != [0.0; D];
-        if !nodes.iter().any(moves) || nodes.iter().all(|&node| unknowns.block(node).is_none()) {
-            continue;
-        }
-        element.kind().with(TangentBlocks {
-            of: *of,
-            element,
-            moduli: &moduli,
-            wanted: |_| true,
-            take: |a, b, block: &[[f64; D]; D]| {
-                let u = displacement[nodes[b] as usize];
-                for (force, row) in forces[nodes[a] as usize].iter_mut().zip(block) {
-                    *force += dot(*row, u);
-                }
-            },
-        });
-    }
-    forces
+    let moves = |&node: &u32| displacement[node as usize] != [0.0; D];
+    forces_of(of.body, Some(of), displacement, moves)
 }
 
 /// The nodal forces that the displacements of all nodes take, from the elements with a prescribed
@@ -423,27 +383,64 @@ pub fn internal_forces<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
+    let held = |&node: &u32| unknowns.prescribed(node).iter().any(Option::is_some);
+    forces_of(body, None, displacement, held)
+}
+
+/// The nodal forces of a displacement by K at rest, or by the tangent of displaced bodies, from the elements with one of some nodes.
+fn forces_of<const D: usize>(
+    body: &Body<D>,
+    at: Option<&Deformed<D>>,
+    displacement: &[[f64; D]],
+    some: impl Fn(&u32) -> bool,
+) -> Vec<[f64; D]>
+where
+    ElementKind: Topology<D>,
+{
     let moduli = body.moduli();
     let mut forces = vec![[0.0; D]; body.mesh.nodes.len()];
     for element in &body.mesh.elements {
         let nodes = element.nodes();
-        let held = |&node: &u32| unknowns.prescribed(node).iter().any(Option::is_some);
-        if !nodes.iter().any(held) {
+        if !nodes.iter().any(&some) {
             continue;
         }
-        element.kind().with(Blocks {
+        let take = |a: usize, b: usize, block: &[[f64; D]; D]| {
+            let u = displacement[nodes[b] as usize];
+            for (force, row) in forces[nodes[a] as usize].iter_mut().zip(block) {
+                *force += dot(*row, u);
+            }
+        };
+        visit_blocks(body, at, element, &moduli, |_| true, take);
+    }
+    forces
+}
+
+/// Hands over the blocks of an element of K at rest, or of the tangent of displaced bodies, in the rows that are wanted.
+fn visit_blocks<const D: usize>(
+    body: &Body<D>,
+    at: Option<&Deformed<D>>,
+    element: &mesh::Element<D>,
+    moduli: &[Moduli],
+    wanted: impl Fn(usize) -> bool,
+    take: impl FnMut(usize, usize, &[[f64; D]; D]),
+) where
+    ElementKind: Topology<D>,
+{
+    match at {
+        None => element.kind().with(Blocks {
             mesh: body.mesh,
             element,
             plane: body.plane,
-            moduli: &moduli,
-            wanted: |_| true,
-            take: |a, b, block: &[[f64; D]; D]| {
-                let u = displacement[nodes[b] as usize];
-                for (force, row) in forces[nodes[a] as usize].iter_mut().zip(block) {
-                    *force += dot(*row, u);
-                }
-            },
-        });
+            moduli,
+            wanted,
+            take,
+        }),
+        Some(at) => element.kind().with(TangentBlocks {
+            of: *at,
+            element,
+            moduli,
+            wanted,
+            take,
+        }),
     }
-    forces
 }

@@ -15,7 +15,7 @@ use super::assembly::rows_of;
 use super::{
     Body, Dilatation, Hyperelastic, Material, Moduli, Plane, Stress, Temperature, Unknowns,
 };
-use crate::mesh::shape::Point;
+use crate::mesh::shape::{Point, cofactors, sum, tangents};
 use crate::mesh::vector::dot;
 use crate::mesh::{self, ElementKind, Mesh, ShapeFunctions, Topology, Visit};
 use crate::sparse::BlockCsr;
@@ -44,7 +44,7 @@ struct Law {
     /// Of St. Venant–Kirchhoff in plane stress that of plane stress; without the part that the projected dilatation has.
     lambda: f64,
     mu: f64,
-    /// κ of the projected dilatation; 0 where there is none.
+    /// κ of the projected dilatation; 0 without one.
     bulk: f64,
     thickness: f64,
 }
@@ -88,21 +88,15 @@ fn transposed<const D: usize>(m: &[[f64; D]; D]) -> [[f64; D]; D] {
     from_fn(|i| from_fn(|j| m[j][i]))
 }
 
-/// det M, and det M · M⁻ᵀ.
-pub(crate) fn cofactors<const D: usize>(m: &[[f64; D]; D]) -> (f64, [[f64; D]; D]) {
-    // Cyclic in space; in the plane the minor is one entry.
-    let minor = |i: usize, j: usize| match D {
-        2 => {
-            let sign = if i == j { 1.0 } else { -1.0 };
-            sign * m[1 - i][1 - j]
-        }
-        _ => {
-            let at = |a: usize, b: usize| m[(i + a) % D][(j + b) % D];
-            at(1, 1) * at(2, 2) - at(1, 2) * at(2, 1)
-        }
-    };
-    let all: [[f64; D]; D] = from_fn(|i| from_fn(|j| minor(i, j)));
-    (dot(m[0], all[0]), all)
+/// ∂x/∂X, from gradients over the stretch of warmth, of nodes that move by u.
+fn deformation<const D: usize, const N: usize>(
+    gradient: &[[f64; D]; N],
+    u: &[[f64; D]; N],
+    stretch: f64,
+) -> [[f64; D]; D] {
+    let mut f = transposed(&tangents(gradient, u));
+    (0..D).for_each(|c| f[c][c] += 1.0 / stretch);
+    f
 }
 
 impl Law {
@@ -132,16 +126,9 @@ impl Law {
     ) -> Strained<D, N> {
         let gradient = point.gradient.map(|g| g.map(|v| v / stretch));
         let round_axis = point.shape.map(|shape| shape * hoop / stretch);
-        let mut f: [[f64; D]; D] =
-            from_fn(|i| from_fn(|j| if i == j { 1.0 / stretch } else { 0.0 }));
-        let mut across = 1.0 / stretch;
-        for ((u, g), h) in u.iter().zip(&gradient).zip(round_axis) {
-            for i in 0..D {
-                (0..D).for_each(|j| f[i][j] += u[i] * g[j]);
-            }
-            across += u[0] * h;
-        }
-        let (det, cofactors) = cofactors(&f);
+        let f = deformation(&gradient, u, stretch);
+        let mut across = 1.0 / stretch + sum(&round_axis, u)[0];
+        let (cofactors, det) = cofactors(f);
         let left = from_fn(|i| from_fn(|j| dot(f[i], f[j])));
         let right = transposed(&f);
         let right: [[f64; D]; D] = from_fn(|i| from_fn(|j| dot(right[i], right[j])));
@@ -278,7 +265,7 @@ impl<const D: usize, const N: usize> Strained<D, N> {
 
     /// The Cauchy stress.
     fn cauchy(&self, law: &Law) -> Stress {
-        let (det, _) = cofactors(&self.f);
+        let (_, det) = cofactors(self.f);
         let j = if D == 2 { det * self.across } else { det };
         let turned = self.f.map(|row| times(&self.s, &row));
         let sigma = |i: usize, k: usize| {
@@ -583,16 +570,9 @@ where
         let u: [[f64; D]; N] = from_fn(|a| self.displacement[self.element.nodes()[a] as usize]);
         let mut least = f64::INFINITY;
         for point in E::stiffness_points(&x) {
-            let mut f: [[f64; D]; D] = from_fn(|i| from_fn(|j| f64::from(u8::from(i == j))));
-            let mut across = 1.0;
-            let hoop = self.plane.hoop(point.place(&x));
-            for ((u, g), shape) in u.iter().zip(&point.gradient).zip(point.shape) {
-                for i in 0..D {
-                    (0..D).for_each(|j| f[i][j] += u[i] * g[j]);
-                }
-                across += u[0] * shape * hoop;
-            }
-            let det = cofactors(&f).0.min(across);
+            let across = 1.0 + self.plane.hoop(point.place(&x)) * sum(&point.shape, &u)[0];
+            let (_, det) = cofactors(deformation(&point.gradient, &u, 1.0));
+            let det = det.min(across);
             if !(det >= least) {
                 least = det;
             }

@@ -1,18 +1,19 @@
 //! The corners of elements of second order by themselves.
 
-use super::{Body, Unknowns, assemble};
+use super::{Body, Deformed, Unknowns, assemble};
 use crate::mesh::{Element, ElementKind, Mesh, Topology};
 use crate::problem::Vertices;
 use crate::sparse::BlockCsr;
 
-/// How the nodes of elements of second order follow their corners, with the stiffness matrix of the elements of first order on
-/// these; None where all elements are of first order. Where the dilatation of a material is projected that matrix is left to
-/// be made from K: elements of first order would project it otherwise.
-pub fn vertices<const D: usize>(body: &Body<D>, unknowns: &Unknowns<D>) -> Option<Vertices<D>>
+/// How the nodes of elements of second order follow their corners, and the unknowns of these; None where all elements are of first
+/// order.
+fn corners_of<const D: usize>(
+    mesh: &Mesh<D>,
+    unknowns: &Unknowns<D>,
+) -> Option<(BlockCsr<D>, Unknowns<D>)>
 where
     ElementKind: Topology<D>,
 {
-    let mesh = body.mesh;
     let second = |element: &&Element<D>| element.kind().order() == 2;
     mesh.elements.iter().find(second)?;
     // The corners that a node lies in the middle of; it may be a middle in many elements, and is the same in all.
@@ -68,6 +69,25 @@ where
         }
         row_ptr.push(columns.len());
     }
+    let prolongation = BlockCsr::from_parts(
+        unknowns.n_blocks(),
+        corners.n_blocks(),
+        row_ptr,
+        columns,
+        blocks,
+    );
+    Some((prolongation, corners))
+}
+
+/// How the nodes of elements of second order follow their corners, with the stiffness matrix of the elements of first order on
+/// these; None where all elements are of first order. Where the dilatation of a material is projected that matrix is left to
+/// be made from K: elements of first order would project it otherwise.
+pub fn vertices<const D: usize>(body: &Body<D>, unknowns: &Unknowns<D>) -> Option<Vertices<D>>
+where
+    ElementKind: Topology<D>,
+{
+    let mesh = body.mesh;
+    let (prolongation, corners) = corners_of(mesh, unknowns)?;
     let projected = body
         .materials
         .iter()
@@ -95,14 +115,28 @@ where
         .0
     });
     Some(Vertices {
-        prolongation: BlockCsr::from_parts(
-            unknowns.n_blocks(),
-            corners.n_blocks(),
-            row_ptr,
-            columns,
-            blocks,
-        ),
+        prolongation,
         stiffness,
         points: corners.coordinates(mesh),
     })
+}
+
+impl<const D: usize> Deformed<'_, D>
+where
+    ElementKind: Topology<D>,
+{
+    /// The same where the bodies are: the matrix of the corners is made from the tangent.
+    pub(crate) fn vertices(&self, unknowns: &Unknowns<D>) -> Option<Vertices<D>> {
+        let (prolongation, corners) = corners_of(self.body.mesh, unknowns)?;
+        let mut points = corners.coordinates(self.body.mesh);
+        for (block, point) in points.iter_mut().enumerate() {
+            let moved = self.displacement[corners.node(block) as usize];
+            (0..D).for_each(|c| point[c] += moved[c]);
+        }
+        Some(Vertices {
+            prolongation,
+            stiffness: None,
+            points,
+        })
+    }
 }

@@ -142,7 +142,7 @@ pub(crate) fn tangents<const R: usize, const D: usize>(
 
 /// Of the tangents ∂x/∂ξⱼ: det(∂x/∂ξ), and ∂ξⱼ/∂x times that, one a row.
 #[inline]
-fn cofactors<const D: usize>(along: [[f64; D]; D]) -> ([[f64; D]; D], f64) {
+pub(crate) fn cofactors<const D: usize>(along: [[f64; D]; D]) -> ([[f64; D]; D], f64) {
     let mut rows = [[0.0; D]; D];
     match D {
         2 => {

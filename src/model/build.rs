@@ -9,7 +9,7 @@ use super::{Definition, Model};
 use crate::contact::{ContactRows, Space, contact_rows};
 use crate::elasticity::{Body, Material, Unknowns, assemble, vertices};
 use crate::mesh::{ElementKind, Mesh, Topology};
-use crate::problem::{ContactData, ContactProblem, LoadCase};
+use crate::problem::{ContactData, ContactProblem, LoadCase, Vertices};
 use crate::sparse::BlockCsr;
 use std::time::Instant;
 
@@ -147,12 +147,13 @@ where
             mut definition,
         } = self;
         definition.check()?;
-        if !definition.is_large() {
-            definition.check_small()?;
-        }
         definition.hold_axis(&mut mesh)?;
         definition.place_values(&mesh)?;
         let materials = definition.materials(&mesh)?;
+        match definition.is_large() {
+            true => definition.check_large(&materials)?,
+            false => definition.check_small()?,
+        }
         let body = Body {
             mesh: &mesh,
             materials: &materials,
@@ -175,19 +176,11 @@ where
         let pair_of: Vec<u32> = (contact.candidate.iter())
             .map(|&i| candidates.pair_of[i])
             .collect();
-        if definition.is_large() {
-            definition.check_large(&materials)?;
-        } else {
-            definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?;
+        let mut kept = Vec::new();
+        match definition.is_large() {
+            true => kept.extend(candidates.places.into_iter().zip(candidates.pair_of)),
+            false => definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?,
         }
-        let kept = match definition.is_large() {
-            true => candidates
-                .places
-                .into_iter()
-                .zip(candidates.pair_of)
-                .collect(),
-            false => Vec::new(),
-        };
         definition.count_places(&mesh, &contact, &pair_of, &mut candidates.pairs)?;
 
         let support_centres = definition.support_centres(&body, &prescriptions);
@@ -232,26 +225,17 @@ where
     ElementKind: Space<D>,
 {
     let (stiffness, load) = assemble(body, unknowns, forces);
-    let made = problem_of(
-        stiffness,
-        load,
-        acting(forces),
-        unknowns.coordinates(body.mesh),
-        unknowns,
-        contact,
-    )?;
-    Ok(match vertices(body, unknowns) {
-        Some(vertices) => made.with_vertices(vertices),
-        None => made,
-    })
+    let points = (unknowns.coordinates(body.mesh), vertices(body, unknowns));
+    problem_of(stiffness, load, acting(forces), points, unknowns, contact)
 }
 
-/// The contact problem with this K and f, whose unknowns are at these places.
+/// The contact problem with this K and f, whose unknowns are at these places, and follow their corners like this where elements are of
+/// second order.
 pub(super) fn problem_of<const D: usize>(
     stiffness: BlockCsr<D>,
     load: Vec<f64>,
     acting: f64,
-    coordinates: Vec<[f64; D]>,
+    (coordinates, vertices): (Vec<[f64; D]>, Option<Vertices<D>>),
     unknowns: &Unknowns<D>,
     contact: &ContactRows<D>,
 ) -> Result<ContactProblem<D>, ModelError>
@@ -278,6 +262,10 @@ where
     let problem = ContactProblem::of_bodies(data, contact.compliance.clone(), &contact.tied())
         .map_err(failed)?
         .with_free_unknowns(unknowns.n_free());
+    let problem = match vertices {
+        Some(vertices) => problem.with_vertices(vertices),
+        None => problem,
+    };
     let zero = vec![0.0; (D - 1) * problem.m()];
     problem
         .with_areas(contact.pooled_areas())

@@ -1,4 +1,4 @@
-//! Large displacements: what acts and stands in the way at a time, and the contact problem of where bodies are.
+//! Large displacements: loads, supports and obstacles at a time, and the contact problem of where bodies are.
 //!
 //! At displacements u the problem is about what is still to be moved, Δu: K is the tangent at u, f what is out of balance there
 //! without the contact forces, d the distances from obstacles, and slip is counted from where each contact place was on its obstacle
@@ -26,7 +26,7 @@ use crate::sparse::norm;
 use crate::ssnm::Sets;
 use std::array::from_fn;
 
-/// What acts on bodies, holds them and stands in their way at a time.
+/// Loads, supports and obstacles at a time.
 pub(crate) struct Moment<const D: usize> {
     /// The common load factor.
     pub factor: f64,
@@ -85,6 +85,28 @@ pub(crate) struct Configuration<const D: usize> {
     feet: Vec<Vec<[f64; D]>>,
     pub normals: Vec<[f64; D]>,
     distances: Vec<f64>,
+}
+
+/// What the places of contact meet where the bodies are, candidate by candidate.
+struct Meeting<const D: usize> {
+    places: Vec<ContactPlace<D>>,
+    /// Since the last load step.
+    slip: Vec<[f64; D]>,
+    distances: Vec<f64>,
+    feet: Vec<Vec<[f64; D]>>,
+    normals: Vec<[f64; D]>,
+    bends: Vec<Bend<D>>,
+}
+
+/// A node of a place and what it meets: where obstacles are round, a contact force turns as the node moves.
+struct Bend<const D: usize> {
+    candidate: usize,
+    node: u32,
+    /// Of the node in its place.
+    weight: f64,
+    obstacle: Obstacle<D>,
+    /// Where the node is.
+    place: [f64; D],
 }
 
 /// v after the turn that takes one unit vector to another by the shortest way.
@@ -162,13 +184,18 @@ impl<const D: usize> Elastic<D>
 where
     ElementKind: Space<D>,
 {
-    /// What acts at a time: 1 is the end of the first load step.
+    /// The common load factor at a time: 1 is the end of the first load step.
+    pub(crate) fn factor(&self, time: f64) -> f64 {
+        self.definition.factor(&None, time)
+    }
+
+    /// What acts at a time.
     pub(crate) fn moment(&self, time: f64) -> Result<Moment<D>, ModelError> {
         let definition = &self.definition;
         let body = self.body();
         let own = |factors: &Option<Vec<f64>>| definition.factor(factors, time);
         Ok(Moment {
-            factor: own(&None),
+            factor: self.factor(time),
             unknowns: definition.unknowns(&self.mesh, &self.prescriptions, time)?,
             dead: definition.forces(&body, time)?,
             pressures: definition
@@ -305,7 +332,121 @@ where
         let (mut outer, mut blocks) = (to.dead.clone(), Vec::new());
         self.pressures(to, u, &mut outer, &mut blocks)?;
 
-        let n = self.candidates.len();
+        let met = self.meeting(before, [from, to], now, first)?;
+        // Contact forces of both turn with the directions towards obstacles.
+        let [forces, origin] = [now, before].map(|of| -> Vec<[f64; D]> {
+            let each = of.forces.iter().zip(&of.normals).zip(&met.normals);
+            each.map(|((force, from), to)| turned_with(*force, *from, *to))
+                .collect()
+        });
+
+        let failed = |error| Entity::all(EntityKind::Contact).error(Fault::Contact(error));
+        let contact = contact_rows(&body, &to.unknowns, &met.places).map_err(failed)?;
+        let left = to.unknowns.left_of(u);
+
+        let mut stiffness = deformed.tangent(&to.unknowns);
+        let mean = {
+            let diagonal = stiffness.diagonal();
+            diagonal.iter().sum::<f64>() / diagonal.len() as f64
+        };
+        let driven = self.helped(help, mean, &forces, &met, &mut blocks);
+        let still = left.displacements(&vec![0.0; D * left.n_blocks()]);
+        let mut held = tangent_forces(&deformed, &still);
+        for ([a, b], block) in &blocks {
+            for (force, row) in held[*a as usize].iter_mut().zip(block) {
+                *force += dot(*row, still[*b as usize]);
+            }
+            let rows = [a, b].map(|node| to.unknowns.block(*node));
+            if let [Some(row), Some(column)] = rows
+                && let Some(value) = stiffness.block_mut(row as usize, column as usize)
+            {
+                add_block(&to.unknowns, [*a, *b], block, value);
+            }
+        }
+        let net: Vec<[f64; D]> = (0..u.len())
+            .map(|i| from_fn(|c| outer[i][c] + driven[i][c] - resistance.forces[i][c] - held[i][c]))
+            .collect();
+        let net = free_forces(&to.unknowns, &net);
+
+        let rows = contact.places.len();
+        let mut lambda = vec![0.0; D * rows];
+        let mut slips = vec![0.0; (D - 1) * rows];
+        let mut given_way = slips.clone();
+        for (r, i, place) in contact.numbered() {
+            lambda[r] = dot(forces[i], place.frame[0]);
+            for (a, tangent) in place.frame[1..].iter().enumerate() {
+                let at = (D - 1) * r + a;
+                // Without friction what is left along the tangents is rounding of the turn.
+                if place.slip_bound.is_any() {
+                    lambda[rows + at] = dot(forces[i], *tangent);
+                }
+                slips[at] = dot(met.slip[i], *tangent);
+                given_way[at] = dot(origin[i], *tangent);
+            }
+        }
+        let force = norm(resistance.forces.as_flattened()).max(norm(outer.as_flattened()));
+        let (_, slide) = contact.held_motion(&left);
+        let load = Load {
+            force: net.clone(),
+            acting: force,
+            gap: contact.gap(&left),
+            slide,
+        };
+        let compliance = contact.compliance.get(rows..);
+        let state = State {
+            u: vec![0.0; net.len()],
+            slide: (0..slips.len())
+                .map(|at| {
+                    let compliance = compliance.map_or(0.0, |c| c[at]);
+                    compliance * (lambda[rows + at] - given_way[at]) - slips[at]
+                })
+                .collect(),
+            lambda: lambda.clone(),
+        };
+        let places_now: Vec<[f64; D]> = (0..to.unknowns.n_blocks())
+            .map(|block| self.at(to.unknowns.node(block), u))
+            .collect();
+        let points = (places_now, deformed.vertices(&to.unknowns));
+        let problem = problem_of(stiffness, net, force, points, &to.unknowns, &contact)?;
+        let all: f64 = resistance.forces.iter().map(|f| length(*f)).sum();
+        // The work of the forces over their sum: what a load of as many would move by.
+        let deformation = if all > 0.0 {
+            4.0 * resistance.energy / all
+        } else {
+            0.0
+        };
+        let own = problem.compliance().iter().zip(&lambda);
+        let own = own.fold(0.0, |max: f64, (c, l)| max.max((c * l).abs()));
+        let scale = deformation.max(own);
+        Ok(Configuration {
+            scales: Scales {
+                length: scale,
+                deformation: scale * (rows.max(1) as f64).sqrt(),
+                force,
+            },
+            problem,
+            load,
+            state,
+            contact,
+            left,
+            outer,
+            lambda,
+            slip: met.slip,
+            feet: met.feet,
+            normals: met.normals,
+            distances: met.distances,
+        })
+    }
+
+    /// Where the places of contact are, and what each meets there; with `first`, obstacles are where they were.
+    fn meeting(
+        &self,
+        before: &Deformation<D>,
+        [from, to]: [&Moment<D>; 2],
+        now: &Deformation<D>,
+        first: bool,
+    ) -> Result<Meeting<D>, ModelError> {
+        let (n, u) = (self.candidates.len(), &now.displacement);
         let mut places: Vec<ContactPlace<D>> = Vec::with_capacity(n);
         let (mut slip, mut distances) = (vec![[0.0; D]; n], vec![0.0; n]);
         let (mut feet, mut normals) = (before.feet.clone(), now.normals.clone());
@@ -360,44 +501,62 @@ where
                 gap += weight * (distance - closing - stated);
                 (0..D).for_each(|c| slip[i][c] += weight * way[c]);
                 feet[i][k] = opposite;
-                bends.push((i, node, weight, there, x));
+                bends.push(Bend {
+                    candidate: i,
+                    node,
+                    weight,
+                    obstacle: there,
+                    place: x,
+                });
             }
             place.frame = frame(normals[i]);
             (place.gap, distances[i]) = (gap, gap);
             places.push(place);
         }
-        let forces: Vec<[f64; D]> = (0..n)
-            .map(|i| turned_with(now.forces[i], now.normals[i], normals[i]))
-            .collect();
-        let origin: Vec<[f64; D]> = (0..n)
-            .map(|i| turned_with(before.forces[i], before.normals[i], normals[i]))
-            .collect();
+        Ok(Meeting {
+            places,
+            slip,
+            distances,
+            feet,
+            normals,
+            bends,
+        })
+    }
 
-        let failed = |error| Entity::all(EntityKind::Contact).error(Fault::Contact(error));
-        let contact = contact_rows(&body, &to.unknowns, &places).map_err(failed)?;
-        let left = to.unknowns.left_of(u);
-
-        let mut stiffness = deformed.tangent(&to.unknowns);
-        let mean = {
-            let diagonal = stiffness.diagonal();
-            diagonal.iter().sum::<f64>() / diagonal.len() as f64
-        };
-        let mut driven = vec![[0.0; D]; u.len()];
-        for (i, node, weight, obstacle, x) in bends {
+    /// Adds to the tangent how contact forces turn with their obstacles and what else helps it; the forces that belong to that.
+    fn helped(
+        &self,
+        help: Help,
+        mean: f64,
+        forces: &[[f64; D]],
+        met: &Meeting<D>,
+        blocks: &mut Vec<Block<D>>,
+    ) -> Vec<[f64; D]> {
+        let Meeting {
+            distances,
+            normals,
+            bends,
+            ..
+        } = met;
+        let mut driven = vec![[0.0; D]; self.mesh.nodes.len()];
+        for bend in bends {
+            let (i, weight, x) = (bend.candidate, bend.weight, bend.place);
             let pressing = dot(forces[i], normals[i]);
             let nu = normals[i];
             let along: [f64; D] = from_fn(|c| forces[i][c] - pressing * nu[c]);
             if help.turning && forces[i] != [0.0; D] {
-                let bent = obstacle.bend(x, along);
+                let bent = bend.obstacle.bend(x, along);
                 let mut block = [[0.0; D]; D];
                 for k in 0..D {
-                    let column = obstacle.bend(x, from_fn(|c| f64::from(u8::from(c == k))));
+                    let column = bend
+                        .obstacle
+                        .bend(x, from_fn(|c| f64::from(u8::from(c == k))));
                     (0..D).for_each(|j| {
                         let turning = 0.5 * (nu[j] * bent[k] + bent[j] * nu[k]);
                         block[j][k] = weight * (turning - pressing * column[j]);
                     });
                 }
-                blocks.push(([node; 2], block));
+                blocks.push(([bend.node; 2], block));
             }
         }
         if help.held > 0.0 {
@@ -419,95 +578,11 @@ where
             }
         }
         if help.shift > 0.0 {
-            let all = 0..u.len() as u32;
+            let all = 0..driven.len() as u32;
             let block = from_fn(|j| from_fn(|k| if j == k { help.shift * mean } else { 0.0 }));
             blocks.extend(all.map(|node| ([node; 2], block)));
         }
-        let still = left.displacements(&vec![0.0; D * left.n_blocks()]);
-        let mut held = tangent_forces(&deformed, &left, &still);
-        for ([a, b], block) in &blocks {
-            for (force, row) in held[*a as usize].iter_mut().zip(block) {
-                *force += dot(*row, still[*b as usize]);
-            }
-            let rows = [a, b].map(|node| to.unknowns.block(*node));
-            if let [Some(row), Some(column)] = rows
-                && let Some(value) = stiffness.block_mut(row as usize, column as usize)
-            {
-                add_block(&to.unknowns, [*a, *b], block, value);
-            }
-        }
-        let net: Vec<[f64; D]> = (0..u.len())
-            .map(|i| from_fn(|c| outer[i][c] + driven[i][c] - resistance.forces[i][c] - held[i][c]))
-            .collect();
-        let net = free_forces(&to.unknowns, &net);
-
-        let rows = contact.places.len();
-        let mut lambda = vec![0.0; D * rows];
-        let mut slips = vec![0.0; (D - 1) * rows];
-        let mut given_way = slips.clone();
-        for (r, (place, &i)) in contact.places.iter().zip(&contact.candidate).enumerate() {
-            lambda[r] = dot(forces[i], place.frame[0]);
-            for (a, tangent) in place.frame[1..].iter().enumerate() {
-                let at = (D - 1) * r + a;
-                // Without friction what is left along the tangents is rounding of the turn.
-                if place.slip_bound.is_any() {
-                    lambda[rows + at] = dot(forces[i], *tangent);
-                }
-                slips[at] = dot(slip[i], *tangent);
-                given_way[at] = dot(origin[i], *tangent);
-            }
-        }
-        let force = norm(resistance.forces.as_flattened()).max(norm(outer.as_flattened()));
-        let (_, slide) = contact.held_motion(&left);
-        let load = Load {
-            force: net.clone(),
-            acting: force,
-            gap: contact.gap(&left),
-            slide,
-        };
-        let compliance = contact.compliance.get(rows..);
-        let state = State {
-            u: vec![0.0; net.len()],
-            slide: (0..slips.len())
-                .map(|at| {
-                    let compliance = compliance.map_or(0.0, |c| c[at]);
-                    compliance * (lambda[rows + at] - given_way[at]) - slips[at]
-                })
-                .collect(),
-            lambda: lambda.clone(),
-        };
-        let places_now: Vec<[f64; D]> = (0..to.unknowns.n_blocks())
-            .map(|block| self.at(to.unknowns.node(block), u))
-            .collect();
-        let problem = problem_of(stiffness, net, force, places_now, &to.unknowns, &contact)?;
-        let all: f64 = resistance.forces.iter().map(|f| length(*f)).sum();
-        // The work of the forces over their sum: what a load of as many would move by.
-        let deformation = if all > 0.0 {
-            4.0 * resistance.energy / all
-        } else {
-            0.0
-        };
-        let own = problem.compliance().iter().zip(&lambda);
-        let own = own.fold(0.0, |max: f64, (c, l)| max.max((c * l).abs()));
-        let scale = deformation.max(own);
-        Ok(Configuration {
-            scales: Scales {
-                length: scale,
-                deformation: scale * (rows.max(1) as f64).sqrt(),
-                force,
-            },
-            problem,
-            load,
-            state,
-            contact,
-            left,
-            outer,
-            lambda,
-            slip,
-            feet,
-            normals,
-            distances,
-        })
+        driven
     }
 
     /// Where a node is.
@@ -529,13 +604,7 @@ where
     pub(crate) fn forces_of(&self, at: &Configuration<D>, lambda: &[f64]) -> Vec<[f64; D]> {
         let mut forces = vec![[0.0; D]; self.candidates.len()];
         let (normal, tangential) = lambda.split_at(at.contact.places.len());
-        for (r, (place, &i)) in at
-            .contact
-            .places
-            .iter()
-            .zip(&at.contact.candidate)
-            .enumerate()
-        {
+        for (r, i, place) in at.contact.numbered() {
             let tied = self.pairs[self.candidates[i].1 as usize].tied;
             let pressing = if tied { normal[r] } else { normal[r].max(0.0) };
             forces[i] = from_fn(|c| pressing * place.frame[0][c]);
@@ -581,18 +650,11 @@ where
             at.problem.times(at.problem.normal(), &u),
             at.problem.times(at.problem.tangential(), &u),
         );
-        let gap = (at.contact.places.iter().zip(&at.contact.candidate))
-            .zip(&moved)
-            .map(|((_, &i), moved)| at.distances[i] + moved)
+        let gap = (at.contact.candidate.iter().zip(&moved))
+            .map(|(&i, moved)| at.distances[i] + moved)
             .collect();
         let mut slide = vec![0.0; slid.len()];
-        for (r, (place, &i)) in at
-            .contact
-            .places
-            .iter()
-            .zip(&at.contact.candidate)
-            .enumerate()
-        {
+        for (r, i, place) in at.contact.numbered() {
             for (a, tangent) in place.frame[1..].iter().enumerate() {
                 let k = (D - 1) * r + a;
                 slide[k] = dot(now.slipped[i], *tangent) - slid[k];
@@ -645,23 +707,22 @@ where
 }
 
 impl<const D: usize> Configuration<D> {
+    /// The problem with the slip that counts.
+    fn lawful(&self) -> ContactProblem<D, Elsewhere> {
+        lawful(self.problem.elsewhere(), &self.load, &self.state)
+    }
+
     /// By how much balance, contact, friction and supports are violated where the bodies are, in f64 from the forces of elements and the
     /// distances of obstacles.
     pub fn violation(&self) -> Kkt {
-        let whole: ContactProblem<D, Elsewhere> = self.problem.elsewhere();
-        let lawful = lawful(whole, &self.load, &self.state);
-        let zeros = vec![0.0; self.state.u.len()];
-        lawful.conditions_by(
-            self.scales,
-            &zeros,
-            &self.lambda,
-            &[zeros.clone(), zeros.clone()],
-        )
+        let zeros = &self.state.u;
+        let product = [zeros.clone(), zeros.clone()];
+        (self.lawful()).conditions_by(self.scales, zeros, &self.lambda, &product)
     }
 
     /// The sets that contact places are in where nothing is left to be moved.
     pub fn sets(&self) -> Sets<D> {
-        let lawful = lawful(self.problem.elsewhere(), &self.load, &self.state);
+        let lawful = self.lawful();
         let mut r = lawful.load_case().offsets();
         let given_way = lawful.contact_compliance().iter().zip(&self.lambda);
         (r.iter_mut().zip(given_way)).for_each(|(r, (c, l))| *r += c * l);

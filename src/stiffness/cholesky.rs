@@ -91,6 +91,16 @@ pub enum FactorError {
     },
 }
 
+impl FactorError {
+    /// Whether the matrix is singular or not definite, as far as that shows.
+    pub(crate) fn is_indefinite(&self) -> bool {
+        matches!(
+            self,
+            Self::NotPositiveDefinite { .. } | Self::BadFactor { .. }
+        )
+    }
+}
+
 /// Operations from which all threads share the dense blocks of the factorisation: some seconds of one of them.
 /// Entries are summed in the same order by any number.
 const WORTH_THREADS: f64 = 1e11;

@@ -54,6 +54,18 @@ pub enum PcgError {
     Stopped(Stopped),
 }
 
+impl PcgError {
+    /// Whether the matrix is singular or not definite, as far as that shows.
+    pub(crate) fn is_indefinite(&self) -> bool {
+        use AmgError::{NotPositiveDefinite, Singular};
+        match self {
+            Self::NotPositiveDefinite | Self::Stalled { .. } => true,
+            Self::Hierarchy(error) => matches!(error, NotPositiveDefinite { .. } | Singular),
+            Self::Backend(_) | Self::Stopped(_) => false,
+        }
+    }
+}
+
 /// Iterations between two looks at the progress, where the first look came too early: at least this many.
 const CHUNK: usize = 16;
 /// Iterations before the first look at least.

@@ -3,7 +3,7 @@
 use crate::common::{built, case};
 use signorini::contact::Obstacle;
 use signorini::elasticity::{Hyperelastic, Material};
-use signorini::engine::Engine;
+use signorini::engine::{Engine, EngineOptions, Stiffness};
 use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::model::{Analysis, Axis, Built, Model, Motion, Pair, Support, Traction};
@@ -30,11 +30,15 @@ impl<const D: usize> End<D> {
 
 macro_rules! solved_in {
     ($name:ident, $d:literal) => {
-        fn $name(model: Model<$d>, tolerance: f64) -> Vec<End<$d>> {
+        fn $name(model: Model<$d>, tolerance: f64, stiffness: Stiffness) -> Vec<End<$d>> {
             let built = model.build().unwrap_or_else(|error| panic!("{error}"));
             let mut settings = StepSettings::default();
             settings.ssnm.tolerance = tolerance;
-            let mut engine = Engine::new(&built.problem, Default::default(), |_| {})
+            let options = EngineOptions {
+                stiffness,
+                ..EngineOptions::default()
+            };
+            let mut engine = Engine::new(&built.problem, options, |_| {})
                 .unwrap_or_else(|error| panic!("{error}"));
             let mut ends = Vec::new();
             let made = Analysis::from(&built).solve_on(&mut engine, &settings, |event| {
@@ -91,7 +95,7 @@ fn a_block_is_pressed_on_its_floor() {
             .support(Support::on("top").x(0.02).y(-0.1))
             .contact(Pair::obstacle("bottom", floor).coulomb(coulomb))
             .steps([0.5, 1.0]);
-        let ends = solved(model, 1e-11);
+        let ends = solved(model, 1e-11, Stiffness::Cholesky);
         for end in &ends {
             assert_eq!(end.status, Status::Converged);
             assert!(end.iterations <= 6, "{}", end.iterations);
@@ -127,7 +131,7 @@ fn supports_and_obstacles_turn() {
                 .moving(Motion::turn(origin, 90.0)),
         )
         .steps(steps);
-    let ends = solved(model, 1e-10);
+    let ends = solved(model, 1e-10, Stiffness::Cholesky);
     assert_eq!(ends.len(), 4);
     let turned = |v: [f64; 2], angle: f64| {
         let (sin, cos) = angle.to_radians().sin_cos();
@@ -164,7 +168,7 @@ fn a_cylinder_is_pressed_into_a_block() {
             .material(neo_hooke(1.0, 0.3))
             .support(Support::on("bottom").fixed())
             .contact(Pair::obstacle("top", cylinder).moving(Motion::shift([0.0, -0.2])));
-        let ends = solved(model, 1e-9);
+        let ends = solved(model, 1e-9, Stiffness::Cholesky);
         assert_eq!(ends[0].status, Status::Converged);
         assert!(ends[0].iterations <= 8, "{}", ends[0].iterations);
         let force = ends[0].force();
@@ -203,7 +207,7 @@ fn a_ring_is_pressed_between_plates() {
         .support(Support::on("right").y(0.0))
         .contact(Pair::obstacle("top", plate).moving(Motion::shift([0.0, -0.1])))
         .steps([2.0, 4.0]);
-    let ends = solved(model, 1e-8);
+    let ends = solved(model, 1e-8, Stiffness::Cholesky);
     for (end, expected) in ends.iter().zip([1.05765, 1.99381]) {
         assert_eq!(end.status, Status::Converged);
         let force = -end.force()[1];
@@ -231,7 +235,7 @@ fn a_straight_column_is_told_as_unstable() {
                     normal: [1.0, 0.0],
                 },
             ));
-        solved(model, 1e-8)[0].status
+        solved(model, 1e-8, Stiffness::Cholesky)[0].status
     };
     assert_eq!(under(0.9 * euler), Status::Converged);
     assert_eq!(under(25.0 * euler), Status::Unstable);
@@ -260,7 +264,7 @@ fn a_plate_meets_a_ball_in_space() {
         .traction(Traction::on("top").pressure(4.0))
         .contact(Pair::obstacle("bottom", ball).coulomb(0.2))
         .steps([0.5, 1.0]);
-    let ends = solved_in_space(model, 1e-8);
+    let ends = solved_in_space(model, 1e-8, Stiffness::Cholesky);
     for end in &ends {
         assert_eq!(end.status, Status::Converged);
         assert!(end.iterations <= 12, "{}", end.iterations);
@@ -272,6 +276,42 @@ fn a_plate_meets_a_ball_in_space() {
         .iter()
         .fold(0.0, |min: f64, u| min.min(u[2]));
     assert!(lowest < -0.05, "{lowest}");
+}
+
+/// By PCG a plate of either order on a ball comes to the forces and places of the factor.
+#[test]
+fn pcg_comes_to_the_same() {
+    for order in [1, 2] {
+        let shape = SolidShape::Hexahedron;
+        let mut mesh = block([0.0; 3], [4.0, 1.0, 0.5], [12, 3, 2], shape, "plate", "");
+        if order == 2 {
+            mesh = mesh.raised().unwrap_or_else(|error| panic!("{error}"));
+        }
+        let ball = Obstacle::Sphere {
+            center: [3.0, 0.5, -1.05],
+            radius: 1.0,
+        };
+        let model = Model::on(mesh)
+            .large_displacements()
+            .material(neo_hooke(1e4, 0.3))
+            .support(Support::on("left").fixed())
+            .traction(Traction::on("top").pressure(20.0))
+            .contact(Pair::obstacle("bottom", ball).coulomb(0.2));
+        let [factor, pcg] = [Stiffness::Cholesky, Stiffness::Pcg]
+            .map(|stiffness| solved_in_space(model.clone(), 1e-8, stiffness).remove(0));
+        assert_eq!([factor.status, pcg.status], [Status::Converged; 2]);
+        let (force, same) = (factor.force(), pcg.force());
+        for c in 0..3 {
+            assert!(
+                (force[c] - same[c]).abs() < 1e-5 * force[2],
+                "{force:?} {same:?}"
+            );
+        }
+        let apart = (factor.displacement.iter().zip(&pcg.displacement))
+            .flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs()))
+            .fold(0.0, f64::max);
+        assert!(apart < 1e-6, "order {order}: {apart}");
+    }
 }
 
 /// What belongs to small displacements alone, or to large ones alone, is refused with a word on what to do.

@@ -94,7 +94,7 @@ where
             assert_relative_eq!(a, b, epsilon = 1e-13, max_relative = 1e-10);
         }
     }
-    // About the last axis, which is none of a body of revolution.
+    // About the last axis: a body of revolution does not turn about it.
     if body.plane == Plane::Axisymmetric && D == 2 {
         return;
     }
