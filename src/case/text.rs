@@ -52,14 +52,15 @@ pub(super) fn write<const D: usize>(
 ) -> Result<(), toml_edit::ser::Error> {
     for (key, mut item) in toml_edit::ser::to_document(definition)?.into_table() {
         (item.as_value_mut()).into_iter().for_each(shorten);
-        let item = item.into_array_of_tables().map(Item::ArrayOfTables);
-        let item = item.or_else(|item| item.into_table().map(Item::Table));
-        // What is left of a kind that there is nothing of is an empty list or table.
-        match item {
-            Ok(Item::Table(table)) if table.is_empty() => {}
-            Ok(item) => drop(document.insert(&key, item)),
-            Err(_) => {}
-        }
+        let item = match item.into_array_of_tables() {
+            Ok(tables) => Item::ArrayOfTables(tables),
+            Err(item) => match item.into_table() {
+                Ok(table) if !table.is_empty() => Item::Table(table),
+                // Nothing is stated of this kind: the list or the table is empty.
+                _ => continue,
+            },
+        };
+        document.insert(&key, item);
     }
     Ok(())
 }
