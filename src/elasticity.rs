@@ -8,6 +8,7 @@
 
 mod assembly;
 mod dilatation;
+mod finite;
 mod law;
 mod loads;
 mod modes;
@@ -19,8 +20,10 @@ mod vertices;
 
 #[cfg(feature = "mpi")]
 pub(crate) use assembly::assemble_rows;
+pub(crate) use assembly::{add_block, free_forces, tangent_forces};
 pub use assembly::{assemble, internal_forces, load_vector};
-pub use stress::{Stress, stresses, stresses_at};
+pub use finite::{Deformed, Resistance};
+pub use stress::{Stress, cauchy_stresses, stresses, stresses_at};
 pub use unknowns::Unknowns;
 pub use vertices::vertices;
 
@@ -47,6 +50,21 @@ pub struct Material {
     /// Whether quadrilaterals and hexahedra of first order of it have incompatible modes, with which they bend as they should; their
     /// dilatation is not projected then.
     pub incompatible_modes: bool,
+    /// What is elastic about large displacements; where they are small both laws are the same.
+    pub law: Hyperelastic,
+}
+
+/// The law of a material whose displacements are large.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Hyperelastic {
+    /// St. Venant and Kirchhoff's: second Piola–Kirchhoff stresses are linear in Green's strains. For strains of a few per cent;
+    /// it softens under compression.
+    #[default]
+    #[serde(rename = "st-venant-kirchhoff")]
+    StVenantKirchhoff,
+    /// A compressible material of neo-Hooke's kind, which resists being pressed flat.
+    NeoHooke,
 }
 
 /// Whether the dilatation of elements is projected, so that they do not lock near ν = 0.5: not that of 3-node triangles, 6-node
@@ -135,6 +153,7 @@ impl Material {
             expansion: 0.0,
             incompressible: Incompressible::Auto,
             incompatible_modes: false,
+            law: Hyperelastic::StVenantKirchhoff,
         }
     }
 

@@ -166,6 +166,7 @@ pub mod dual;
 pub mod elasticity;
 pub mod engine;
 pub mod input;
+mod large;
 #[cfg(test)]
 mod lattice;
 pub mod matrix_market;

@@ -40,7 +40,9 @@ mod contacts;
 mod elastic;
 mod entities;
 mod error;
+mod large;
 mod loads;
+mod motion;
 mod nodal;
 mod pair;
 mod quantity;
@@ -62,7 +64,9 @@ pub use contacts::PairData;
 pub use elastic::Elastic;
 pub use entities::{BodyForce, Equal, Force, Names, Support, Temperature, Traction};
 pub use error::{Entity, EntityKind, Fault, ModelError};
+pub(crate) use large::{Configuration, Deformation, Help, Moment, turned_with};
 pub use loads::{StepData, TemperatureField};
+pub use motion::Motion;
 pub use pair::Pair;
 pub use quantity::Quantity;
 pub use units::Units;
@@ -140,6 +144,19 @@ pub(crate) struct Whole<const D: usize = 2> {
     )]
     gravity: Option<[f64; D]>,
     rotation: Option<Rotation<D>>,
+    #[serde(default)]
+    geometry: Geometry,
+}
+
+/// How large displacements may be.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Geometry {
+    /// So small that balance is that of where the bodies were.
+    #[default]
+    Small,
+    /// Balance, contact and friction are those of where the bodies are.
+    Large,
 }
 
 /// A steady rotation.
@@ -288,6 +305,13 @@ where
         self
     }
 
+    /// Displacements may be large: bodies turn and bend, and balance, contact and friction are those of where they are in the end.
+    /// Contact is with obstacles then, and supports hold each body.
+    pub fn large_displacements(mut self) -> Self {
+        self.definition.analysis.geometry = Geometry::Large;
+        self
+    }
+
     /// Says what results call lengths and forces.
     pub fn units(mut self, units: Units) -> Self {
         self.definition.units = Some(units);
@@ -318,6 +342,11 @@ impl<const D: usize> Definition<D> {
         self.analysis.plane.unwrap_or_default()
     }
 
+    /// Whether displacements may be large.
+    pub(crate) fn is_large(&self) -> bool {
+        self.analysis.geometry == Geometry::Large
+    }
+
     /// 1 in space.
     pub(crate) fn thickness(&self) -> f64 {
         self.analysis.thickness.unwrap_or(1.0)
@@ -328,11 +357,21 @@ impl<const D: usize> Definition<D> {
         self.steps.as_ref().map_or(1, |steps| steps.factors.len())
     }
 
-    /// What something with these factors of its own is multiplied by in a step.
-    fn factor(&self, own: &Option<Vec<f64>>, step: usize) -> f64 {
+    /// What something with these factors of its own is multiplied by at a time: 1 is the end of the first load step, 2 that of the
+    /// second. From one end to the next, and from 0 at the time 0, it grows in proportion to the time.
+    fn factor(&self, own: &Option<Vec<f64>>, time: f64) -> f64 {
         let whole = self.steps.as_ref().map(|steps| &steps.factors);
         let factors = own.as_ref().or(whole);
-        (factors.and_then(|factors| factors.get(step)).copied()).unwrap_or(1.0)
+        let at_end = |step: usize| match step {
+            0 => 0.0,
+            _ => (factors.and_then(|factors| factors.get(step - 1)).copied()).unwrap_or(1.0),
+        };
+        let end = time.ceil();
+        let last = at_end(end as usize);
+        match end - time {
+            0.0 => last,
+            left => last + left * (at_end(end as usize - 1) - last),
+        }
     }
 
     /// What lengths and forces are called.

@@ -25,7 +25,7 @@ pub use check::{Place, ProblemError};
 pub(crate) use floating::Motions;
 pub use floating::{FloatingBodies, FloatingBody};
 pub use kkt::Kkt;
-pub(crate) use kkt::{beyond, slip_violation};
+pub(crate) use kkt::{Scales, beyond, slip_violation};
 pub use load::LoadCase;
 pub use matrices::{Index, Matrices, SparseRef};
 #[cfg(feature = "mpi")]

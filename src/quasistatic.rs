@@ -285,6 +285,27 @@ pub fn solve_step<const D: usize, K>(
     }
 }
 
+/// The problem of a step under its whole load: T u is counted from T ū, less what prescribed displacements slide meanwhile.
+pub(crate) fn lawful<const D: usize>(
+    whole: ContactProblem<D, Elsewhere>,
+    load: &Load,
+    start: &State,
+) -> ContactProblem<D, Elsewhere> {
+    let case = LoadCase {
+        acting: load.acting,
+        travelled: Some(Arc::new(whole.body_sizes(&start.u))),
+        before: start.lambda.clone(),
+        friction: Arc::clone(&whole.load_case().friction),
+        ..LoadCase::new(
+            load.force.clone(),
+            load.gap.clone(),
+            start.slip_origin(&whole, load),
+            whole.slip_bound().to_vec(),
+        )
+    };
+    whole.under(case)
+}
+
 /// Whether rounds may still help.
 fn has_given_up(status: Status) -> bool {
     matches!(status, Status::Stagnated | Status::IterationLimit)
@@ -329,22 +350,9 @@ where
         recycled: &'a mut RecycledSubspace,
         observer: V,
     ) -> Self {
-        let origin = start.slip_origin(&whole, load);
-        let case = LoadCase {
-            acting: load.acting,
-            travelled: Some(Arc::new(whole.body_sizes(&start.u))),
-            before: start.lambda.clone(),
-            friction: Arc::clone(&whole.load_case().friction),
-            ..LoadCase::new(
-                load.force.clone(),
-                load.gap.clone(),
-                origin,
-                whole.slip_bound().to_vec(),
-            )
-        };
         Self {
             place: whole.floating_bodies().resultants(&start.u),
-            lawful: whole.under(case),
+            lawful: lawful(whole, load, start),
             dual,
             settings,
             recycled,

@@ -24,6 +24,7 @@ pub const MATERIAL: Material = Material {
     expansion: 0.0,
     incompressible: crate::elasticity::Incompressible::Auto,
     incompatible_modes: false,
+    law: crate::elasticity::Hyperelastic::StVenantKirchhoff,
 };
 
 /// The geometry of a reference problem.

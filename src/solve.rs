@@ -3,12 +3,14 @@
 use crate::contact::Space;
 use crate::dual::DualOperator;
 use crate::engine::{self, Engine, EngineError};
-use crate::mesh::ElementKind;
+use crate::large;
+use crate::mesh::{ElementKind, Topology};
 use crate::model::{Analysis, AnyBuilt, Built, ModelError, StepData};
 use crate::problem::{AnyProblem, ContactProblem, Kkt};
 use crate::quasistatic::{self, Load, Round, State, StepError, StepSolution};
 use crate::ssnm::{RecycledSubspace, SettingsError, Status};
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// How to solve a problem.
@@ -56,7 +58,10 @@ pub struct Failed<const D: usize = 2> {
 }
 
 /// What is reported to an observer of load steps.
-pub enum Event<'a, const D: usize = 2> {
+pub enum Event<'a, const D: usize = 2>
+where
+    ElementKind: Topology<D>,
+{
     /// A load step begins.
     Begins {
         /// Its number, from 1.
@@ -71,13 +76,18 @@ pub enum Event<'a, const D: usize = 2> {
 }
 
 /// A load step that has ended.
-pub struct Solved<'a, const D: usize = 2> {
+pub struct Solved<'a, const D: usize = 2>
+where
+    ElementKind: Topology<D>,
+{
     /// Its number, from 1.
     pub number: usize,
     /// Its load and the displacements that its supports prescribe; None for a problem from matrices.
     pub data: Option<&'a StepData<D>>,
     /// What has come of it.
     pub solution: StepSolution<D>,
+    /// Where displacements are large, the bodies where they are, with the contact problem there.
+    pub displaced: Option<Arc<Built<D>>>,
 }
 
 impl<const D: usize> Analysis<'_, D>
@@ -112,6 +122,9 @@ where
     ) -> Result<(), Error> {
         if !engine.fits(self.problem) {
             return Err(Error::OtherMatrices);
+        }
+        if let Some(elastic) = self.elastic.filter(|elastic| elastic.is_large()) {
+            return large::make_steps(elastic, self.problem, engine, settings, observer);
         }
         // What earlier solves on this engine have found out, and this one adds to.
         let mut recycled = std::mem::take(&mut engine.recycled);
@@ -158,7 +171,10 @@ pub(crate) fn make_steps<const D: usize, K>(
     settings: &quasistatic::StepSettings,
     recycled: &mut RecycledSubspace,
     mut observer: impl FnMut(Event<D>) -> ControlFlow<()>,
-) -> Result<(), Error> {
+) -> Result<(), Error>
+where
+    ElementKind: Topology<D>,
+{
     let begin = Instant::now();
     settings.check()?;
     let limit = settings.ssnm.time_limit;
@@ -189,6 +205,7 @@ pub(crate) fn make_steps<const D: usize, K>(
             number,
             data: data.as_ref(),
             solution,
+            displaced: None,
         };
         if observer(Event::Ends(Box::new(solved))).is_break() || !goes_on {
             break;

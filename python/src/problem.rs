@@ -462,6 +462,10 @@ impl Problem {
             Failure::Empty => argument("after", "no load step was made in it"),
             Failure::Problem(error) => wrong(error),
             Failure::Engine(error) => of_engine(error),
+            Failure::Large => SolveError::new_err(
+                "large displacements are solved by the program (signorini solve case.toml) and from Rust, not from Python yet: leave out \
+                 geometry = \"large\" here",
+            ),
             Failure::Fork(what) => SolveError::new_err(format!("{what}: {}", fork::REMEDY)),
         })?;
         let solved = Solved {
@@ -481,6 +485,8 @@ enum Failure {
     Empty,
     Problem(ProblemError),
     Engine(signorini::engine::EngineError),
+    /// Displacements may be large.
+    Large,
     /// What a fork cannot do.
     Fork(&'static str),
 }
@@ -521,6 +527,9 @@ impl Job<'_> {
         ElementKind: Space<D>,
     {
         let start = Instant::now();
+        if analysis.elastic.is_some_and(|elastic| elastic.is_large()) {
+            return Err(Failure::Large);
+        }
         let state = match before {
             Some(run) => Some(run.end(analysis.problem).ok_or(Failure::Empty)?),
             None => None,

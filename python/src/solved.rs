@@ -262,6 +262,7 @@ where
             number: step + 1,
             data: analysis.step(step)?.as_ref(),
             solution: solution.clone(),
+            displaced: None,
         })?;
     }
     if let Some(error) = &run.report.error {

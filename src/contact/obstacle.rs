@@ -65,6 +65,64 @@ impl<const D: usize> Obstacle<D> {
         }
     }
 
+    /// How the direction away from it turns as x moves by v: ∇∇φ v, with the distance φ.
+    pub(crate) fn bend(&self, x: [f64; D], v: [f64; D]) -> [f64; D] {
+        let (to, along) = match *self {
+            Self::HalfSpace { .. } => return [0.0; D],
+            Self::Sphere { center, .. } => (minus(center, x), None),
+            Self::Cylinder { point, axis, .. } => {
+                let (to, axis) = (minus(point, x), unit(axis));
+                let part = dot(to, axis);
+                let across = std::array::from_fn(|c| to[c] - part * axis[c]);
+                (across, Some(axis))
+            }
+        };
+        let (far, way) = (length(to), unit(to));
+        let mut left = v;
+        for way in [Some(way), along].into_iter().flatten() {
+            let part = dot(left, way);
+            left = std::array::from_fn(|c| left[c] - part * way[c]);
+        }
+        left.map(|v| v / far)
+    }
+
+    /// The way along its surface from one of its points to another, as a vector there.
+    pub(crate) fn way(&self, from: [f64; D], to: [f64; D]) -> [f64; D] {
+        // Round a circle about an axis or a centre.
+        let round = |from: [f64; D], to: [f64; D], radius: f64| {
+            let (from, to) = (unit(from), unit(to));
+            let cos = dot(from, to);
+            let back: [f64; D] = std::array::from_fn(|c| from[c] - cos * to[c]);
+            let sin = length(back);
+            match sin > 0.0 {
+                true => back.map(|v| -radius * sin.atan2(cos) / sin * v),
+                false => [0.0; D],
+            }
+        };
+        match *self {
+            Self::HalfSpace { .. } => minus(to, from),
+            Self::Sphere { center, radius } => {
+                round(minus(from, center), minus(to, center), radius)
+            }
+            Self::Cylinder {
+                point,
+                axis,
+                radius,
+            } => {
+                let axis = unit(axis);
+                let parts = [from, to].map(|x| {
+                    let arm = minus(x, point);
+                    let along = dot(arm, axis);
+                    let across: [f64; D] = std::array::from_fn(|c| arm[c] - along * axis[c]);
+                    (along, across)
+                });
+                let turned = round(parts[0].1, parts[1].1, radius);
+                let along = parts[1].0 - parts[0].0;
+                std::array::from_fn(|c| turned[c] + along * axis[c])
+            }
+        }
+    }
+
     /// Smallest and largest corner of a box around it.
     pub(super) fn bounds(&self) -> ([f64; D], [f64; D]) {
         match *self {

@@ -1,5 +1,6 @@
 //! The stiffness matrix, pattern first and row by row.
 
+use super::finite::{Deformed, TangentBlocks};
 use super::{Body, Moduli, Plane, Unknowns};
 use crate::mesh::vector::{dot, minus};
 use crate::mesh::{self, ElementKind, Mesh, ShapeFunctions, Topology, Visit};
@@ -133,6 +134,8 @@ where
     incidence: Incidence,
     plane: Plane,
     moduli: Vec<Moduli>,
+    /// Where the bodies are; None: at rest.
+    at: Option<&'a Deformed<'a, D>>,
 }
 
 impl<const D: usize> Rows<'_, D>
@@ -171,37 +174,61 @@ where
                 let block = self.unknowns.block(nodes[corner])? as usize;
                 rows.contains(&block).then_some(block)
             };
-            element.kind().with(Blocks {
-                mesh: self.mesh,
-                element,
-                plane: self.plane,
-                moduli: &self.moduli,
-                wanted: |corner| row_of(corner).is_some(),
-                take: |a, b, block: &[[f64; D]; D]| {
-                    let (Some(row), Some(column)) = (row_of(a), self.unknowns.block(nodes[b]))
-                    else {
-                        return;
-                    };
-                    let begin = row_ptr[row] - row_ptr[rows.start];
-                    let columns = &columns[begin..row_ptr[row + 1] - row_ptr[rows.start]];
-                    let place = columns.partition_point(|&c| c < column);
-                    let value = &mut values[begin + place];
-                    if self.unknowns.is_turned(nodes[a]) || self.unknowns.is_turned(nodes[b]) {
-                        add_projected(self.unknowns, [nodes[a], nodes[b]], block, value);
-                        return;
-                    }
-                    let fixed = self.unknowns.prescribed(nodes[a]);
-                    let given = self.unknowns.prescribed(nodes[b]);
-                    for i in 0..D {
-                        for j in 0..D {
-                            let decoupled = fixed[i].is_some() || given[j].is_some();
-                            if !decoupled || (a == b && i == j) {
-                                value[i][j] += block[i][j];
-                            }
-                        }
-                    }
-                },
-            });
+            let wanted = |corner| row_of(corner).is_some();
+            let take = |a: usize, b: usize, block: &[[f64; D]; D]| {
+                let (Some(row), Some(column)) = (row_of(a), self.unknowns.block(nodes[b])) else {
+                    return;
+                };
+                let begin = row_ptr[row] - row_ptr[rows.start];
+                let columns = &columns[begin..row_ptr[row + 1] - row_ptr[rows.start]];
+                let place = columns.partition_point(|&c| c < column);
+                add_block(
+                    self.unknowns,
+                    [nodes[a], nodes[b]],
+                    block,
+                    &mut values[begin + place],
+                );
+            };
+            match self.at {
+                None => element.kind().with(Blocks {
+                    mesh: self.mesh,
+                    element,
+                    plane: self.plane,
+                    moduli: &self.moduli,
+                    wanted,
+                    take,
+                }),
+                Some(at) => element.kind().with(TangentBlocks {
+                    of: *at,
+                    element,
+                    moduli: &self.moduli,
+                    wanted,
+                    take,
+                }),
+            }
+        }
+    }
+}
+
+/// Adds a block K_ab to that of two nodes, without what is prescribed at either but for the decoupled equations of a node
+/// itself.
+pub(crate) fn add_block<const D: usize>(
+    unknowns: &Unknowns<D>,
+    [a, b]: [u32; 2],
+    block: &[[f64; D]; D],
+    value: &mut [[f64; D]; D],
+) {
+    if unknowns.is_turned(a) || unknowns.is_turned(b) {
+        add_projected(unknowns, [a, b], block, value);
+        return;
+    }
+    let (fixed, given) = (unknowns.prescribed(a), unknowns.prescribed(b));
+    for i in 0..D {
+        for j in 0..D {
+            let decoupled = fixed[i].is_some() || given[j].is_some();
+            if !decoupled || (a == b && i == j) {
+                value[i][j] += block[i][j];
+            }
         }
     }
 }
@@ -267,12 +294,26 @@ pub(crate) fn assemble_rows<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
+    rows_of(body, unknowns, n_blocks, None)
+}
+
+/// The first block rows of K at rest, or of the tangent of displaced bodies.
+pub(super) fn rows_of<const D: usize>(
+    body: &Body<D>,
+    unknowns: &Unknowns<D>,
+    n_blocks: usize,
+    at: Option<&Deformed<D>>,
+) -> BlockCsr<D>
+where
+    ElementKind: Topology<D>,
+{
     let rows = Rows {
         mesh: body.mesh,
         unknowns,
         incidence: Incidence::new(body.mesh),
         plane: body.plane,
         moduli: body.moduli(),
+        at,
     };
 
     let mut row_ptr = vec![0usize; n_blocks + 1];
@@ -322,22 +363,54 @@ where
 {
     let zero = vec![0.0; D * unknowns.n_blocks()];
     let held = internal_forces(body, unknowns, &unknowns.displacements(&zero));
-    let mut load = zero;
-    for (row, load) in load.chunks_mut(D).enumerate() {
+    let net: Vec<[f64; D]> = (forces.iter().zip(held))
+        .map(|(force, held)| minus(*force, held))
+        .collect();
+    free_forces(unknowns, &net)
+}
+
+/// Nodal forces as a load of the free unknowns, in blocks of D per node: 0 for a prescribed component at a node that keeps a free
+/// one.
+pub(crate) fn free_forces<const D: usize>(unknowns: &Unknowns<D>, forces: &[[f64; D]]) -> Vec<f64> {
+    let free = |row: usize| {
         let node = unknowns.node(row);
-        if unknowns.is_turned(node) {
-            let whole = minus(forces[node as usize], held[node as usize]);
-            load.copy_from_slice(&unknowns.free_part(node, whole));
+        unknowns.free_part(node, forces[node as usize])
+    };
+    (0..unknowns.n_blocks()).flat_map(free).collect()
+}
+
+/// The nodal forces that a displacement takes beyond those of where bodies are, to first order, from the elements with a
+/// prescribed displacement at one of their nodes: complete at those that are free.
+pub(crate) fn tangent_forces<const D: usize>(
+    of: &Deformed<D>,
+    unknowns: &Unknowns<D>,
+    displacement: &[[f64; D]],
+) -> Vec<[f64; D]>
+where
+    ElementKind: Topology<D>,
+{
+    let moduli = of.body.moduli();
+    let mut forces = vec![[0.0; D]; of.body.mesh.nodes.len()];
+    for element in &of.body.mesh.elements {
+        let nodes = element.nodes();
+        let moves = |&node: &u32| displacement[node as usize] != [0.0; D];
+        if !nodes.iter().any(moves) || nodes.iter().all(|&node| unknowns.block(node).is_none()) {
             continue;
         }
-        let fixed = unknowns.prescribed(node);
-        for c in 0..D {
-            if fixed[c].is_none() {
-                load[c] = forces[node as usize][c] - held[node as usize][c];
-            }
-        }
+        element.kind().with(TangentBlocks {
+            of: *of,
+            element,
+            moduli: &moduli,
+            wanted: |_| true,
+            take: |a, b, block: &[[f64; D]; D]| {
+                let u = displacement[nodes[b] as usize];
+                for (force, row) in forces[nodes[a] as usize].iter_mut().zip(block) {
+                    *force += dot(*row, u);
+                }
+            },
+        });
     }
-    load
+    forces
 }
 
 /// The nodal forces that the displacements of all nodes take, from the elements with a prescribed

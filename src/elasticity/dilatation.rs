@@ -95,6 +95,17 @@ impl<const D: usize, const N: usize> Dilatation<D, N> {
         }
     }
 
+    /// The functions at a place.
+    pub fn values(&self, place: [f64; D]) -> [f64; MOST] {
+        let monomials = self.monomials(place);
+        std::array::from_fn(|k| match k < self.count {
+            true => (self.functions[k].iter().zip(monomials))
+                .map(|(f, m)| f * m)
+                .sum(),
+            false => 0.0,
+        })
+    }
+
     /// What π div u at a place has of the motion of node a along each axis.
     pub fn gradient(&self, place: [f64; D], a: usize) -> [f64; D] {
         let monomials = self.monomials(place);

@@ -1,5 +1,6 @@
 //! Stress recovery.
 
+use super::finite::{Deformed, Finite};
 use super::{Body, Plane, Temperature};
 use crate::mesh::shape::sum;
 use crate::mesh::{self, ElementKind, ShapeFunctions, Topology, Visit};
@@ -80,6 +81,26 @@ pub fn stresses_at<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
+    recovered(body, displacement, temperature, false)
+}
+
+/// Cauchy stresses of displaced bodies, as [`stresses`] recovers those of small displacements.
+pub fn cauchy_stresses<const D: usize>(of: &Deformed<D>) -> (Vec<Stress>, Vec<Stress>)
+where
+    ElementKind: Topology<D>,
+{
+    recovered(of.body, of.displacement, of.temperature, true)
+}
+
+fn recovered<const D: usize>(
+    body: &Body<D>,
+    displacement: &[[f64; D]],
+    temperature: Option<Temperature<D>>,
+    large: bool,
+) -> (Vec<Stress>, Vec<Stress>)
+where
+    ElementKind: Topology<D>,
+{
     let mut at_nodes = vec![Stress::default(); body.mesh.nodes.len()];
     let mut area = vec![0.0; body.mesh.nodes.len()];
     let mut in_elements = Vec::with_capacity(body.mesh.elements.len());
@@ -89,6 +110,7 @@ where
             element,
             displacement,
             temperature,
+            large,
             at_nodes: &mut at_nodes,
             area: &mut area,
         }));
@@ -109,6 +131,7 @@ where
     element: &'a mesh::Element<D>,
     displacement: &'a [[f64; D]],
     temperature: Option<Temperature<'a, D>>,
+    large: bool,
     at_nodes: &'a mut [Stress],
     area: &'a mut [f64],
 }
@@ -122,7 +145,8 @@ where
     fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) -> Stress {
         let x: [_; N] = self.body.mesh.coordinates(self.element);
         let nodes = self.element.nodes();
-        let material = self.body.materials[self.element.region as usize];
+        let body = self.body;
+        let material = body.materials[self.element.region as usize];
         let u: [[f64; D]; N] = std::array::from_fn(|a| self.displacement[nodes[a] as usize]);
         let plane = self.body.plane;
         let points = plane.stiffness_points::<E, D, N, Q>(&x);
@@ -146,7 +170,18 @@ where
             let amplitudes = modes.amplitudes(&modes.driven(&driving), &u);
             (modes, amplitudes)
         });
+        let finite = self.large.then(|| {
+            let of = Deformed {
+                body,
+                displacement: self.displacement,
+                temperature: self.temperature,
+            };
+            Finite::of::<E, Q>(&of, self.element)
+        });
         let stress_at = |xi: [f64; D]| {
+            if let Some(finite) = &finite {
+                return finite.cauchy_at::<E, Q>(xi);
+            }
             let point = E::at(xi, 1.0, &x);
             let place = point.place(&x);
             let hoop = plane.hoop(place) * sum(&point.shape, &u)[0];

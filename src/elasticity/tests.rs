@@ -1,3 +1,4 @@
+mod finite;
 mod solid;
 
 use super::*;

@@ -145,6 +145,19 @@ impl<const D: usize> Unknowns<D> {
         all
     }
 
+    /// The same where what is prescribed is what is left of it when all nodes have moved already.
+    pub(crate) fn left_of(&self, moved: &[[f64; D]]) -> Self {
+        let mut left = self.clone();
+        for (node, (all, u)) in (0..).zip(left.prescribed.iter_mut().zip(moved)) {
+            for (c, value) in all.iter_mut().enumerate() {
+                if let Some(value) = value {
+                    *value -= self.frame(node).map_or(u[c], |frame| dot(frame[c], *u));
+                }
+            }
+        }
+        left
+    }
+
     /// Coordinates of the nodes of the blocks (for rigid body modes).
     pub fn coordinates(&self, mesh: &Mesh<D>) -> Vec<[f64; D]>
     where

@@ -79,7 +79,6 @@ impl<const D: usize> Axis<D> {
     }
 
     /// A point after a turn about the axis by an angle in radians, by the right-hand rule.
-    #[cfg(feature = "case")]
     pub(crate) fn turned(&self, x: [f64; D], angle: f64) -> [f64; D] {
         let (sin, cos) = angle.sin_cos();
         let (arm, turn) = (flat::<D>(self.arm(x)), self.turn(x));

@@ -4,12 +4,13 @@ use super::analysis::{Analysis, AnyAnalysis};
 use super::elastic::Elastic;
 use super::entities::Part as _;
 use super::error::{Entity, EntityKind, Fault, ModelError, listed};
-use super::loads::{StepData, acting, region};
+use super::loads::{StepData, acting, end_of, region};
 use super::{Definition, Model};
 use crate::contact::{ContactRows, Space, contact_rows};
 use crate::elasticity::{Body, Material, Unknowns, assemble, vertices};
 use crate::mesh::{ElementKind, Mesh, Topology};
 use crate::problem::{ContactData, ContactProblem, LoadCase};
+use crate::sparse::BlockCsr;
 use std::time::Instant;
 
 /// A model that is ready to be solved: the contact problem, and the bodies that it is about.
@@ -111,6 +112,13 @@ where
         if let Some(text) = analysis.loose_body() {
             return Err(loose(&text));
         }
+        if elastic.is_large()
+            && let Some(text) = analysis.floating_bodies().first()
+        {
+            let text =
+                format!("{text}; where displacements are large, supports have to hold each body");
+            return Err(loose(&text));
+        }
         elastic.assembly_seconds = start.elapsed().as_secs_f64();
         Ok(Built { problem, elastic })
     }
@@ -121,6 +129,11 @@ where
     /// As [`Model::build`].
     #[cfg(feature = "mpi")]
     pub fn into_draft(self) -> Result<Draft<D>, ModelError> {
+        if self.definition.is_large() {
+            return Err(Entity::all(EntityKind::Model).error(
+                "several ranks need geometry = \"small\": solve large displacements in one process",
+            ));
+        }
         let start = Instant::now();
         let (mut elastic, _) = self.draft()?;
         elastic.assembly_seconds = start.elapsed().as_secs_f64();
@@ -134,6 +147,9 @@ where
             mut definition,
         } = self;
         definition.check()?;
+        if !definition.is_large() {
+            definition.check_small()?;
+        }
         definition.hold_axis(&mut mesh)?;
         definition.place_values(&mesh)?;
         let materials = definition.materials(&mesh)?;
@@ -144,12 +160,12 @@ where
             thickness: definition.thickness(),
         };
         let prescriptions = definition.prescriptions(&mesh)?;
-        let unknowns = definition.unknowns(&mesh, &prescriptions, 0)?;
+        let unknowns = definition.unknowns(&mesh, &prescriptions, end_of(0))?;
         if unknowns.n_free() == 0 {
             return Err(Entity::all(EntityKind::Support)
                 .error("the supports hold every node: nothing is left to solve"));
         }
-        let forces = definition.forces(&body, 0)?;
+        let forces = definition.forces(&body, end_of(0))?;
 
         let pairing = Instant::now();
         let mut candidates = definition.candidates(&body, &unknowns)?;
@@ -159,7 +175,19 @@ where
         let pair_of: Vec<u32> = (contact.candidate.iter())
             .map(|&i| candidates.pair_of[i])
             .collect();
-        definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?;
+        if definition.is_large() {
+            definition.check_large(&materials)?;
+        } else {
+            definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?;
+        }
+        let kept = match definition.is_large() {
+            true => candidates
+                .places
+                .into_iter()
+                .zip(candidates.pair_of)
+                .collect(),
+            false => Vec::new(),
+        };
         definition.count_places(&mesh, &contact, &pair_of, &mut candidates.pairs)?;
 
         let support_centres = definition.support_centres(&body, &prescriptions);
@@ -171,6 +199,7 @@ where
             supports: definition.supports.iter().map(|s| s.name()).collect(),
             support_centres,
             contact,
+            candidates: kept,
             pairs: candidates.pairs,
             pair_of,
             units: definition.units(),
@@ -203,6 +232,32 @@ where
     ElementKind: Space<D>,
 {
     let (stiffness, load) = assemble(body, unknowns, forces);
+    let made = problem_of(
+        stiffness,
+        load,
+        acting(forces),
+        unknowns.coordinates(body.mesh),
+        unknowns,
+        contact,
+    )?;
+    Ok(match vertices(body, unknowns) {
+        Some(vertices) => made.with_vertices(vertices),
+        None => made,
+    })
+}
+
+/// The contact problem with this K and f, whose unknowns are at these places.
+pub(super) fn problem_of<const D: usize>(
+    stiffness: BlockCsr<D>,
+    load: Vec<f64>,
+    acting: f64,
+    coordinates: Vec<[f64; D]>,
+    unknowns: &Unknowns<D>,
+    contact: &ContactRows<D>,
+) -> Result<ContactProblem<D>, ModelError>
+where
+    ElementKind: Space<D>,
+{
     let failed = |error| Entity::all(EntityKind::Model).error(Fault::Problem(error));
     // A prescribed motion may have closed a gap, and an interference is meant: what overlaps by mistake, the search for
     // contact nodes has refused.
@@ -218,21 +273,17 @@ where
         slip_bound: (contact.slip_bound.iter())
             .map(|&g| if g.is_finite() { g } else { 0.0 })
             .collect(),
-        coordinates: Some(unknowns.coordinates(body.mesh)),
+        coordinates: Some(coordinates),
     };
     let problem = ContactProblem::of_bodies(data, contact.compliance.clone(), &contact.tied())
         .map_err(failed)?
         .with_free_unknowns(unknowns.n_free());
-    let problem = match vertices(body, unknowns) {
-        Some(vertices) => problem.with_vertices(vertices),
-        None => problem,
-    };
     let zero = vec![0.0; (D - 1) * problem.m()];
     problem
         .with_areas(contact.pooled_areas())
         .map_err(failed)?
         .under(LoadCase {
-            acting: acting(forces),
+            acting,
             ..LoadCase::new(
                 load,
                 contact.gap(unknowns),

@@ -3,7 +3,7 @@
 use super::arcs::{EVEN, between_arcs, gap_of_arcs, sagitta};
 use super::entities::{Names, Part as _, Target};
 use super::error::{Entity, EntityKind, Fault, ModelError};
-use super::loads::outer_facets;
+use super::loads::{end_of, outer_facets};
 use super::pair::{Against, Law};
 use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
 use super::{Definition, Equal, Pair, Units};
@@ -521,7 +521,8 @@ where
     ) -> Result<(), ModelError> {
         let mut seen = HashSet::new();
         for step in 0..self.n_steps() {
-            let factors = (self.supports.iter()).map(|s| self.factor(&s.factors, step).to_bits());
+            let factors =
+                (self.supports.iter()).map(|s| self.factor(&s.factors, end_of(step)).to_bits());
             if !seen.insert(factors.collect::<Vec<_>>()) {
                 continue;
             }
@@ -529,7 +530,7 @@ where
             let unknowns = match step {
                 0 => first,
                 _ => {
-                    later = self.unknowns(mesh, prescriptions, step)?;
+                    later = self.unknowns(mesh, prescriptions, end_of(step))?;
                     &later
                 }
             };

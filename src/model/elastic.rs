@@ -5,12 +5,12 @@ use super::Quantity;
 use super::contacts::PairData;
 use super::supports::Prescriptions;
 use super::{Definition, Units};
-use crate::contact::ContactRows;
+use crate::contact::{ContactPlace, ContactRows};
 use crate::elasticity::{Body, Material, Plane, Unknowns};
 use crate::mesh::{ElementKind, Mesh, Topology};
 
 /// The elastic side of a problem: what the results are written on.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Elastic<const D: usize = 2>
 where
     ElementKind: Topology<D>,
@@ -49,6 +49,9 @@ where
     /// What the load of each step follows from.
     pub(super) definition: Definition<D>,
     pub(super) prescriptions: Prescriptions<D>,
+    /// All places of contact at rest, each with its pair, where displacements are large: which of them have rows is a matter of
+    /// where the bodies are.
+    pub(super) candidates: Vec<(ContactPlace<D>, u32)>,
 }
 
 impl<const D: usize> Elastic<D>
@@ -63,6 +66,11 @@ where
             plane: self.plane,
             thickness: self.thickness,
         }
+    }
+
+    /// Whether displacements may be large.
+    pub fn is_large(&self) -> bool {
+        self.definition.is_large()
     }
 
     /// Number of load steps.

@@ -2,9 +2,10 @@
 
 use super::axis::{AROUND, Axis};
 use super::error::{Entity, EntityKind};
+use super::motion::Turn;
 use super::stated::{self, Flaw};
 use super::{Quantity, Units};
-use crate::elasticity::{Incompressible, Material};
+use crate::elasticity::{Hyperelastic, Incompressible, Material};
 use crate::problem::{SIZES, is_sized};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -276,6 +277,7 @@ pub struct Support<const D: usize = 2> {
     pub(super) axis: Option<Axis<D>>,
     #[serde(default, skip_serializing_if = "stated::is_default")]
     pub(super) symmetry: bool,
+    pub(super) rotate: Option<Turn<D>>,
     pub(super) factors: Option<Vec<f64>>,
 }
 
@@ -383,6 +385,13 @@ impl<const D: usize> Support<D> {
         (0..D).fold(self, |support, axis| support.along(axis, 0.0))
     }
 
+    /// Turns what it holds about an axis, by an angle in degrees under the load factor 1; in the plane counter-clockwise. What is stated
+    /// along the axes comes on top. For large displacements.
+    pub fn turned(mut self, axis: Axis<D>, angle: f64) -> Self {
+        self.rotate = Some(Turn::new(axis, angle));
+        self
+    }
+
     /// No displacement across each of the boundaries, which have to be straight; in space, plane.
     pub fn symmetry(mut self) -> Self {
         self.symmetry = true;
@@ -437,6 +446,12 @@ impl<const D: usize> Part for Support<D> {
         }
         if let Some(fault) = target.fault() {
             return Some(fault.into());
+        }
+        if let Some(turn) = &self.rotate {
+            let alone = (around || self.symmetry).then_some(
+                "a support that turns holds all directions: state beside rotate at most what it moves by along the axes",
+            );
+            return alone.or(turn.fault()).map(|text| Flaw::of("rotate", text));
         }
         let text = match target {
             Target::Point(_) | Target::Nodes(_) if self.symmetry => alone::<D>(),
@@ -867,6 +882,8 @@ pub(crate) struct Filling {
     incompressible: Incompressible,
     #[serde(default, skip_serializing_if = "stated::is_default")]
     incompatible_modes: bool,
+    #[serde(default)]
+    law: Hyperelastic,
 }
 
 impl Filling {
@@ -879,6 +896,7 @@ impl Filling {
             expansion: material.expansion,
             incompressible: material.incompressible,
             incompatible_modes: material.incompatible_modes,
+            law: material.law,
         }
     }
 
@@ -890,6 +908,7 @@ impl Filling {
             expansion: self.expansion,
             incompressible: self.incompressible,
             incompatible_modes: self.incompatible_modes,
+            law: self.law,
         }
     }
 }

@@ -66,9 +66,10 @@ where
             )));
         }
         let body = self.body();
-        let unknowns = definition.unknowns(&self.mesh, &self.prescriptions, step)?;
-        let forces = definition.forces(&body, step)?;
-        let temperature = definition.temperature(&self.mesh, step)?;
+        let time = end_of(step);
+        let unknowns = definition.unknowns(&self.mesh, &self.prescriptions, time)?;
+        let forces = definition.forces(&body, time)?;
+        let temperature = definition.temperature(&self.mesh, time)?;
         let mut total_load = [0.0; D];
         for force in &forces {
             for (sum, force) in total_load.iter_mut().zip(force) {
@@ -77,7 +78,7 @@ where
         }
         let (_, slide) = self.contact.held_motion(&unknowns);
         Ok(StepData {
-            factor: definition.factor(&None, step),
+            factor: definition.factor(&None, time),
             total_load,
             load: Load {
                 force: load_vector(&body, &unknowns, &forces),
@@ -90,6 +91,11 @@ where
             temperature,
         })
     }
+}
+
+/// The time at the end of a load step, counted from 0.
+pub(super) fn end_of(step: usize) -> f64 {
+    step as f64 + 1.0
 }
 
 /// How large the forces are that act on the nodes.
@@ -187,7 +193,7 @@ where
     pub(super) fn temperature(
         &self,
         mesh: &Mesh<D>,
-        step: usize,
+        time: f64,
     ) -> Result<TemperatureField<D>, ModelError> {
         let mut parts = Vec::new();
         for (number, t) in self.temperatures.iter().enumerate() {
@@ -199,7 +205,7 @@ where
                 }
                 None => None,
             };
-            parts.push((regions, self.factor(&t.factors, step), t.value.clone()));
+            parts.push((regions, self.factor(&t.factors, time), t.value.clone()));
         }
         Ok(TemperatureField(parts))
     }
@@ -208,10 +214,10 @@ where
     fn add_expansion(
         &self,
         body: &Body<D>,
-        step: usize,
+        time: f64,
         forces: &mut [[f64; D]],
     ) -> Result<(), ModelError> {
-        let field = self.temperature(body.mesh, step)?;
+        let field = self.temperature(body.mesh, time)?;
         if field.is_none() {
             return Ok(());
         }
@@ -224,7 +230,7 @@ where
     }
 
     /// The nodal forces of a step.
-    pub(super) fn forces(&self, body: &Body<D>, step: usize) -> Result<Vec<[f64; D]>, ModelError> {
+    pub(super) fn forces(&self, body: &Body<D>, time: f64) -> Result<Vec<[f64; D]>, ModelError> {
         let mut forces = vec![[0.0; D]; body.mesh.nodes.len()];
         let finite = |forces: &[[f64; D]], places: &[[f64; D]], what: &str| {
             let bad = |f: &[f64; D]| f.iter().find(|v| !(v.abs() <= LARGEST)).copied();
@@ -252,8 +258,9 @@ where
         for (number, t) in self.tractions.iter().enumerate() {
             let at_fault = |fault: Fault| t.entity(number).error(fault);
             let facets = outer_facets(body.mesh, t.boundary.all()).map_err(at_fault)?;
-            let factor = self.factor(&t.factors, step);
-            let whole = t.per_area(body, &facets).map_err(at_fault)?;
+            let factor = self.factor(&t.factors, time);
+            let whole = t.per_area(body, &facets, self.is_large());
+            let whole = whole.map_err(at_fault)?;
             let traction = |x, n| whole.at(x, n).map(|t| factor * t);
             body.add_traction(&facets, traction, &mut forces);
             finite(&forces, places, "traction").map_err(at_fault)?;
@@ -265,7 +272,7 @@ where
                 Some(name) => Some(region(body.mesh, name).map_err(at_fault)?),
                 None => None,
             };
-            let factor = self.factor(&b.factors, step);
+            let factor = self.factor(&b.factors, time);
             let force = |x, _| {
                 let components = b.components();
                 components.map(|component| factor * at(component, x))
@@ -276,7 +283,7 @@ where
         }
         for (number, f) in self.forces.iter().enumerate() {
             let at_fault = |fault: Fault| f.entity(number).error(fault);
-            let factor = self.factor(&f.factors, step);
+            let factor = self.factor(&f.factors, time);
             for node in f.target().nodes(body.mesh).map_err(at_fault)? {
                 let x = body.mesh.nodes[node as usize];
                 let components = f.components();
@@ -287,18 +294,21 @@ where
                 note(&[added], f.entity(number));
             }
         }
-        self.add_expansion(body, step, &mut forces)?;
+        // Where displacements are large, warmth is a matter of the material.
+        if !self.is_large() {
+            self.add_expansion(body, time, &mut forces)?;
+        }
         if let Some(first) = self.temperatures.first() {
             let at_fault = |fault: Fault| first.entity(0).error(fault);
             finite(&forces, places, "thermal expansion").map_err(at_fault)?;
             note(&forces, first.entity(0));
         }
-        if let Some(rotation) = &self.analysis.rotation {
+        if let Some(rotation) = self.analysis.rotation.as_ref().filter(|_| !self.is_large()) {
             let all = || Entity::all(EntityKind::Rotation);
             if body.materials.iter().all(|m| m.density == 0.0) {
                 return Err(all().error("there is a rotation, but no material has a density"));
             }
-            let square = self.factor(&None, step) * rotation.speed * rotation.speed;
+            let square = self.factor(&None, time) * rotation.speed * rotation.speed;
             let force = |x, density| self.arm(x).map(|arm| square * density * arm);
             body.add_body_force(None, force, &mut forces);
             finite(&forces, places, "rotation").map_err(|fault| all().error(fault))?;
@@ -309,7 +319,7 @@ where
                 return Err(Entity::all(EntityKind::Gravity)
                     .error("there is gravity, but no material has a density"));
             }
-            let factor = self.factor(&None, step);
+            let factor = self.factor(&None, time);
             let force = |_, density| g.map(|g| factor * g * density);
             body.add_body_force(None, force, &mut forces);
             let all = || Entity::all(EntityKind::Gravity);
@@ -320,7 +330,7 @@ where
         match acting {
             Some(entity) if !is_sized(largest) => Err(entity.error(format!(
                 "the largest nodal force of load step {} is {largest:e}: {SIZES}",
-                step + 1
+                time.ceil()
             ))),
             _ => Ok(forces),
         }
@@ -334,11 +344,18 @@ struct PerArea<'t, const D: usize> {
     turn: f64,
     /// The force over the area.
     even: [f64; D],
+    /// Whether its pressure follows the surface, and is taken elsewhere.
+    follows: bool,
 }
 
 impl<const D: usize> Traction<D> {
     /// What it is on these facets, with the integrals that a torque and a force are spread by.
-    fn per_area(&self, body: &Body<D>, facets: &[Facet<D>]) -> Result<PerArea<'_, D>, Fault>
+    fn per_area(
+        &self,
+        body: &Body<D>,
+        facets: &[Facet<D>],
+        follows: bool,
+    ) -> Result<PerArea<'_, D>, Fault>
     where
         ElementKind: Space<D>,
     {
@@ -373,6 +390,7 @@ impl<const D: usize> Traction<D> {
             traction: self,
             turn,
             even,
+            follows,
         })
     }
 }
@@ -382,7 +400,7 @@ impl<const D: usize> PerArea<'_, D> {
     fn at(&self, x: [f64; D], n: [f64; D]) -> [f64; D] {
         let t = self.traction;
         let components = t.components();
-        let pressure = at(t.pressure.as_ref(), x);
+        let pressure = at(t.pressure.as_ref().filter(|_| !self.follows), x);
         let mut sum = std::array::from_fn(|c| at(components[c], x) - pressure * n[c]);
         let Some(axis) = &t.axis else {
             return std::array::from_fn(|c| sum[c] + self.even[c]);

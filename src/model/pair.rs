@@ -2,6 +2,7 @@
 
 use super::entities::{Facts, NO_BOUNDARY, Names, Part, with_a_name};
 use super::error::EntityKind;
+use super::motion::Motion;
 use super::stated::{self, Flaw};
 use super::{Quantity, Units};
 use crate::contact::Obstacle;
@@ -36,6 +37,7 @@ pub struct Pair<const D: usize = 2> {
     pub(super) offset: f64,
     pub(super) edge_angle: Option<f64>,
     pub(super) search_distance: Option<f64>,
+    pub(super) motion: Option<Motion<D>>,
 }
 
 /// What a boundary may touch.
@@ -266,6 +268,12 @@ impl<const D: usize> Pair<D> {
         self
     }
 
+    /// How the obstacle moves, where displacements are large.
+    pub fn moving(mut self, motion: Motion<D>) -> Self {
+        self.motion = Some(motion);
+        self
+    }
+
     /// What is farther apart is no candidate between boundaries, and not rubbed by Tresca's bound on an obstacle; in m.
     /// Without it: half the diagonal of the box around the smaller boundary.
     pub fn search_distance(mut self, distance: f64) -> Self {
@@ -321,7 +329,7 @@ impl<const D: usize> Part for Pair<D> {
             },
             name: self.name.as_deref(),
             place: side.map_or(String::new(), |names| format!("on \"{names}\"")),
-            factors: None,
+            factors: (self.motion.as_ref()).and_then(|motion| motion.factors.as_deref()),
         }
     }
 
@@ -337,6 +345,9 @@ impl<const D: usize> Part for Pair<D> {
             };
             return Some(text.into());
         };
+        if let Some(fault) = self.motion.as_ref().and_then(Motion::fault) {
+            return Some(Flaw::of("motion", fault));
+        }
         let is_angle = |angle| (0.0..=180.0).contains(&angle);
         let is_stated = self.gap.is_some() || self.interference.is_some();
         let text = match () {

@@ -8,7 +8,7 @@ use super::analysis::{held_by, named_by};
 use super::build::loose;
 use super::elastic::Elastic;
 use super::error::ModelError;
-use super::loads::{StepData, TemperatureField, acting};
+use super::loads::{StepData, TemperatureField, acting, end_of};
 use super::supports::Prescriptions;
 use super::{Definition, Quantity, Units};
 use crate::constraint::TIED;
@@ -316,21 +316,21 @@ where
         let (mut values, mut forces, mut steps) = (Vec::new(), Vec::new(), Vec::new());
         let mut warm_regions = Vec::new();
         for step in 0..definition.n_steps() {
-            let temperature = definition.temperature(mesh, step)?.0;
+            let temperature = definition.temperature(mesh, end_of(step))?.0;
             let warmth = temperature.iter().map(|(_, factor, _)| *factor).collect();
             warm_regions = temperature
                 .into_iter()
                 .map(|(regions, ..)| regions)
                 .collect();
-            let unknowns = definition.unknowns(mesh, &elastic.prescriptions, step)?;
-            let acts = definition.forces(&elastic.body(), step)?;
+            let unknowns = definition.unknowns(mesh, &elastic.prescriptions, end_of(step))?;
+            let acts = definition.forces(&elastic.body(), end_of(step))?;
             let mut total_load = vec![0.0; D];
             for force in &acts {
                 (total_load.iter_mut().zip(force)).for_each(|(sum, force)| *sum += force);
             }
             let (_, slide) = elastic.contact.held_motion(&unknowns);
             steps.push(Step {
-                factor: definition.factor(&None, step),
+                factor: definition.factor(&None, end_of(step)),
                 total_load,
                 acting: acting(&acts),
                 gap: elastic.contact.gap(&unknowns),
@@ -825,6 +825,7 @@ where
             supports: common.supports.clone(),
             support_centres: common.support_centres.iter().map(|x| fixed(x)).collect(),
             contact,
+            candidates: Vec::new(),
             // Rank 0 keeps them and puts them here.
             pairs: Vec::new(),
             pair_of: common.pair_of.clone(),

@@ -73,8 +73,9 @@ impl<const D: usize> Support<D> {
     where
         ElementKind: Topology<D>,
     {
+        let unstated = self.rotate.is_some().then_some(zero);
         let stated = (self.components().into_iter().enumerate())
-            .filter_map(|(c, value)| Some((Way::Axis(c), value?)));
+            .filter_map(|(c, value)| Some((Way::Axis(c), value.or(unstated)?)));
         let stated: Vec<_> = stated.collect();
         let mut nodes = Held::new();
         match self.target() {
@@ -472,13 +473,18 @@ where
         &self,
         mesh: &Mesh<D>,
         prescriptions: &Prescriptions<D>,
-        step: usize,
+        time: f64,
     ) -> Result<Unknowns<D>, ModelError> {
-        let factors = self.supports.iter().map(|s| self.factor(&s.factors, step));
+        let factors = self.supports.iter().map(|s| self.factor(&s.factors, time));
         let factors: Vec<f64> = factors.collect();
         let mut prescribed = vec![[None; D]; mesh.nodes.len()];
         for p in &prescriptions.all {
-            let value = factors[p.support] * p.value;
+            let factor = factors[p.support];
+            let turned = self.supports[p.support].rotate.map_or(0.0, |turn| {
+                let x = mesh.nodes[p.node as usize];
+                dot(p.way.vector(), minus(turn.at(x, factor), x))
+            });
+            let value = factor * p.value + turned;
             let here = &mut prescribed[p.node as usize];
             let place = Location::from(mesh.nodes[p.node as usize]);
             let fault = if !value.is_finite() {

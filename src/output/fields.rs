@@ -2,7 +2,7 @@
 
 use super::put;
 use crate::contact::{Space, pooled};
-use crate::elasticity::{Stress, Temperature, stresses_at};
+use crate::elasticity::{Deformed, Stress, Temperature, cauchy_stresses, stresses_at};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::{Elastic, StepData};
 use crate::problem::ContactProblem;
@@ -30,7 +30,15 @@ where
         let field = |region, x| data.temperature.at(region, x);
         let temperature: Temperature<D> = &field;
         let temperature = (!data.temperature.is_none()).then_some(temperature);
-        let (at_nodes, in_elements) = stresses_at(&elastic.body(), &displacement, temperature);
+        let body = elastic.body();
+        let (at_nodes, in_elements) = match elastic.is_large() {
+            true => cauchy_stresses(&Deformed {
+                body: &body,
+                displacement: &displacement,
+                temperature,
+            }),
+            false => stresses_at(&body, &displacement, temperature),
+        };
         Self {
             displacement,
             at_nodes,
@@ -201,10 +209,16 @@ where
                     .map(|(p, t)| format!(",{:e}", p + t))
                     .collect(),
             };
+            let rest = match elastic.is_large() {
+                false => String::new(),
+                true => (elastic.contact.places[i].mean(|node| elastic.mesh.nodes[node as usize]))
+                    .map(|x| format!(",{x:e}"))
+                    .concat(),
+            };
             put(
                 &mut text,
                 format_args!(
-                    "{},{},{}{vector},{}",
+                    "{},{},{}{vector},{}{rest}",
                     numbers.join(","),
                     self.status(i).name(),
                     csv_text(name_of(elastic.pair_of[i])),
@@ -223,15 +237,23 @@ where
             unit => format!(" [{unit}]"),
         };
         let (length, stress) = (told(&elastic.units.length), told(&elastic.units.stress()));
+        // Where displacements are large, x and y are where a place is.
+        let rest: String = match elastic.is_large() {
+            false => String::new(),
+            true => ["x", "y", "z"][..D]
+                .iter()
+                .map(|axis| format!(",rest_{axis}{length}"))
+                .collect(),
+        };
         match D {
             2 => format!(
                 "x{length},y{length},gap{length},normal_pressure{stress},tangential_traction{stress},slip{length},\
-                 status,contact,place\n"
+                 status,contact,place{rest}\n"
             ),
             _ => format!(
                 "x{length},y{length},z{length},gap{length},normal_pressure{stress},tangential_traction_1{stress},\
                  tangential_traction_2{stress},slip_1{length},slip_2{length},status,contact,traction_x{stress},\
-                 traction_y{stress},traction_z{stress},place\n"
+                 traction_y{stress},traction_z{stress},place{rest}\n"
             ),
         }
     }

@@ -153,7 +153,9 @@ where
     let mut hints = elastic.mesh.notes.clone();
     hints.extend(locking(elastic));
     hints.extend(without_modes(elastic));
-    hints.extend(turned(of));
+    if !elastic.is_large() {
+        hints.extend(turned(of));
+    }
     let units = &elastic.units;
     let (low, high) = elastic.mesh.bounding_box();
     let size = length(minus(high, low));

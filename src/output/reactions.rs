@@ -2,7 +2,7 @@
 
 use super::{NodeStatus, OfBodies};
 use crate::contact::Space;
-use crate::elasticity::{Plane, internal_forces};
+use crate::elasticity::{Deformed, Plane, Temperature, internal_forces};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::Elastic;
@@ -239,7 +239,19 @@ where
             }
         }
     }
-    let inner = internal_forces(&elastic.body(), &data.unknowns, &of.fields.displacement);
+    let (body, displacement) = (elastic.body(), &of.fields.displacement);
+    let field = |region, x| data.temperature.at(region, x);
+    let inner = match elastic.is_large() {
+        true => {
+            let of = Deformed {
+                body: &body,
+                displacement,
+                temperature: (!data.temperature.is_none()).then_some(&field as Temperature<D>),
+            };
+            of.resistance().forces
+        }
+        false => internal_forces(&body, &data.unknowns, displacement),
+    };
     let centres = &elastic.support_centres;
     let mut supports: Vec<SupportReport> = (elastic.supports.iter().zip(centres))
         .map(|(name, centre)| SupportReport {

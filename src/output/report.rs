@@ -95,6 +95,9 @@ pub struct StepReport {
     pub friction_change: f64,
     /// The bodies that contact and friction do not hold, and which way the loads push them.
     pub not_held: Vec<NotHeldReport>,
+    /// Where displacements are large: contact problems of where the bodies were on the way.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub iterations: Option<usize>,
     /// Outer steps of all its solves.
     pub iter: usize,
     /// Products with A of all its solves.
@@ -302,6 +305,10 @@ impl Report {
         let sets = solution.sets.sizes_in(analysis.problem);
         let body_name = |body| analysis.body_name(body);
         self.push(solution, load, contacts, supports, sets, body_name);
+        let made = self.steps.last_mut().expect("just pushed");
+        if of_bodies.is_some_and(|of| of.elastic.is_large()) {
+            made.iterations = Some(std::mem::replace(&mut made.rounds, 1));
+        }
     }
 
     /// What the contacts of a step carry, and what that suggests; their sides have moved against each other by up to `apart`.
@@ -350,6 +357,7 @@ impl Report {
                     proven: one.proven,
                 })
                 .collect(),
+            iterations: None,
             iter: solution.iter(),
             n_a: solution.n_a(),
             sets,

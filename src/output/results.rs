@@ -59,6 +59,8 @@ where
     /// From a step of what was solved.
     pub fn new(analysis: Analysis<'a, D>, solved: &'a Solved<D>) -> Self {
         let solution = &solved.solution;
+        let displaced = solved.displaced.as_deref();
+        let analysis = displaced.map_or(analysis, Analysis::from);
         let of_bodies = analysis.elastic.zip(solved.data).map(|(elastic, data)| {
             let (fields, contact) = rayon::join(
                 || StepFields::new(elastic, data, solution),

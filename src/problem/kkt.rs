@@ -120,8 +120,18 @@ impl<const D: usize, K> ContactProblem<D, K> {
 
     /// The optimality conditions at (u, λ) where the product of K with [`ContactProblem::deformed`] is known, with its sizes.
     pub(crate) fn conditions(&self, u: &[f64], lambda: &[f64], product: &[Vec<f64>; 2]) -> Kkt {
+        self.conditions_by(self.scales(u, lambda), u, lambda, product)
+    }
+
+    /// The same, measured by other scales.
+    pub(crate) fn conditions_by(
+        &self,
+        scales: Scales,
+        u: &[f64],
+        lambda: &[f64],
+        product: &[Vec<f64>; 2],
+    ) -> Kkt {
         let m = self.m();
-        let scales = self.scales(u, lambda);
         let rounding = self.rounding(self.row_sizes(&self.body_sizes(u)), lambda);
         let (lambda_n, lambda_t) = lambda.split_at(m);
         let mut closing = self.beyond_compliance(self.normal(), 0, u, lambda);

@@ -113,6 +113,13 @@ impl<const D: usize> Sets<D> {
         })
     }
 
+    /// The same where the gradient is about a problem that is solved; ρ is as large as forces over what they do to their own nodes.
+    pub(crate) fn of_solved<K>(problem: &ContactProblem<D, K>, lambda: &[f64], r: &[f64]) -> Self {
+        let compliance = problem.compliance();
+        let rho = compliance.len() as f64 / compliance.iter().sum::<f64>();
+        Self::at_solution(lambda, r, rho, &problem.bounds(lambda))
+    }
+
     /// Takes nodes for those that slip: each with its way.
     pub(super) fn slide(&mut self, slipping: impl Iterator<Item = (usize, [f64; D])>) {
         slipping.for_each(|(i, slip)| self.0[i].slide(slip));

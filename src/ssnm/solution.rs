@@ -28,6 +28,9 @@ pub enum Status {
     TimeLimit,
     /// Stopped from outside.
     Interrupted,
+    /// Where displacements are large: in balance, but the least push lets the bodies go somewhere else, as a column that has
+    /// stayed straight under more than its buckling load.
+    Unstable,
 }
 
 impl From<Stopped> for Status {

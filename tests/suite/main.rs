@@ -25,6 +25,7 @@ mod gpu;
 mod half_space;
 mod incompatible;
 mod invariance;
+mod large;
 mod manufactured;
 mod nested;
 mod nodal_data;

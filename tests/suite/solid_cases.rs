@@ -73,6 +73,7 @@ impl Solved {
             number: 1,
             data: Some(self.data()),
             solution: self.solution.clone(),
+            displaced: None,
         };
         report.add_step(&StepResults::new(Analysis::from(&self.build), &solved));
         report.steps.remove(0)

@@ -4,6 +4,7 @@ use super::SolveArguments;
 use signorini::control::Costs;
 use signorini::dual::DualOperator as _;
 use signorini::engine::Engine;
+use signorini::mesh::{ElementKind, Topology};
 use signorini::quasistatic::{self, Round};
 use signorini::solve::{Event, Solved};
 use signorini::ssnm::{SlipSizes, Step};
@@ -121,7 +122,10 @@ impl Log {
         tolerance: f64,
         written: &mut Result<(), E>,
         mut add: impl FnMut(&Solved<D>) -> Result<(), E>,
-    ) -> impl FnMut(Event<D>) -> ControlFlow<()> {
+    ) -> impl FnMut(Event<D>) -> ControlFlow<()>
+    where
+        ElementKind: Topology<D>,
+    {
         let mut outer = Vec::new();
         move |event| {
             match event {

@@ -56,11 +56,17 @@ fn describe(status: Option<Status>) -> &'static str {
         }
         Status::TimeLimit => "NOT converged: the time limit is reached (solver.time_limit)",
         Status::Interrupted => "NOT converged: interrupted",
+        Status::Unstable => {
+            "UNSTABLE: in balance, but the least push lets a body buckle; hold it against that, or give it a small load or imperfection that way"
+        }
     }
 }
 
 /// Why a step has taken several solves, if it has.
 fn rounds(step: &StepReport, n_steps: usize) -> Option<String> {
+    if let Some(iterations) = step.iterations {
+        return Some(format!("  {iterations} iterations on where the bodies are"));
+    }
     if step.rounds < 2 {
         return None;
     }

@@ -98,7 +98,7 @@ where
 {
     let (low, high) = elastic.mesh.bounding_box();
     let size = length(minus(high, low));
-    if !(largest > 0.0) {
+    if !(largest > 0.0) || elastic.is_large() {
         return 1.0;
     }
     // A gap d that becomes g is drawn as d + s (g − d).

@@ -77,6 +77,10 @@ fn head(out: &mut String, report: &Report) {
         Some(Status::NotHeld) => ("status bad", "NOT converged: a body is not held"),
         Some(Status::TimeLimit) => ("status bad", "NOT converged: time limit"),
         Some(Status::Interrupted) => ("status bad", "NOT converged: interrupted"),
+        Some(Status::Unstable) => (
+            "status bad",
+            "UNSTABLE: in balance, but a small push ends it",
+        ),
         None => ("status bad", "ended by an error"),
     };
     let (n, m, total) = (report.n, report.m, report.timings.total);

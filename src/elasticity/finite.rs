@@ -1,0 +1,661 @@
+//! Large displacements: nodal forces, tangents and Cauchy stresses of displaced bodies, total Lagrangian.
+//!
+//! With F = ∂x/∂X at a point, divided by the stretch 1 + α θ of what is warmer by θ, the strain energies per volume are
+//!
+//! ```text
+//! St. Venant–Kirchhoff   μ E:E + ½ λ ϑ²             E = ½ (FᵀF − I),  ϑ = tr E
+//! neo-Hooke              ½ μ (F:F − 3 − 2ϑ) + ½ λ ϑ²                  ϑ = ln det F
+//! ```
+//!
+//! Both are linear elasticity where displacements are small. Where the dilatation of linear elasticity is projected (`dilatation.rs`),
+//! ϑ is, in the same way: ½ λ ϑ² becomes −⅓ μ ϑ² + ½ κ (π ϑ)², whose tangent at rest is that of linear elasticity. In plane stress
+//! the moduli of St. Venant–Kirchhoff are those of plane stress, and neo-Hooke's law finds the stretch of the thickness.
+
+use super::assembly::rows_of;
+use super::{
+    Body, Dilatation, Hyperelastic, Material, Moduli, Plane, Stress, Temperature, Unknowns,
+};
+use crate::mesh::shape::Point;
+use crate::mesh::vector::dot;
+use crate::mesh::{self, ElementKind, Mesh, ShapeFunctions, Topology, Visit};
+use crate::sparse::BlockCsr;
+use rayon::prelude::*;
+use std::array::from_fn;
+
+/// Bodies where their nodes have moved.
+#[derive(Clone, Copy)]
+pub struct Deformed<'a, const D: usize = 2>
+where
+    ElementKind: Topology<D>,
+{
+    /// The bodies at rest.
+    pub body: &'a Body<'a, D>,
+    /// Of every node.
+    pub displacement: &'a [[f64; D]],
+    /// How much warmer they are; None: nowhere.
+    pub temperature: Option<Temperature<'a, D>>,
+}
+
+/// The moduli of an element, of the plane or of space.
+#[derive(Clone, Copy)]
+struct Law {
+    kind: Hyperelastic,
+    plane: Plane,
+    /// Of St. Venant–Kirchhoff in plane stress that of plane stress; without the part that the projected dilatation has.
+    lambda: f64,
+    mu: f64,
+    /// κ of the projected dilatation; 0 where there is none.
+    bulk: f64,
+    thickness: f64,
+}
+
+/// A point of a displaced element, with what the law says there.
+struct Strained<const D: usize, const N: usize> {
+    /// Of the volume at rest, stretched by warmth, times the thickness.
+    weight: f64,
+    /// Without either, as the projected dilatation is integrated.
+    cold: f64,
+    /// By how much warmth stretches the volume.
+    warm: f64,
+    /// ∇φ over the stretch of warmth, and φ/X along what goes round.
+    gradient: [[f64; D]; N],
+    hoop: [f64; N],
+    f: [[f64; D]; D],
+    /// The stretch perpendicular to the plane.
+    across: f64,
+    /// ∂ϑ/∂u in the plane (in space: all of it), and by what goes round.
+    p: [[f64; D]; N],
+    round: [f64; N],
+    theta: f64,
+    /// λ as the tangent has it.
+    lambda: f64,
+    /// λ ϑ + κ π ϑ.
+    q: f64,
+    /// 2μE + qI of St. Venant–Kirchhoff.
+    s: [[f64; D]; D],
+    s_across: f64,
+    /// F Fᵀ.
+    left: [[f64; D]; D],
+    /// F ∇φ.
+    pushed: [[f64; D]; N],
+}
+
+fn times<const D: usize>(m: &[[f64; D]; D], v: &[f64; D]) -> [f64; D] {
+    m.map(|row| dot(row, *v))
+}
+
+fn transposed<const D: usize>(m: &[[f64; D]; D]) -> [[f64; D]; D] {
+    from_fn(|i| from_fn(|j| m[j][i]))
+}
+
+/// det M, and det M · M⁻ᵀ.
+pub(crate) fn cofactors<const D: usize>(m: &[[f64; D]; D]) -> (f64, [[f64; D]; D]) {
+    // Cyclic in space; in the plane the minor is one entry.
+    let minor = |i: usize, j: usize| match D {
+        2 => {
+            let sign = if i == j { 1.0 } else { -1.0 };
+            sign * m[1 - i][1 - j]
+        }
+        _ => {
+            let at = |a: usize, b: usize| m[(i + a) % D][(j + b) % D];
+            at(1, 1) * at(2, 2) - at(1, 2) * at(2, 1)
+        }
+    };
+    let all: [[f64; D]; D] = from_fn(|i| from_fn(|j| minor(i, j)));
+    (dot(m[0], all[0]), all)
+}
+
+impl Law {
+    /// ln of the stretch of the thickness in plane stress, where that of the plane is `det`: μ (s² − 1) + λ ln(det s) = 0.
+    fn thinned(&self, det: f64) -> f64 {
+        let mut ln = 0.0_f64;
+        // A convex function of ln s: Newton's method converges from one side after its first step.
+        for _ in 0..60 {
+            let square = (2.0 * ln).exp();
+            let value = self.mu * (square - 1.0) + self.lambda * (det.ln() + ln);
+            let step = value / (2.0 * self.mu * square + self.lambda);
+            ln -= step;
+            if step.abs() <= 1e-15 * (1.0 + ln.abs()) {
+                break;
+            }
+        }
+        ln
+    }
+
+    /// At a point of an element at rest whose nodes move by u; `stretch` is that of warmth.
+    fn strained<const D: usize, const N: usize>(
+        &self,
+        point: &Point<D, N>,
+        hoop: f64,
+        u: &[[f64; D]; N],
+        stretch: f64,
+    ) -> Strained<D, N> {
+        let gradient = point.gradient.map(|g| g.map(|v| v / stretch));
+        let round_axis = point.shape.map(|shape| shape * hoop / stretch);
+        let mut f: [[f64; D]; D] =
+            from_fn(|i| from_fn(|j| if i == j { 1.0 / stretch } else { 0.0 }));
+        let mut across = 1.0 / stretch;
+        for ((u, g), h) in u.iter().zip(&gradient).zip(round_axis) {
+            for i in 0..D {
+                (0..D).for_each(|j| f[i][j] += u[i] * g[j]);
+            }
+            across += u[0] * h;
+        }
+        let (det, cofactors) = cofactors(&f);
+        let left = from_fn(|i| from_fn(|j| dot(f[i], f[j])));
+        let right = transposed(&f);
+        let right: [[f64; D]; D] = from_fn(|i| from_fn(|j| dot(right[i], right[j])));
+        let has_across = D == 2 && self.plane != Plane::PlaneStress;
+        let pushed = gradient.map(|g| times(&f, &g));
+        let (mut lambda, mut s, mut s_across) = (self.lambda, [[0.0; D]; D], 0.0);
+        let (theta, p, round);
+        match self.kind {
+            Hyperelastic::NeoHooke => {
+                if D == 2 && self.plane == Plane::PlaneStress {
+                    let ln = self.thinned(det);
+                    across = ln.exp();
+                    theta = det.ln() + ln;
+                    let square = 2.0 * self.mu * across * across;
+                    lambda = square * self.lambda / (self.lambda + square);
+                } else {
+                    theta = if D == 2 { det * across } else { det }.ln();
+                }
+                p = gradient.map(|g| times(&cofactors, &g).map(|v| v / det));
+                round = round_axis.map(|h| h / across);
+            }
+            Hyperelastic::StVenantKirchhoff => {
+                let e = |i: usize, j: usize| 0.5 * (right[i][j] - f64::from(u8::from(i == j)));
+                s = from_fn(|i| from_fn(|j| 2.0 * self.mu * e(i, j)));
+                let mut trace: f64 = (0..D).map(|c| e(c, c)).sum();
+                if has_across {
+                    let e_across = 0.5 * (across * across - 1.0);
+                    trace += e_across;
+                    s_across = 2.0 * self.mu * e_across;
+                } else if D == 2 {
+                    // From λ₃ (tr E + e) + 2μ e = 0, where the λ of plane stress is 2μ λ₃ / (λ₃ + 2μ).
+                    let e_across = -self.lambda / (2.0 * self.mu) * trace;
+                    across = (1.0 + 2.0 * e_across).max(0.0).sqrt();
+                }
+                theta = trace;
+                p = pushed;
+                round = round_axis.map(|h| h * across);
+            }
+        }
+        let warm = stretch * stretch * stretch;
+        Strained {
+            weight: point.weight * warm * self.thickness,
+            cold: point.weight,
+            warm,
+            gradient,
+            hoop: round_axis,
+            f,
+            across,
+            p,
+            round,
+            theta,
+            lambda,
+            q: self.lambda * theta,
+            s,
+            s_across,
+            left,
+            pushed,
+        }
+    }
+}
+
+impl<const D: usize, const N: usize> Strained<D, N> {
+    /// Adds κ π ϑ, where the dilatation is projected; then the stresses are known.
+    fn close(&mut self, kind: Hyperelastic, projected: f64) {
+        self.q += projected / self.warm;
+        if kind == Hyperelastic::StVenantKirchhoff {
+            (0..D).for_each(|c| self.s[c][c] += self.q);
+            self.s_across += self.q;
+        }
+    }
+
+    /// ∂ϑ/∂u of node a.
+    fn dilatation(&self, a: usize) -> [f64; D] {
+        let mut part = self.p[a];
+        part[0] += self.round[a];
+        part
+    }
+
+    /// The nodal force of the strain energy at node a, per volume at rest.
+    fn force(&self, law: &Law, a: usize) -> [f64; D] {
+        let mut force = match law.kind {
+            Hyperelastic::NeoHooke => {
+                from_fn(|i| law.mu * self.pushed[a][i] + (self.q - law.mu) * self.p[a][i])
+            }
+            Hyperelastic::StVenantKirchhoff => times(&self.f, &times(&self.s, &self.gradient[a])),
+        };
+        force[0] += match law.kind {
+            Hyperelastic::NeoHooke => {
+                law.mu * self.across * self.hoop[a] + (self.q - law.mu) * self.round[a]
+            }
+            Hyperelastic::StVenantKirchhoff => self.across * self.s_across * self.hoop[a],
+        };
+        force
+    }
+
+    /// Adds to entry [i][k] the derivative of the force at node a along axis i by the displacement of node b along k.
+    #[inline]
+    fn add_tangent(&self, law: &Law, [a, b]: [usize; 2], block: &mut [[f64; D]; D]) {
+        let (mu, w) = (law.mu, self.weight);
+        let (pa, pb) = (self.dilatation(a), self.dilatation(b));
+        let plain = dot(self.gradient[a], self.gradient[b]);
+        let (along, hoops) = match law.kind {
+            Hyperelastic::NeoHooke => {
+                let rest = mu - self.q;
+                for i in 0..D {
+                    for k in 0..D {
+                        block[i][k] +=
+                            w * (rest * self.p[b][i] * self.p[a][k] + self.lambda * pa[i] * pb[k]);
+                    }
+                }
+                let hoops = mu * self.hoop[a] * self.hoop[b] + rest * self.round[a] * self.round[b];
+                (mu * plain, hoops)
+            }
+            Hyperelastic::StVenantKirchhoff => {
+                for i in 0..D {
+                    for k in 0..D {
+                        block[i][k] += w
+                            * (self.lambda * pa[i] * pb[k]
+                                + mu * (plain * self.left[i][k]
+                                    + self.pushed[b][i] * self.pushed[a][k]));
+                    }
+                }
+                let hoops = self.s_across * self.hoop[a] * self.hoop[b]
+                    + 2.0 * mu * self.round[a] * self.round[b];
+                (
+                    dot(self.gradient[a], times(&self.s, &self.gradient[b])),
+                    hoops,
+                )
+            }
+        };
+        (0..D).for_each(|c| block[c][c] += w * along);
+        block[0][0] += w * hoops;
+    }
+
+    /// The Cauchy stress.
+    fn cauchy(&self, law: &Law) -> Stress {
+        let (det, _) = cofactors(&self.f);
+        let j = if D == 2 { det * self.across } else { det };
+        let turned = self.f.map(|row| times(&self.s, &row));
+        let sigma = |i: usize, k: usize| {
+            let one = f64::from(u8::from(i == k));
+            match law.kind {
+                Hyperelastic::NeoHooke => (law.mu * (self.left[i][k] - one) + self.q * one) / j,
+                Hyperelastic::StVenantKirchhoff => dot(turned[i], self.f[k]) / j,
+            }
+        };
+        let square = self.across * self.across;
+        let zz = match law.kind {
+            _ if D == 3 => sigma(D - 1, D - 1),
+            _ if law.plane == Plane::PlaneStress => 0.0,
+            Hyperelastic::NeoHooke => (law.mu * (square - 1.0) + self.q) / j,
+            Hyperelastic::StVenantKirchhoff => square * self.s_across / j,
+        };
+        let in_space = |i: usize, k: usize| if D == 3 { sigma(i, k) } else { 0.0 };
+        Stress {
+            xx: sigma(0, 0),
+            yy: sigma(1, 1),
+            zz,
+            xy: sigma(0, 1),
+            yz: in_space(1, D - 1),
+            zx: in_space(D - 1, 0),
+        }
+    }
+}
+
+/// A displaced element with N nodes, and what its projected dilatation is.
+pub(super) struct Finite<'a, const D: usize, const N: usize> {
+    law: Law,
+    x: [[f64; D]; N],
+    u: [[f64; D]; N],
+    /// The projection, with κ times the part of ϑ that each of its functions has.
+    projected: Option<(Dilatation<D, N>, [f64; 4])>,
+    region: u32,
+    expansion: f64,
+    temperature: Option<Temperature<'a, D>>,
+}
+
+impl<'a, const D: usize, const N: usize> Finite<'a, D, N>
+where
+    ElementKind: Topology<D>,
+{
+    /// An element, with the points that integrate it.
+    fn new<E: ShapeFunctions<D, N, Q>, const Q: usize>(
+        of: &Deformed<'a, D>,
+        element: &mesh::Element<D>,
+        moduli: &Moduli,
+    ) -> (Self, [Strained<D, N>; Q]) {
+        let body = of.body;
+        let x = body.mesh.coordinates(element);
+        let material: &Material = &body.materials[element.region as usize];
+        let points = body.plane.stiffness_points::<E, D, N, Q>(&x);
+        let dilatation = moduli.dilatation::<E, D, N, Q>(element.kind(), &points, &x, body.plane);
+        let plane = if D == 3 {
+            Plane::PlaneStrain
+        } else {
+            body.plane
+        };
+        // Neo-Hooke's law in plane stress has the λ of space, as the stretch of the thickness is an unknown of its own.
+        let moduli_of = match material.law {
+            Hyperelastic::NeoHooke => Plane::PlaneStrain,
+            Hyperelastic::StVenantKirchhoff => plane,
+        };
+        let (lambda, mu) = material.lame(moduli_of);
+        let mut law = Law {
+            kind: material.law,
+            plane,
+            lambda,
+            mu,
+            bulk: 0.0,
+            thickness: body.thickness,
+        };
+        if dilatation.is_some() {
+            (law.lambda, law.bulk) = (-2.0 / 3.0 * mu, lambda + 2.0 / 3.0 * mu);
+        }
+        let mut made = Self {
+            law,
+            u: from_fn(|a| of.displacement[element.nodes()[a] as usize]),
+            x,
+            projected: None,
+            region: element.region,
+            expansion: material.expansion,
+            temperature: of.temperature,
+        };
+        let mut strained = points.map(|point| made.strained(&point));
+        made.projected = dilatation.map(|dilatation| {
+            let mut parts = [0.0; 4];
+            for (at, point) in strained.iter().zip(&points) {
+                let values = dilatation.values(point.place(&x));
+                let size = law.bulk * at.cold * at.theta;
+                parts
+                    .iter_mut()
+                    .zip(values)
+                    .for_each(|(part, value)| *part += size * value);
+            }
+            (dilatation, parts)
+        });
+        for (at, point) in strained.iter_mut().zip(&points) {
+            at.close(law.kind, made.projected_at(point.place(&x)));
+        }
+        (made, strained)
+    }
+
+    /// An element.
+    pub fn of<E: ShapeFunctions<D, N, Q>, const Q: usize>(
+        of: &Deformed<'a, D>,
+        element: &mesh::Element<D>,
+    ) -> Self {
+        let material = of.body.materials[element.region as usize];
+        let moduli = material.moduli(of.body.plane, of.body.thickness);
+        Self::new::<E, Q>(of, element, &moduli).0
+    }
+
+    fn strained(&self, point: &Point<D, N>) -> Strained<D, N> {
+        let place = point.place(&self.x);
+        let warmth = (self.temperature).map_or(0.0, |at| at(self.region, place));
+        let stretch = 1.0 + self.expansion * warmth;
+        (self.law).strained(point, self.law.plane.hoop(place), &self.u, stretch)
+    }
+
+    /// κ π ϑ at a place.
+    fn projected_at(&self, place: [f64; D]) -> f64 {
+        self.projected.as_ref().map_or(0.0, |(dilatation, parts)| {
+            let values = dilatation.values(place);
+            parts
+                .iter()
+                .zip(values)
+                .map(|(part, value)| part * value)
+                .sum()
+        })
+    }
+
+    /// Hands over the blocks of the tangent in the rows that are wanted.
+    fn blocks<E: ShapeFunctions<D, N, Q>, const Q: usize>(
+        &self,
+        strained: &[Strained<D, N>; Q],
+        wanted: impl Fn(usize) -> bool,
+        mut take: impl FnMut(usize, usize, &[[f64; D]; D]),
+    ) {
+        // ∫ m ∂ϑ/∂u of each node.
+        let integrals = self.projected.as_ref().map(|(dilatation, _)| {
+            let points = self.law.plane.stiffness_points::<E, D, N, Q>(&self.x);
+            let mut all = [[[0.0; D]; 4]; N];
+            for (at, point) in strained.iter().zip(&points) {
+                let values = dilatation.values(point.place(&self.x));
+                for (a, of) in all.iter_mut().enumerate() {
+                    let part = at.dilatation(a);
+                    for (sum, value) in of.iter_mut().zip(values) {
+                        (0..D).for_each(|c| sum[c] += at.cold * value * part[c]);
+                    }
+                }
+            }
+            all
+        });
+        let bulk = self.law.bulk * self.law.thickness;
+        for a in (0..N).filter(|&a| wanted(a)) {
+            for b in 0..N {
+                let mut block = [[0.0; D]; D];
+                for at in strained {
+                    at.add_tangent(&self.law, [a, b], &mut block);
+                }
+                if let Some(all) = &integrals {
+                    for (of_a, of_b) in all[a].iter().zip(&all[b]) {
+                        for i in 0..D {
+                            (0..D).for_each(|k| block[i][k] += bulk * of_a[i] * of_b[k]);
+                        }
+                    }
+                }
+                take(a, b, &block);
+            }
+        }
+    }
+
+    /// The Cauchy stress at a point of the reference element.
+    pub fn cauchy_at<E: ShapeFunctions<D, N, Q>, const Q: usize>(&self, xi: [f64; D]) -> Stress {
+        let point = E::at(xi, 1.0, &self.x);
+        let mut at = self.strained(&point);
+        at.close(self.law.kind, self.projected_at(point.place(&self.x)));
+        at.cauchy(&self.law)
+    }
+}
+
+/// The blocks of the tangent of an element, as `assembly.rs` takes them.
+pub(super) struct TangentBlocks<'a, const D: usize, W, F>
+where
+    ElementKind: Topology<D>,
+{
+    pub of: Deformed<'a, D>,
+    pub element: &'a mesh::Element<D>,
+    /// Of each region.
+    pub moduli: &'a [Moduli],
+    pub wanted: W,
+    pub take: F,
+}
+
+impl<const D: usize, W, F> Visit<D> for TangentBlocks<'_, D, W, F>
+where
+    ElementKind: Topology<D>,
+    W: Fn(usize) -> bool,
+    F: FnMut(usize, usize, &[[f64; D]; D]),
+{
+    type Output = ();
+
+    fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) {
+        let moduli = &self.moduli[self.element.region as usize];
+        let (finite, strained) = Finite::new::<E, Q>(&self.of, self.element, moduli);
+        finite.blocks::<E, Q>(&strained, self.wanted, self.take);
+    }
+}
+
+/// The nodal forces of an element, and det ∂x/∂X where it is least.
+struct Forces<'a, const D: usize>
+where
+    ElementKind: Topology<D>,
+{
+    of: &'a Deformed<'a, D>,
+    element: &'a mesh::Element<D>,
+    moduli: &'a [Moduli],
+}
+
+/// What an element resists with.
+struct Resisting<const D: usize> {
+    forces: Vec<[f64; D]>,
+    energy: f64,
+}
+
+impl<const D: usize> Visit<D> for Forces<'_, D>
+where
+    ElementKind: Topology<D>,
+{
+    type Output = Resisting<D>;
+
+    fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) -> Resisting<D> {
+        let moduli = &self.moduli[self.element.region as usize];
+        let (finite, strained) = Finite::new::<E, Q>(self.of, self.element, moduli);
+        let (law, mut forces) = (&finite.law, vec![[0.0; D]; N]);
+        let mut energy = finite.projected.as_ref().map_or(0.0, |(_, parts)| {
+            0.5 * law.thickness / law.bulk * parts.iter().map(|part| part * part).sum::<f64>()
+        });
+        for at in &strained {
+            for (a, force) in forces.iter_mut().enumerate() {
+                let part = at.force(law, a);
+                (0..D).for_each(|c| force[c] += at.weight * part[c]);
+            }
+            energy += at.weight * at.energy(law);
+        }
+        Resisting { forces, energy }
+    }
+}
+
+impl<const D: usize, const N: usize> Strained<D, N> {
+    /// The strain energy without that of the projected dilatation, per volume at rest.
+    fn energy(&self, law: &Law) -> f64 {
+        let volume = 0.5 * law.lambda * self.theta * self.theta;
+        let own: f64 = (0..D).map(|c| self.left[c][c]).sum();
+        let square = self.across * self.across;
+        match law.kind {
+            Hyperelastic::NeoHooke => {
+                let all = if D == 2 { own + square } else { own };
+                volume + 0.5 * law.mu * (all - 3.0 - 2.0 * self.theta)
+            }
+            Hyperelastic::StVenantKirchhoff => {
+                // E:E from the stress: 2μ E = S − q I.
+                let entry = |i: usize, j: usize| {
+                    let q = if i == j { self.q } else { 0.0 };
+                    (self.s[i][j] - q) / (2.0 * law.mu)
+                };
+                let mut sum = 0.0;
+                for i in 0..D {
+                    sum += (0..D).map(|j| entry(i, j).powi(2)).sum::<f64>();
+                }
+                if D == 2 && law.plane != Plane::PlaneStress {
+                    sum += (0.5 * (square - 1.0)).powi(2);
+                }
+                volume + law.mu * sum
+            }
+        }
+    }
+}
+
+/// det ∂x/∂X at the points that integrate an element, where it is least: NaN is least of all.
+struct Least<'a, const D: usize>
+where
+    ElementKind: Topology<D>,
+{
+    mesh: &'a Mesh<D>,
+    element: &'a mesh::Element<D>,
+    displacement: &'a [[f64; D]],
+    plane: Plane,
+}
+
+impl<const D: usize> Visit<D> for Least<'_, D>
+where
+    ElementKind: Topology<D>,
+{
+    type Output = f64;
+
+    fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) -> f64 {
+        let x = self.mesh.coordinates(self.element);
+        let u: [[f64; D]; N] = from_fn(|a| self.displacement[self.element.nodes()[a] as usize]);
+        let mut least = f64::INFINITY;
+        for point in E::stiffness_points(&x) {
+            let mut f: [[f64; D]; D] = from_fn(|i| from_fn(|j| f64::from(u8::from(i == j))));
+            let mut across = 1.0;
+            let hoop = self.plane.hoop(point.place(&x));
+            for ((u, g), shape) in u.iter().zip(&point.gradient).zip(point.shape) {
+                for i in 0..D {
+                    (0..D).for_each(|j| f[i][j] += u[i] * g[j]);
+                }
+                across += u[0] * shape * hoop;
+            }
+            let det = cofactors(&f).0.min(across);
+            if !(det >= least) {
+                least = det;
+            }
+        }
+        least
+    }
+}
+
+/// What displaced bodies resist with.
+#[derive(Clone, Debug)]
+pub struct Resistance<const D: usize = 2> {
+    /// The nodal forces that hold them where they are.
+    pub forces: Vec<[f64; D]>,
+    /// The strain energy.
+    pub energy: f64,
+}
+
+impl<const D: usize> Deformed<'_, D>
+where
+    ElementKind: Topology<D>,
+{
+    /// The nodal forces that hold the bodies where they are, and their strain energy.
+    pub fn resistance(&self) -> Resistance<D> {
+        let moduli = self.body.moduli();
+        let elements = &self.body.mesh.elements;
+        let each: Vec<Resisting<D>> = (elements.par_iter())
+            .map(|element| {
+                element.kind().with(Forces {
+                    of: self,
+                    element,
+                    moduli: &moduli,
+                })
+            })
+            .collect();
+        let mut sum = Resistance {
+            forces: vec![[0.0; D]; self.body.mesh.nodes.len()],
+            energy: 0.0,
+        };
+        for (element, own) in elements.iter().zip(each) {
+            sum.energy += own.energy;
+            for (&node, force) in element.nodes().iter().zip(own.forces) {
+                (0..D).for_each(|c| sum.forces[node as usize][c] += force[c]);
+            }
+        }
+        sum
+    }
+
+    /// The derivative of these forces by the displacements of the unknowns, as [`assemble`](super::assemble) makes K at rest.
+    pub fn tangent(&self, unknowns: &Unknowns<D>) -> BlockCsr<D> {
+        rows_of(self.body, unknowns, unknowns.n_blocks(), Some(self))
+    }
+
+    /// det ∂x/∂X where it is least, of all points that integrate elements: at 0 an element has been pressed flat.
+    pub fn least_volume(&self) -> f64 {
+        let of = |element| {
+            mesh::Element::kind(element).with(Least {
+                mesh: self.body.mesh,
+                element,
+                displacement: self.displacement,
+                plane: self.body.plane,
+            })
+        };
+        let least = |a: f64, b: f64| if b >= a { a } else { b };
+        (self.body.mesh.elements.par_iter().map(of)).reduce(|| f64::INFINITY, least)
+    }
+}

@@ -1,0 +1,480 @@
+//! Large displacements: load steps by Newton's method on where the bodies are.
+//!
+//! Each *iteration* solves the contact problem (1)–(3) of where the bodies are in what is still to be moved (`model/large.rs`), as
+//! accurately as the violation there is worth, and moves them. A load step has converged when balance, contact, friction and
+//! supports of the displaced bodies are met, all checked in f64. A step that does not get there is halved; what was reached before
+//! it is kept.
+
+use crate::contact::Space;
+use crate::dual::DualError;
+use crate::engine::{Engine, EngineError};
+use crate::mesh::ElementKind;
+use crate::model::{
+    Built, Configuration, Deformation, Elastic, Help, Moment, StepData, turned_with,
+};
+use crate::problem::{ContactProblem, Kkt};
+use crate::quasistatic::{self, Round, StepSettings, StepSolution};
+use crate::solve::{Error, Event, Solved};
+use crate::ssnm::{Cause, RecycledSubspace, Sets, Status};
+use crate::stiffness::cholesky::FactorError;
+use crate::stiffness::pcg::PcgError;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Iterations that a step may take: easy ones take 4 to 8, those that take more than 40 hardly ever end.
+const MOST: usize = 40;
+/// Iterations after which the next step may be longer again.
+const EASY: usize = 8;
+/// How often in a row a step may be halved.
+const CUTS: i32 = 8;
+/// An element may be pressed to this part of its least volume in one iteration.
+const PRESSED: f64 = 0.1;
+/// What of the violation an inner problem is solved to: less takes twice the iterations.
+const INNER: f64 = 0.01;
+/// Where a tangent is not definite, what helps in this order: to leave out how contact forces turn; to let contact that presses be as
+/// stiff as the bodies; ever more stiffness everywhere.
+const HELP: [Help; 7] = {
+    const fn help(turning: bool, held: f64, shift: f64) -> Help {
+        Help {
+            turning,
+            held,
+            shift,
+        }
+    }
+    [
+        help(true, 0.0, 0.0),
+        help(false, 0.0, 0.0),
+        help(false, 1.0, 0.0),
+        help(false, 1.0, 1e-6),
+        help(false, 1.0, 1e-4),
+        help(false, 1.0, 1e-2),
+        help(false, 1.0, 1.0),
+    ]
+};
+
+/// Why a step has not converged.
+enum Ended {
+    /// It took too many iterations, or left what can be computed with.
+    Lost,
+    /// No help was enough.
+    Indefinite,
+    Stopped(Status),
+}
+
+/// Where a step has come to.
+struct Reached<const D: usize>
+where
+    ElementKind: Space<D>,
+{
+    now: Deformation<D>,
+    /// The last one, with nothing left to be moved.
+    at: Configuration<D>,
+    violation: Kkt,
+    iterations: usize,
+    unstable: bool,
+    sets: Sets<D>,
+}
+
+/// Load steps on their way.
+struct Process<'a, const D: usize>
+where
+    ElementKind: Space<D>,
+{
+    elastic: &'a Elastic<D>,
+    engine: &'a mut Engine,
+    settings: &'a StepSettings,
+    begin: Instant,
+    limit: Option<Duration>,
+    rounds: Vec<Round>,
+}
+
+/// Whether K is singular or not definite.
+fn is_indefinite(error: &Error) -> bool {
+    match error {
+        Error::Engine(EngineError::Factor(error)) => is_indefinite_factor(error),
+        Error::Step(error) => match &error.error.cause {
+            Cause::Operator(DualError::Factor(error)) => is_indefinite_factor(error),
+            Cause::Operator(DualError::Pcg(error)) => {
+                matches!(
+                    error,
+                    PcgError::NotPositiveDefinite | PcgError::Stalled { .. }
+                )
+            }
+            _ => false,
+        },
+        _ => false,
+    }
+}
+
+fn is_indefinite_factor(error: &FactorError) -> bool {
+    matches!(
+        error,
+        FactorError::NotPositiveDefinite { .. } | FactorError::BadFactor { .. }
+    )
+}
+
+impl<const D: usize> Process<'_, D>
+where
+    ElementKind: Space<D>,
+{
+    /// The settings of a solve to a tolerance, with the time that is left.
+    fn to(&self, tolerance: f64) -> StepSettings {
+        let mut settings = self.settings.clone();
+        settings.ssnm.tolerance = tolerance;
+        settings.ssnm.time_limit = self
+            .limit
+            .map(|limit| limit.saturating_sub(self.begin.elapsed()));
+        settings
+    }
+
+    /// Solves the problem of a configuration.
+    fn solve(
+        &mut self,
+        at: &Configuration<D>,
+        tolerance: f64,
+        watch: &mut dyn FnMut(quasistatic::Event) -> ControlFlow<()>,
+    ) -> Result<StepSolution<D>, Error> {
+        self.engine.update(&at.problem)?;
+        let settings = self.to(tolerance);
+        let mut recycled = RecycledSubspace::default();
+        let solved = quasistatic::solve_step(
+            &at.problem,
+            &at.load,
+            &at.state,
+            &mut *self.engine,
+            &settings,
+            &mut recycled,
+            watch,
+        );
+        let solution = solved.map_err(Box::new)?;
+        for round in &solution.rounds {
+            self.rounds.push(Round {
+                round: self.rounds.len() + 1,
+                ..round.clone()
+            });
+        }
+        Ok(solution)
+    }
+
+    /// The same with as much help as its tangent needs; None where none is enough.
+    #[allow(clippy::too_many_arguments)]
+    fn helped(
+        &mut self,
+        before: &Deformation<D>,
+        moments: [&Moment<D>; 2],
+        now: &Deformation<D>,
+        at: Configuration<D>,
+        first: bool,
+        tolerance: f64,
+        watch: &mut dyn FnMut(quasistatic::Event) -> ControlFlow<()>,
+    ) -> Result<Option<(Configuration<D>, StepSolution<D>)>, Error> {
+        let (mut without, mut failed) = (Some(at), None);
+        for help in HELP {
+            let at = match without.take() {
+                Some(at) => at,
+                None => self
+                    .elastic
+                    .configuration(before, moments, now, first, help)?,
+            };
+            match self.solve(&at, tolerance, watch) {
+                Ok(solution) => return Ok(Some((at, solution))),
+                Err(error) if is_indefinite(&error) => failed = Some(error),
+                Err(error) => return Err(error),
+            }
+        }
+        match failed.filter(|_| self.rounds.is_empty()) {
+            // Nothing has been solved at all.
+            Some(error) => Err(error),
+            None => Ok(None),
+        }
+    }
+
+    /// From a state in balance towards another moment.
+    fn step(
+        &mut self,
+        before: &Deformation<D>,
+        moments: [&Moment<D>; 2],
+        watch: &mut dyn FnMut(quasistatic::Event) -> ControlFlow<()>,
+    ) -> Result<Result<Reached<D>, Ended>, Error> {
+        let tolerance = self.settings.ssnm.tolerance;
+        let mut now = before.clone();
+        let mut inner = INNER;
+        let mut least = self.elastic.least_volume(&now.displacement);
+        for iteration in 0..=MOST {
+            let first = iteration == 0;
+            let at = self
+                .elastic
+                .configuration(before, moments, &now, first, HELP[0])?;
+            if !first {
+                let violation = at.violation();
+                let off = violation.max().max(at.unmoved(&now.displacement));
+                if !off.is_finite() {
+                    return Ok(Err(Ended::Lost));
+                }
+                if off <= tolerance {
+                    self.elastic.check_driven(&at)?;
+                    let unstable = !self.is_stable(before, moments, &now, &at)?;
+                    return Ok(Ok(Reached {
+                        now,
+                        sets: at.sets(),
+                        at,
+                        violation,
+                        iterations: iteration,
+                        unstable,
+                    }));
+                }
+                inner = (INNER * off).clamp(0.1 * tolerance, INNER);
+            }
+            if iteration == MOST {
+                break;
+            }
+            let Some((at, solution)) =
+                self.helped(before, moments, &now, at, first, inner, watch)?
+            else {
+                return Ok(Err(Ended::Indefinite));
+            };
+            match solution.status {
+                Status::TimeLimit | Status::Interrupted => {
+                    return Ok(Err(Ended::Stopped(solution.status)));
+                }
+                Status::NotHeld => return Ok(Err(Ended::Lost)),
+                _ => {}
+            }
+            let moves = at.left.displacements(&solution.u);
+            let forces = self.elastic.forces_of(&at, &solution.lambda);
+            let moved = |part: f64| -> Vec<[f64; D]> {
+                let each = now.displacement.iter().zip(&moves);
+                each.map(|(u, du)| std::array::from_fn(|c| u[c] + part * du[c]))
+                    .collect()
+            };
+            let mut part = 1.0;
+            let displacement = loop {
+                let displacement = moved(part);
+                let volume = self.elastic.least_volume(&displacement);
+                if volume >= PRESSED * least.min(1.0) {
+                    least = volume;
+                    break displacement;
+                }
+                part *= 0.5;
+                if part < 1e-3 {
+                    return Ok(Err(Ended::Lost));
+                }
+            };
+            let mixed = now
+                .forces
+                .iter()
+                .zip(&forces)
+                .enumerate()
+                .map(|(i, (old, new))| {
+                    let old = turned_with(*old, now.normals[i], at.normals[i]);
+                    std::array::from_fn(|c| old[c] + part * (new[c] - old[c]))
+                });
+            let mixed: Vec<[f64; D]> = mixed.collect();
+            now.displacement = displacement;
+            now.forces = if part < 1.0 { mixed } else { forces };
+            now.normals.clone_from(&at.normals);
+        }
+        Ok(Err(Ended::Lost))
+    }
+
+    /// Whether the bodies stay where they are when they are pushed a little: their tangent is definite, by itself or where contact that
+    /// presses is kept closed.
+    fn is_stable(
+        &mut self,
+        before: &Deformation<D>,
+        moments: [&Moment<D>; 2],
+        now: &Deformation<D>,
+        at: &Configuration<D>,
+    ) -> Result<bool, Error> {
+        // Stiff contact on top of all that turns: what is left to give way goes along the obstacles.
+        let closed = Help {
+            turning: true,
+            held: 1e3,
+            shift: 0.0,
+        };
+        let mut is_definite = |at: &Configuration<D>| match self.engine.update(&at.problem) {
+            Ok(()) => Ok(true),
+            Err(EngineError::Factor(error)) if is_indefinite_factor(&error) => Ok(false),
+            Err(error) => Err(Error::from(error)),
+        };
+        if is_definite(at)? {
+            return Ok(true);
+        }
+        let closed = self
+            .elastic
+            .configuration(before, moments, now, false, closed)?;
+        is_definite(&closed)
+    }
+
+    /// What is known at the end of a load step, for results.
+    fn results(
+        &mut self,
+        reached: Reached<D>,
+        to: &Moment<D>,
+        settled: &Deformation<D>,
+    ) -> (Built<D>, StepData<D>, StepSolution<D>) {
+        let Reached {
+            at,
+            violation,
+            unstable,
+            sets,
+            ..
+        } = reached;
+        let (elastic, data, u) = self.elastic.results_at(settled, to, &at);
+        let solution = StepSolution {
+            status: if unstable {
+                Status::Unstable
+            } else {
+                Status::Converged
+            },
+            slip_bound: at.problem.bounds(&at.lambda).into_owned(),
+            u,
+            slip: (at.load.slide.iter().zip(&at.state.slide))
+                .map(|(to, from)| to - from)
+                .collect(),
+            sets,
+            rounds: std::mem::take(&mut self.rounds),
+            kkt: violation,
+            not_held: Vec::new(),
+            lambda: at.lambda,
+        };
+        let problem = at.problem;
+        (Built { problem, elastic }, data, solution)
+    }
+}
+
+/// Makes the load steps of bodies whose displacements may be large, until one does not converge; the engine fits the problem
+/// at rest again behind them.
+pub(crate) fn make_steps<const D: usize>(
+    elastic: &Elastic<D>,
+    problem: &ContactProblem<D>,
+    engine: &mut Engine,
+    settings: &StepSettings,
+    observer: impl FnMut(Event<D>) -> ControlFlow<()>,
+) -> Result<(), Error>
+where
+    ElementKind: Space<D>,
+{
+    let made = make_all(elastic, engine, settings, observer);
+    engine.update(problem)?;
+    made
+}
+
+fn make_all<const D: usize>(
+    elastic: &Elastic<D>,
+    engine: &mut Engine,
+    settings: &StepSettings,
+    mut observer: impl FnMut(Event<D>) -> ControlFlow<()>,
+) -> Result<(), Error>
+where
+    ElementKind: Space<D>,
+{
+    settings.check()?;
+    let mut process = Process {
+        elastic,
+        engine,
+        settings,
+        begin: Instant::now(),
+        limit: settings.ssnm.time_limit,
+        rounds: Vec::new(),
+    };
+    let mut before = elastic.undeformed();
+    let mut from = elastic.moment(0.0)?;
+    let mut longest = 1.0_f64;
+    for number in 1..=elastic.n_steps() {
+        let end = number as f64;
+        let factor = elastic.moment(end)?.factor;
+        if observer(Event::Begins { number, factor }).is_break() {
+            return Ok(());
+        }
+        let mut time = end - 1.0;
+        let mut last: Option<(Reached<D>, Moment<D>)> = None;
+        let mut failed = None;
+        while time < end {
+            let to_time = if time + longest > end - 1e-9 {
+                end
+            } else {
+                time + longest
+            };
+            let to = elastic.moment(to_time)?;
+            let mut watch = |event: quasistatic::Event| observer(Event::Within(event));
+            match process.step(&before, [&from, &to], &mut watch)? {
+                Ok(mut reached) => {
+                    let now = std::mem::replace(&mut reached.now, before.clone());
+                    before = elastic.settled(&before, now, &reached.at);
+                    if reached.iterations <= EASY {
+                        longest = (1.5 * longest).min(1.0);
+                    }
+                    time = to_time;
+                    let unstable = reached.unstable;
+                    last = Some((reached, elastic.moment(to_time)?));
+                    from = to;
+                    if unstable {
+                        break;
+                    }
+                }
+                Err(Ended::Stopped(status)) => {
+                    failed = Some(status);
+                    break;
+                }
+                Err(Ended::Lost | Ended::Indefinite) => {
+                    longest = 0.5 * longest.min(to_time - time);
+                    if longest < 0.5_f64.powi(CUTS) {
+                        failed = Some(Status::Stagnated);
+                        break;
+                    }
+                }
+            }
+        }
+        // Where nothing of a step could be made, its end is its beginning.
+        let (reached, to) = match last {
+            Some(last) => last,
+            None => {
+                let to = elastic.moment(time)?;
+                let help = HELP[0];
+                let at = elastic.configuration(&before, [&from, &to], &before, false, help)?;
+                let reached = Reached {
+                    violation: at.violation(),
+                    sets: at.sets(),
+                    now: before.clone(),
+                    at,
+                    iterations: 0,
+                    unstable: false,
+                };
+                (reached, to)
+            }
+        };
+        let (built, data, mut solution) = process.results(reached, &to, &before);
+        if let Some(status) = failed {
+            solution.status = status;
+        }
+        let goes_on = solution.status == Status::Converged;
+        let solved = Solved {
+            number,
+            data: Some(&data),
+            solution,
+            displaced: Some(Arc::new(built)),
+        };
+        if observer(Event::Ends(Box::new(solved))).is_break() || !goes_on {
+            return Ok(());
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::vector::length;
+
+    /// What turns a direction turns all others with it, and lengths stay.
+    #[test]
+    fn forces_turn_with_their_obstacle() {
+        let (from, to) = ([0.6, 0.0, 0.8], [0.0, -1.0, 0.0]);
+        let turned = turned_with(from, from, to);
+        assert!((0..3).all(|c| (turned[c] - to[c]).abs() < 1e-15));
+        let v = [0.3, -2.0, 0.7];
+        assert!((length(turned_with(v, from, to)) - length(v)).abs() < 1e-14);
+    }
+}

@@ -1,0 +1,688 @@
+//! Large displacements: what acts and stands in the way at a time, and the contact problem of where bodies are.
+//!
+//! At displacements u the problem is about what is still to be moved, Δu: K is the tangent at u, f what is out of balance there
+//! without the contact forces, d the distances from obstacles, and slip is counted from where each contact place was on its obstacle
+//! at the end of the last load step. Its violation at Δu = 0 is that of balance, contact and friction where the bodies are.
+
+use super::Definition;
+use super::build::problem_of;
+use super::elastic::Elastic;
+use super::entities::Part as _;
+use super::error::{Entity, EntityKind, Fault, ModelError};
+use super::loads::{StepData, TemperatureField, outer_facets};
+use super::motion::Moved;
+use super::pair::{Against, Law};
+use crate::contact::{
+    ContactError, ContactPlace, ContactRows, Obstacle, Space, contact_rows, frame,
+};
+use crate::elasticity::{
+    Body, Deformed, Material, Temperature, Unknowns, add_block, free_forces, tangent_forces,
+};
+use crate::mesh::vector::{dot, length, minus};
+use crate::mesh::{ElementKind, Topology, facet_nodes};
+use crate::problem::{ContactProblem, Elsewhere, Kkt, Scales};
+use crate::quasistatic::{Load, State, lawful};
+use crate::sparse::norm;
+use crate::ssnm::Sets;
+use std::array::from_fn;
+
+/// What acts on bodies, holds them and stands in their way at a time.
+pub(crate) struct Moment<const D: usize> {
+    /// The common load factor.
+    pub factor: f64,
+    /// What supports prescribe.
+    pub unknowns: Unknowns<D>,
+    /// Forces that stay what they are wherever the bodies go.
+    dead: Vec<[f64; D]>,
+    /// What pressures on boundaries are multiplied by.
+    pressures: Vec<f64>,
+    temperature: TemperatureField<D>,
+    /// What the motions of obstacles are multiplied by, pair by pair.
+    motions: Vec<f64>,
+}
+
+/// Bodies in balance at the end of a load step, or of a part of one.
+#[derive(Clone, Debug)]
+pub(crate) struct Deformation<const D: usize> {
+    /// Of every node.
+    pub displacement: Vec<[f64; D]>,
+    /// What each place presses and rubs its obstacle with, along the axes.
+    pub forces: Vec<[f64; D]>,
+    /// The direction towards the obstacle that goes with it.
+    pub normals: Vec<[f64; D]>,
+    /// Where the nodes of each place are opposite on the obstacle.
+    feet: Vec<Vec<[f64; D]>>,
+    /// The slip of each place so far.
+    slipped: Vec<[f64; D]>,
+}
+
+/// How a tangent that is not definite is helped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Help {
+    /// Whether contact forces that turn with their obstacle have a part in it.
+    pub turning: bool,
+    /// What of the mean stiffness of an unknown contact that presses is as stiff as: no other solution, as it is closed there.
+    pub held: f64,
+    /// What of it is added to all unknowns: other steps to the same solution.
+    pub shift: f64,
+}
+
+/// Bodies somewhere between one load step and the next, with the contact problem about what is still to be moved.
+pub(crate) struct Configuration<const D: usize> {
+    pub problem: ContactProblem<D>,
+    pub load: Load,
+    pub state: State,
+    pub contact: ContactRows<D>,
+    /// What is left to be moved of what is prescribed.
+    pub left: Unknowns<D>,
+    /// All forces that act on nodes but those of contact and supports.
+    pub outer: Vec<[f64; D]>,
+    scales: Scales,
+    /// λ, in the rows of the problem.
+    pub lambda: Vec<f64>,
+    /// What slip each place has had since the last load step.
+    slip: Vec<[f64; D]>,
+    feet: Vec<Vec<[f64; D]>>,
+    pub normals: Vec<[f64; D]>,
+    distances: Vec<f64>,
+}
+
+/// v after the turn that takes one unit vector to another by the shortest way.
+pub(crate) fn turned_with<const D: usize>(v: [f64; D], from: [f64; D], to: [f64; D]) -> [f64; D] {
+    // Two reflections, v ↦ v − 2 n (n·v): in the plane across `from`, then across what halves both.
+    let half: [f64; D] = from_fn(|c| from[c] + to[c]);
+    let size = dot(half, half);
+    if !(size > 1e-12) {
+        return v.map(|v| -v);
+    }
+    let along = 2.0 * dot(v, from);
+    let mirrored: [f64; D] = from_fn(|c| v[c] - along * from[c]);
+    // −(I − 2hhᵀ/h²)(I − 2 from fromᵀ) takes `from` to `to` and leaves what is across both.
+    let part = 2.0 * dot(mirrored, half) / size;
+    from_fn(|c| mirrored[c] - part * half[c])
+}
+
+/// A block of a tangent: nodes and derivatives.
+type Block<const D: usize> = ([u32; 2], [[f64; D]; D]);
+
+impl<const D: usize> Definition<D>
+where
+    ElementKind: Space<D>,
+{
+    /// Whether nothing is stated that belongs to large displacements alone.
+    pub(super) fn check_small(&self) -> Result<(), ModelError> {
+        const LARGE: &str = "belongs to large displacements: state geometry = \"large\" under [analysis], or leave it out";
+        let turning = self
+            .supports
+            .iter()
+            .position(|support| support.rotate.is_some());
+        if let Some(i) = turning {
+            let text = format!("rotate {LARGE}");
+            return Err(self.supports[i].entity(i).at("rotate").error(text));
+        }
+        match self.pairs.iter().position(|pair| pair.motion.is_some()) {
+            Some(i) => {
+                let text = format!("the motion of an obstacle {LARGE}");
+                Err(self.pairs[i].entity(i).at("motion").error(text))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Whether all that is stated is understood where displacements are large.
+    pub(super) fn check_large(&self, materials: &[Material]) -> Result<(), ModelError> {
+        for (i, pair) in self.pairs.iter().enumerate() {
+            let text = match (pair.meets(), &pair.law) {
+                (Against::Boundary(_), _) => {
+                    "where displacements are large, contact is with obstacles: contact between bodies needs geometry = \"small\""
+                }
+                (_, Law::Tresca(_)) => {
+                    "where displacements are large, friction is Coulomb's: friction = { coulomb = … }"
+                }
+                _ => continue,
+            };
+            return Err(pair.entity(i).error(text));
+        }
+        if self.analysis.rotation.is_some() {
+            return Err(Entity::all(EntityKind::Rotation)
+                .error("centrifugal forces need geometry = \"small\": where displacements are large they are not known yet"));
+        }
+        let modes = |material: &Material| material.incompatible_modes;
+        if let Some(i) = materials.iter().position(modes) {
+            let number = i.min(self.materials.len() - 1);
+            return Err(self.materials[number].entity(number).error(
+                "incompatible modes belong to small displacements: leave out incompatible_modes, or take elements of second order",
+            ));
+        }
+        Ok(())
+    }
+}
+
+impl<const D: usize> Elastic<D>
+where
+    ElementKind: Space<D>,
+{
+    /// What acts at a time: 1 is the end of the first load step.
+    pub(crate) fn moment(&self, time: f64) -> Result<Moment<D>, ModelError> {
+        let definition = &self.definition;
+        let body = self.body();
+        let own = |factors: &Option<Vec<f64>>| definition.factor(factors, time);
+        Ok(Moment {
+            factor: own(&None),
+            unknowns: definition.unknowns(&self.mesh, &self.prescriptions, time)?,
+            dead: definition.forces(&body, time)?,
+            pressures: definition
+                .tractions
+                .iter()
+                .map(|t| own(&t.factors))
+                .collect(),
+            temperature: definition.temperature(&self.mesh, time)?,
+            motions: (definition.pairs.iter())
+                .map(|pair| {
+                    pair.motion
+                        .as_ref()
+                        .map_or(0.0, |motion| own(&motion.factors))
+                })
+                .collect(),
+        })
+    }
+
+    /// At rest.
+    pub(crate) fn undeformed(&self) -> Deformation<D> {
+        let places = &self.candidates;
+        let zeros = || vec![[0.0; D]; places.len()];
+        let feet = places.iter().map(|(place, pair)| {
+            let foot = |&(node, _): &(u32, f64)| {
+                let x = self.mesh.nodes[node as usize];
+                match self.pairs[*pair as usize].obstacle {
+                    None => x,
+                    Some(obstacle) => foot(&obstacle, x).2,
+                }
+            };
+            place.own.iter().map(foot).collect()
+        });
+        Deformation {
+            displacement: vec![[0.0; D]; self.mesh.nodes.len()],
+            forces: zeros(),
+            normals: places.iter().map(|(place, _)| place.frame[0]).collect(),
+            feet: feet.collect(),
+            slipped: zeros(),
+        }
+    }
+
+    /// Forces of pressures, which follow the surface, and the symmetric part of what they add to the tangent.
+    fn pressures(
+        &self,
+        at: &Moment<D>,
+        u: &[[f64; D]],
+        forces: &mut [[f64; D]],
+        blocks: &mut Vec<Block<D>>,
+    ) -> Result<(), ModelError> {
+        let body = self.body();
+        let tractions = self
+            .definition
+            .tractions
+            .iter()
+            .zip(&at.pressures)
+            .enumerate();
+        for (number, (traction, &factor)) in tractions {
+            let (Some(pressure), true) = (&traction.pressure, factor != 0.0) else {
+                continue;
+            };
+            let facets = outer_facets(&self.mesh, traction.boundary.all());
+            let facets = facets.map_err(|fault| traction.entity(number).error(fault))?;
+            for facet in &facets {
+                let nodes = facet_nodes(facet);
+                let rest: Vec<[f64; D]> = nodes
+                    .iter()
+                    .map(|&node| self.mesh.nodes[node as usize])
+                    .collect();
+                let mut x: Vec<[f64; D]> = (nodes.iter().zip(&rest))
+                    .map(|(&node, x)| from_fn(|c| x[c] + u[node as usize][c]))
+                    .collect();
+                let of = |x: &[[f64; D]]| {
+                    let mut forces = vec![[0.0; D]; x.len()];
+                    <ElementKind as Topology<D>>::facet_points(x, |point| {
+                        let place = crate::mesh::shape::sum(&point.shape, &rest);
+                        let size = -factor * pressure.at(place) * body.depth().at(point.place);
+                        for (force, shape) in forces.iter_mut().zip(point.shape) {
+                            let part = size * point.weight * shape;
+                            (0..D).for_each(|c| force[c] += part * point.normal[c]);
+                        }
+                    });
+                    forces
+                };
+                for (&node, force) in nodes.iter().zip(of(&x)) {
+                    (0..D).for_each(|c| forces[node as usize][c] += force[c]);
+                }
+                // The forces are quadratic in the places of nodes: central differences are exact, however long.
+                let size = (x.iter()).fold(0.0, |max: f64, y| max.max(length(minus(*y, x[0]))));
+                let mut slopes = vec![[[0.0; D]; D]; nodes.len() * nodes.len()];
+                for b in 0..nodes.len() {
+                    for k in 0..D {
+                        let here = x[b][k];
+                        let [before, behind] = [-0.5, 0.5].map(|part| {
+                            x[b][k] = here + part * size;
+                            of(&x)
+                        });
+                        x[b][k] = here;
+                        for a in 0..nodes.len() {
+                            for i in 0..D {
+                                let slope = (behind[a][i] - before[a][i]) / size;
+                                slopes[a * nodes.len() + b][i][k] -= 0.5 * slope;
+                                slopes[b * nodes.len() + a][k][i] -= 0.5 * slope;
+                            }
+                        }
+                    }
+                }
+                for (number, block) in slopes.into_iter().enumerate() {
+                    let pair = [number / nodes.len(), number % nodes.len()].map(|a| nodes[a]);
+                    blocks.push((pair, block));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The contact problem of bodies that have moved by u and press with these forces, on the way from one end of a load step to
+    /// the next: with `first`, obstacles are where they were, and their motion is one of what is still to be moved.
+    pub(crate) fn configuration(
+        &self,
+        before: &Deformation<D>,
+        [from, to]: [&Moment<D>; 2],
+        now: &Deformation<D>,
+        first: bool,
+        help: Help,
+    ) -> Result<Configuration<D>, ModelError> {
+        let (body, u) = (self.body(), &now.displacement);
+        let field = |region: u32, x: [f64; D]| to.temperature.at(region, x);
+        let deformed = Deformed {
+            body: &body,
+            displacement: u,
+            temperature: (!to.temperature.is_none()).then_some(&field as Temperature<D>),
+        };
+        let resistance = deformed.resistance();
+        let (mut outer, mut blocks) = (to.dead.clone(), Vec::new());
+        self.pressures(to, u, &mut outer, &mut blocks)?;
+
+        let n = self.candidates.len();
+        let mut places: Vec<ContactPlace<D>> = Vec::with_capacity(n);
+        let (mut slip, mut distances) = (vec![[0.0; D]; n], vec![0.0; n]);
+        let (mut feet, mut normals) = (before.feet.clone(), now.normals.clone());
+        let mut bends = Vec::new();
+        for (i, (rest, pair)) in self.candidates.iter().enumerate() {
+            let mut place = rest.clone();
+            place.place = place.mean(|node| self.at(node, u));
+            let Some(obstacle) = &self.pairs[*pair as usize].obstacle else {
+                // Ties and nodes that move alike: whatever their bodies do, the rows stay.
+                let moved = [u, &before.displacement].map(|u| self.apart(rest, u));
+                place.gap = rest.gap - dot(moved[0], rest.frame[0]);
+                slip[i] = minus(moved[0], moved[1]);
+                places.push(place);
+                continue;
+            };
+            let motion = self.definition.pairs[*pair as usize].motion.as_ref();
+            let [was, is] = [from, to].map(|at| Moved {
+                of: motion,
+                factor: at.motions[*pair as usize],
+            });
+            let there = if first { was } else { is }.obstacle(obstacle);
+            // What the gap at rest is counted from: stated ones, interferences, offsets.
+            let mut gap = rest.gap;
+            for (k, &(node, weight)) in rest.own.iter().enumerate() {
+                let x = self.at(node, u);
+                let (distance, normal, opposite) = foot(&there, x);
+                if k == 0 {
+                    if !normal.iter().all(|v| v.is_finite()) {
+                        let error = ContactError::NoNormal {
+                            place: x.into(),
+                            obstacle: obstacle.name(),
+                        };
+                        let pair = &self.definition.pairs[*pair as usize];
+                        return Err(pair
+                            .entity(self.candidates[i].1 as usize)
+                            .error(Fault::Contact(error)));
+                    }
+                    normals[i] = normal;
+                }
+                let stated = foot(obstacle, self.mesh.nodes[node as usize]).0;
+                let (closing, way) = match first {
+                    true => {
+                        let moves = minus(was.carried(x, &is), x);
+                        let along = dot(moves, normal);
+                        (-along, from_fn(|c| along * normal[c] - moves[c]))
+                    }
+                    false => {
+                        let origin = was.carried(before.feet[i][k], &is);
+                        (0.0, there.way(origin, opposite))
+                    }
+                };
+                gap += weight * (distance - closing - stated);
+                (0..D).for_each(|c| slip[i][c] += weight * way[c]);
+                feet[i][k] = opposite;
+                bends.push((i, node, weight, there, x));
+            }
+            place.frame = frame(normals[i]);
+            (place.gap, distances[i]) = (gap, gap);
+            places.push(place);
+        }
+        let forces: Vec<[f64; D]> = (0..n)
+            .map(|i| turned_with(now.forces[i], now.normals[i], normals[i]))
+            .collect();
+        let origin: Vec<[f64; D]> = (0..n)
+            .map(|i| turned_with(before.forces[i], before.normals[i], normals[i]))
+            .collect();
+
+        let failed = |error| Entity::all(EntityKind::Contact).error(Fault::Contact(error));
+        let contact = contact_rows(&body, &to.unknowns, &places).map_err(failed)?;
+        let left = to.unknowns.left_of(u);
+
+        let mut stiffness = deformed.tangent(&to.unknowns);
+        let mean = {
+            let diagonal = stiffness.diagonal();
+            diagonal.iter().sum::<f64>() / diagonal.len() as f64
+        };
+        let mut driven = vec![[0.0; D]; u.len()];
+        for (i, node, weight, obstacle, x) in bends {
+            let pressing = dot(forces[i], normals[i]);
+            let nu = normals[i];
+            let along: [f64; D] = from_fn(|c| forces[i][c] - pressing * nu[c]);
+            if help.turning && forces[i] != [0.0; D] {
+                let bent = obstacle.bend(x, along);
+                let mut block = [[0.0; D]; D];
+                for k in 0..D {
+                    let column = obstacle.bend(x, from_fn(|c| f64::from(u8::from(c == k))));
+                    (0..D).for_each(|j| {
+                        let turning = 0.5 * (nu[j] * bent[k] + bent[j] * nu[k]);
+                        block[j][k] = weight * (turning - pressing * column[j]);
+                    });
+                }
+                blocks.push(([node; 2], block));
+            }
+        }
+        if help.held > 0.0 {
+            let size = help.held * mean;
+            for (i, (rest, pair)) in self.candidates.iter().enumerate() {
+                let nu = normals[i];
+                if self.pairs[*pair as usize].obstacle.is_none() || !(dot(forces[i], nu) > 0.0) {
+                    continue;
+                }
+                for &(a, wa) in &rest.own {
+                    for &(b, wb) in &rest.own {
+                        blocks.push((
+                            [a, b],
+                            from_fn(|j| from_fn(|k| size * wa * wb * nu[j] * nu[k])),
+                        ));
+                    }
+                    (0..D).for_each(|c| driven[a as usize][c] += size * wa * distances[i] * nu[c]);
+                }
+            }
+        }
+        if help.shift > 0.0 {
+            let all = 0..u.len() as u32;
+            let block = from_fn(|j| from_fn(|k| if j == k { help.shift * mean } else { 0.0 }));
+            blocks.extend(all.map(|node| ([node; 2], block)));
+        }
+        let still = left.displacements(&vec![0.0; D * left.n_blocks()]);
+        let mut held = tangent_forces(&deformed, &left, &still);
+        for ([a, b], block) in &blocks {
+            for (force, row) in held[*a as usize].iter_mut().zip(block) {
+                *force += dot(*row, still[*b as usize]);
+            }
+            let rows = [a, b].map(|node| to.unknowns.block(*node));
+            if let [Some(row), Some(column)] = rows
+                && let Some(value) = stiffness.block_mut(row as usize, column as usize)
+            {
+                add_block(&to.unknowns, [*a, *b], block, value);
+            }
+        }
+        let net: Vec<[f64; D]> = (0..u.len())
+            .map(|i| from_fn(|c| outer[i][c] + driven[i][c] - resistance.forces[i][c] - held[i][c]))
+            .collect();
+        let net = free_forces(&to.unknowns, &net);
+
+        let rows = contact.places.len();
+        let mut lambda = vec![0.0; D * rows];
+        let mut slips = vec![0.0; (D - 1) * rows];
+        let mut given_way = slips.clone();
+        for (r, (place, &i)) in contact.places.iter().zip(&contact.candidate).enumerate() {
+            lambda[r] = dot(forces[i], place.frame[0]);
+            for (a, tangent) in place.frame[1..].iter().enumerate() {
+                let at = (D - 1) * r + a;
+                // Without friction what is left along the tangents is rounding of the turn.
+                if place.slip_bound.is_any() {
+                    lambda[rows + at] = dot(forces[i], *tangent);
+                }
+                slips[at] = dot(slip[i], *tangent);
+                given_way[at] = dot(origin[i], *tangent);
+            }
+        }
+        let force = norm(resistance.forces.as_flattened()).max(norm(outer.as_flattened()));
+        let (_, slide) = contact.held_motion(&left);
+        let load = Load {
+            force: net.clone(),
+            acting: force,
+            gap: contact.gap(&left),
+            slide,
+        };
+        let compliance = contact.compliance.get(rows..);
+        let state = State {
+            u: vec![0.0; net.len()],
+            slide: (0..slips.len())
+                .map(|at| {
+                    let compliance = compliance.map_or(0.0, |c| c[at]);
+                    compliance * (lambda[rows + at] - given_way[at]) - slips[at]
+                })
+                .collect(),
+            lambda: lambda.clone(),
+        };
+        let places_now: Vec<[f64; D]> = (0..to.unknowns.n_blocks())
+            .map(|block| self.at(to.unknowns.node(block), u))
+            .collect();
+        let problem = problem_of(stiffness, net, force, places_now, &to.unknowns, &contact)?;
+        let all: f64 = resistance.forces.iter().map(|f| length(*f)).sum();
+        // The work of the forces over their sum: what a load of as many would move by.
+        let deformation = if all > 0.0 {
+            4.0 * resistance.energy / all
+        } else {
+            0.0
+        };
+        let own = problem.compliance().iter().zip(&lambda);
+        let own = own.fold(0.0, |max: f64, (c, l)| max.max((c * l).abs()));
+        let scale = deformation.max(own);
+        Ok(Configuration {
+            scales: Scales {
+                length: scale,
+                deformation: scale * (rows.max(1) as f64).sqrt(),
+                force,
+            },
+            problem,
+            load,
+            state,
+            contact,
+            left,
+            outer,
+            lambda,
+            slip,
+            feet,
+            normals,
+            distances,
+        })
+    }
+
+    /// Where a node is.
+    fn at(&self, node: u32, u: &[[f64; D]]) -> [f64; D] {
+        let (x, u) = (self.mesh.nodes[node as usize], u[node as usize]);
+        from_fn(|c| x[c] + u[c])
+    }
+
+    /// How far the sides of a place have moved against each other.
+    fn apart(&self, place: &ContactPlace<D>, u: &[[f64; D]]) -> [f64; D] {
+        let mut sum = place.mean(|node| u[node as usize]);
+        for &(node, weight) in &place.partners {
+            (0..D).for_each(|c| sum[c] -= weight * u[node as usize][c]);
+        }
+        sum
+    }
+
+    /// The forces of the rows of a configuration, place by place along the axes.
+    pub(crate) fn forces_of(&self, at: &Configuration<D>, lambda: &[f64]) -> Vec<[f64; D]> {
+        let mut forces = vec![[0.0; D]; self.candidates.len()];
+        let (normal, tangential) = lambda.split_at(at.contact.places.len());
+        for (r, (place, &i)) in at
+            .contact
+            .places
+            .iter()
+            .zip(&at.contact.candidate)
+            .enumerate()
+        {
+            let tied = self.pairs[self.candidates[i].1 as usize].tied;
+            let pressing = if tied { normal[r] } else { normal[r].max(0.0) };
+            forces[i] = from_fn(|c| pressing * place.frame[0][c]);
+            for (tangent, force) in place.frame[1..].iter().zip(&tangential[(D - 1) * r..]) {
+                (0..D).for_each(|c| forces[i][c] += force * tangent[c]);
+            }
+        }
+        forces
+    }
+
+    /// What is known at the end of a load step, as the next begins from it.
+    pub(crate) fn settled(
+        &self,
+        before: &Deformation<D>,
+        now: Deformation<D>,
+        at: &Configuration<D>,
+    ) -> Deformation<D> {
+        let slipped = (0..self.candidates.len()).map(|i| {
+            let so_far = turned_with(before.slipped[i], before.normals[i], at.normals[i]);
+            from_fn(|c| so_far[c] + at.slip[i][c])
+        });
+        Deformation {
+            slipped: slipped.collect(),
+            feet: at.feet.clone(),
+            forces: self.forces_of(at, &at.lambda),
+            normals: at.normals.clone(),
+            ..now
+        }
+    }
+
+    /// The bodies where they are, for results, with u as long as K has rows, and what acts there: gaps and slip follow from u
+    /// as where displacements are small.
+    pub(crate) fn results_at(
+        &self,
+        now: &Deformation<D>,
+        to: &Moment<D>,
+        at: &Configuration<D>,
+    ) -> (Self, StepData<D>, Vec<f64>) {
+        let u: Vec<f64> = (0..to.unknowns.n_blocks())
+            .flat_map(|block| now.displacement[to.unknowns.node(block) as usize])
+            .collect();
+        let (moved, slid) = (
+            at.problem.times(at.problem.normal(), &u),
+            at.problem.times(at.problem.tangential(), &u),
+        );
+        let gap = (at.contact.places.iter().zip(&at.contact.candidate))
+            .zip(&moved)
+            .map(|((_, &i), moved)| at.distances[i] + moved)
+            .collect();
+        let mut slide = vec![0.0; slid.len()];
+        for (r, (place, &i)) in at
+            .contact
+            .places
+            .iter()
+            .zip(&at.contact.candidate)
+            .enumerate()
+        {
+            for (a, tangent) in place.frame[1..].iter().enumerate() {
+                let k = (D - 1) * r + a;
+                slide[k] = dot(now.slipped[i], *tangent) - slid[k];
+            }
+        }
+        let mut total_load = [0.0; D];
+        for force in &at.outer {
+            (0..D).for_each(|c| total_load[c] += force[c]);
+        }
+        let mut elastic = self.clone();
+        elastic.contact = at.contact.clone();
+        elastic.pair_of = at
+            .contact
+            .candidate
+            .iter()
+            .map(|&i| self.candidates[i].1)
+            .collect();
+        let data = StepData {
+            factor: to.factor,
+            unknowns: to.unknowns.clone(),
+            forces: at.outer.clone(),
+            total_load,
+            load: Load {
+                force: at.load.force.clone(),
+                acting: at.load.acting,
+                gap,
+                slide,
+            },
+            temperature: to.temperature.clone(),
+        };
+        (elastic, data, u)
+    }
+
+    /// det ∂x/∂X where it is least.
+    pub(crate) fn least_volume(&self, u: &[[f64; D]]) -> f64 {
+        let body: Body<D> = self.body();
+        let of = Deformed {
+            body: &body,
+            displacement: u,
+            temperature: None,
+        };
+        of.least_volume()
+    }
+
+    /// Supports that drive nodes without any freedom into an obstacle.
+    pub(crate) fn check_driven(&self, at: &Configuration<D>) -> Result<(), ModelError> {
+        let failed = |error| Entity::all(EntityKind::Support).error(Fault::Contact(error));
+        at.contact.check(&at.left).map_err(failed)
+    }
+}
+
+impl<const D: usize> Configuration<D> {
+    /// By how much balance, contact, friction and supports are violated where the bodies are, in f64 from the forces of elements and the
+    /// distances of obstacles.
+    pub fn violation(&self) -> Kkt {
+        let whole: ContactProblem<D, Elsewhere> = self.problem.elsewhere();
+        let lawful = lawful(whole, &self.load, &self.state);
+        let zeros = vec![0.0; self.state.u.len()];
+        lawful.conditions_by(
+            self.scales,
+            &zeros,
+            &self.lambda,
+            &[zeros.clone(), zeros.clone()],
+        )
+    }
+
+    /// The sets that contact places are in where nothing is left to be moved.
+    pub fn sets(&self) -> Sets<D> {
+        let lawful = lawful(self.problem.elsewhere(), &self.load, &self.state);
+        let mut r = lawful.load_case().offsets();
+        let given_way = lawful.contact_compliance().iter().zip(&self.lambda);
+        (r.iter_mut().zip(given_way)).for_each(|(r, (c, l))| *r += c * l);
+        Sets::of_solved(&lawful, &self.lambda, &r)
+    }
+
+    /// The largest displacement that supports have still to prescribe, over the size of displacements.
+    pub fn unmoved(&self, u: &[[f64; D]]) -> f64 {
+        let still = self
+            .left
+            .displacements(&vec![0.0; D * self.left.n_blocks()]);
+        let size = |u: &[[f64; D]]| u.iter().fold(0.0, |max: f64, u| max.max(length(*u)));
+        match size(&still) {
+            0.0 => 0.0,
+            left => left / size(u).max(left),
+        }
+    }
+}
+
+/// The distance from an obstacle, the direction towards it, and the point of it that is opposite.
+fn foot<const D: usize>(obstacle: &Obstacle<D>, x: [f64; D]) -> (f64, [f64; D], [f64; D]) {
+    let (distance, normal) = obstacle.distance(x);
+    (distance, normal, from_fn(|c| x[c] + distance * normal[c]))
+}

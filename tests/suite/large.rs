@@ -1,0 +1,385 @@
+//! Large displacements: what turns as a whole, figures of an independent program, closed forms, and what buckles.
+
+use crate::common::{built, case};
+use signorini::contact::Obstacle;
+use signorini::elasticity::{Hyperelastic, Material};
+use signorini::engine::Engine;
+use signorini::mesh::Mesh;
+use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
+use signorini::model::{Analysis, Axis, Built, Model, Motion, Pair, Support, Traction};
+use signorini::output::Results;
+use signorini::quasistatic::StepSettings;
+use signorini::solve::Event;
+use signorini::ssnm::Status;
+use std::ops::ControlFlow;
+
+/// The end of a load step.
+struct End<const D: usize> {
+    status: Status,
+    iterations: usize,
+    /// On the bodies, of all places.
+    forces: Vec<[f64; D]>,
+    displacement: Vec<[f64; D]>,
+}
+
+impl<const D: usize> End<D> {
+    fn force(&self) -> [f64; D] {
+        std::array::from_fn(|c| self.forces.iter().map(|force| force[c]).sum())
+    }
+}
+
+macro_rules! solved_in {
+    ($name:ident, $d:literal) => {
+        fn $name(model: Model<$d>, tolerance: f64) -> Vec<End<$d>> {
+            let built = model.build().unwrap_or_else(|error| panic!("{error}"));
+            let mut settings = StepSettings::default();
+            settings.ssnm.tolerance = tolerance;
+            let mut engine = Engine::new(&built.problem, Default::default(), |_| {})
+                .unwrap_or_else(|error| panic!("{error}"));
+            let mut ends = Vec::new();
+            let made = Analysis::from(&built).solve_on(&mut engine, &settings, |event| {
+                if let Event::Ends(step) = event {
+                    let there = step.displaced.as_ref().expect("displacements are large");
+                    let (data, solution) = (step.data.expect("of a model"), &step.solution);
+                    let m = there.problem.m();
+                    let (normal, tangential) = solution.lambda.split_at(m);
+                    let places = there.elastic.contact.places.iter().enumerate();
+                    let forces = places.map(|(i, place)| {
+                        std::array::from_fn(|c| {
+                            let rubbed = (place.frame[1..].iter().enumerate())
+                                .map(|(a, tangent)| tangential[($d - 1) * i + a] * tangent[c]);
+                            -normal[i] * place.frame[0][c] - rubbed.sum::<f64>()
+                        })
+                    });
+                    ends.push(End {
+                        status: solution.status,
+                        iterations: solution.rounds.len(),
+                        forces: forces.collect(),
+                        displacement: data.unknowns.displacements(&solution.u),
+                    });
+                }
+                ControlFlow::Continue(())
+            });
+            made.unwrap_or_else(|error| panic!("{error}"));
+            ends
+        }
+    };
+}
+
+solved_in!(solved, 2);
+solved_in!(solved_in_space, 3);
+
+fn neo_hooke(young: f64, poisson: f64) -> Material {
+    Material {
+        law: Hyperelastic::NeoHooke,
+        ..Material::new(young, poisson)
+    }
+}
+
+/// A block that is pressed on its floor by a tenth of its height and pushed aside: figures of an independent program.
+#[test]
+fn a_block_is_pressed_on_its_floor() {
+    for coulomb in [0.0, 0.3] {
+        let mesh = rectangle([-0.5, 0.0], [1.0, 1.0], [8, 8], CellShape::Quad, "body", "");
+        let floor = Obstacle::HalfSpace {
+            point: [0.0; 2],
+            normal: [0.0, 1.0],
+        };
+        let model = Model::on(mesh)
+            .large_displacements()
+            .material(neo_hooke(1.0, 0.3))
+            .support(Support::on("top").x(0.02).y(-0.1))
+            .contact(Pair::obstacle("bottom", floor).coulomb(coulomb))
+            .steps([0.5, 1.0]);
+        let ends = solved(model, 1e-11);
+        for end in &ends {
+            assert_eq!(end.status, Status::Converged);
+            assert!(end.iterations <= 6, "{}", end.iterations);
+        }
+        let force = ends[1].force();
+        // Figures of the independent program, in two steps.
+        if coulomb > 0.0 {
+            assert!((force[0] + 0.004_621_982_1).abs() < 1e-8, "{force:?}");
+            assert!((force[1] - 0.127_159_21).abs() < 1e-7, "{force:?}");
+        }
+    }
+}
+
+/// A block that is held at its top, which turns with the floor below it: at rest in a turned frame.
+#[test]
+fn supports_and_obstacles_turn() {
+    let mesh = rectangle([-0.5, 0.0], [1.0, 1.0], [8, 8], CellShape::Quad, "body", "");
+    let floor = Obstacle::HalfSpace {
+        point: [0.0; 2],
+        normal: [0.0, 1.0],
+    };
+    let origin = Axis::at([0.0; 2]);
+    let steps = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0];
+    let model = Model::on(mesh)
+        .large_displacements()
+        .material(neo_hooke(1.0, 0.3))
+        .support(Support::on("top").turned(origin, 90.0))
+        // The floor is drawn where it touches: it is to press.
+        .contact(
+            Pair::obstacle("bottom", floor)
+                .coulomb(0.3)
+                .interference(0.1)
+                .moving(Motion::turn(origin, 90.0)),
+        )
+        .steps(steps);
+    let ends = solved(model, 1e-10);
+    assert_eq!(ends.len(), 4);
+    let turned = |v: [f64; 2], angle: f64| {
+        let (sin, cos) = angle.to_radians().sin_cos();
+        [cos * v[0] - sin * v[1], sin * v[0] + cos * v[1]]
+    };
+    for (end, factor) in ends.iter().zip(steps) {
+        assert_eq!(end.status, Status::Converged);
+        assert!(end.iterations <= 8, "{}", end.iterations);
+        for (force, first) in end.forces.iter().zip(&ends[0].forces) {
+            let expected = turned(*first, 90.0 * factor);
+            for c in 0..2 {
+                assert!(
+                    (force[c] - expected[c]).abs() < 1e-10,
+                    "{force:?} {expected:?}"
+                );
+            }
+        }
+    }
+    let pressed = ends[0].force();
+    assert!(pressed[1] > 0.1, "{pressed:?}");
+}
+
+/// A block of rubber with a cylinder pressed into it by a fifth of its height, in one step: figures of an independent program.
+#[test]
+fn a_cylinder_is_pressed_into_a_block() {
+    for (cells, expected) in [([16, 8], 0.25155), ([32, 16], 0.25408175)] {
+        let mesh = rectangle([-1.0, 0.0], [2.0, 1.0], cells, CellShape::Quad, "body", "");
+        let cylinder = Obstacle::Sphere {
+            center: [0.0, 2.0],
+            radius: 1.0,
+        };
+        let model = Model::on(mesh)
+            .large_displacements()
+            .material(neo_hooke(1.0, 0.3))
+            .support(Support::on("bottom").fixed())
+            .contact(Pair::obstacle("top", cylinder).moving(Motion::shift([0.0, -0.2])));
+        let ends = solved(model, 1e-9);
+        assert_eq!(ends[0].status, Status::Converged);
+        assert!(ends[0].iterations <= 8, "{}", ends[0].iterations);
+        let force = ends[0].force();
+        assert!(
+            (force[1] + expected).abs() < 2e-5,
+            "{force:?}, expected {expected}"
+        );
+    }
+}
+
+/// Elements of second order, bent to a quarter of a ring about the origin.
+fn ring(cells: usize, thickness: f64) -> Mesh {
+    let square = rectangle([0.0; 2], [1.0; 2], [cells, 1], CellShape::Quad, "ring", "");
+    let mut mesh = square.raised().unwrap_or_else(|error| panic!("{error}"));
+    for x in &mut mesh.nodes {
+        // Against the clock from the right, so that elements keep their orientation.
+        let angle = std::f64::consts::FRAC_PI_2 * (1.0 - x[0]);
+        let radius = 1.0 + thickness * (x[1] - 0.5);
+        *x = [radius * angle.cos(), radius * angle.sin()];
+    }
+    mesh
+}
+
+/// A thin ring between two plates, an upper right quarter of it: the elastica, to the square of the thickness.
+#[test]
+fn a_ring_is_pressed_between_plates() {
+    let thickness = 0.04;
+    let plate = Obstacle::HalfSpace {
+        point: [0.0, 1.0 + 0.5 * thickness],
+        normal: [0.0, -1.0],
+    };
+    let model = Model::on(ring(60, thickness))
+        .large_displacements()
+        .material(Material::new(12.0 / thickness.powi(3), 0.0))
+        .support(Support::on("left").x(0.0))
+        .support(Support::on("right").y(0.0))
+        .contact(Pair::obstacle("top", plate).moving(Motion::shift([0.0, -0.1])))
+        .steps([2.0, 4.0]);
+    let ends = solved(model, 1e-8);
+    for (end, expected) in ends.iter().zip([1.05765, 1.99381]) {
+        assert_eq!(end.status, Status::Converged);
+        let force = -end.force()[1];
+        assert!((force / expected - 1.0).abs() < 4e-3, "{force} {expected}");
+    }
+}
+
+/// A straight column under 25 times its buckling load is in balance and does not stay there.
+#[test]
+fn a_straight_column_is_told_as_unstable() {
+    let mesh = rectangle([0.0; 2], [0.1, 2.0], [2, 20], CellShape::Quad, "column", "");
+    let mesh = mesh.raised().unwrap_or_else(|error| panic!("{error}"));
+    // Fixed below and free above: π² E I / (4 l²).
+    let euler = std::f64::consts::PI.powi(2) * 1e6 * 0.1_f64.powi(3) / 12.0 / 16.0;
+    let under = |load: f64| {
+        let model = Model::on(mesh.clone())
+            .large_displacements()
+            .material(Material::new(1e6, 0.0))
+            .support(Support::on("bottom").fixed())
+            .traction(Traction::on("top").y(-load / 0.1))
+            .contact(Pair::obstacle(
+                "left",
+                Obstacle::HalfSpace {
+                    point: [-5.0, 0.0],
+                    normal: [1.0, 0.0],
+                },
+            ));
+        solved(model, 1e-8)[0].status
+    };
+    assert_eq!(under(0.9 * euler), Status::Converged);
+    assert_eq!(under(25.0 * euler), Status::Unstable);
+}
+
+/// A beam is bent by a follower pressure and by a ball in space: the same from the mesh and from its mirror image.
+#[test]
+fn a_plate_meets_a_ball_in_space() {
+    let mesh = block(
+        [0.0; 3],
+        [4.0, 1.0, 0.2],
+        [8, 2, 1],
+        SolidShape::Hexahedron,
+        "plate",
+        "",
+    );
+    let mesh = mesh.raised().unwrap_or_else(|error| panic!("{error}"));
+    let ball = Obstacle::Sphere {
+        center: [3.0, 0.5, -1.05],
+        radius: 1.0,
+    };
+    let model = Model::on(mesh)
+        .large_displacements()
+        .material(Material::new(1e5, 0.3))
+        .support(Support::on("left").fixed())
+        .traction(Traction::on("top").pressure(4.0))
+        .contact(Pair::obstacle("bottom", ball).coulomb(0.2))
+        .steps([0.5, 1.0]);
+    let ends = solved_in_space(model, 1e-8);
+    for end in &ends {
+        assert_eq!(end.status, Status::Converged);
+        assert!(end.iterations <= 12, "{}", end.iterations);
+        // No node lies in the ball, and the plate rests on it.
+        assert!(end.force()[2] > 0.5, "{:?}", end.force());
+    }
+    let lowest = ends[1]
+        .displacement
+        .iter()
+        .fold(0.0, |min: f64, u| min.min(u[2]));
+    assert!(lowest < -0.05, "{lowest}");
+}
+
+/// What belongs to small displacements alone, or to large ones alone, is refused with a word on what to do.
+#[test]
+fn what_is_not_known_is_refused() {
+    let mesh = || rectangle([0.0; 2], [1.0; 2], [2, 2], CellShape::Quad, "body", "");
+    let floor = Obstacle::HalfSpace {
+        point: [0.0; 2],
+        normal: [0.0, 1.0],
+    };
+    let model = || {
+        Model::on(mesh())
+            .material(Material::new(1.0, 0.3))
+            .support(Support::on("top").fixed())
+    };
+    let refused = |model: Model, words: &str| {
+        let error = model.build().expect_err("refused").to_string();
+        assert!(error.contains(words), "{error}");
+    };
+    let pair = || Pair::obstacle("bottom", floor);
+    refused(
+        model().contact(pair().moving(Motion::shift([0.0, 1.0]))),
+        "geometry = \"large\"",
+    );
+    refused(
+        model()
+            .support(Support::on("right").turned(Axis::at([0.0; 2]), 3.0))
+            .contact(pair()),
+        "geometry = \"large\"",
+    );
+    refused(
+        model().large_displacements().contact(pair().tresca(1.0)),
+        "coulomb",
+    );
+    let loose = Model::on(mesh())
+        .large_displacements()
+        .material(Material::new(1.0, 0.3))
+        .support(Support::on("left").x(0.0))
+        .contact(pair());
+    refused(loose, "supports have to hold each body");
+}
+
+/// A case file with all that is for large displacements, and its results: supports carry what contact does, and files say where places are
+/// and were.
+#[test]
+fn a_case_file_and_its_results() {
+    let case = case(
+        r#"
+        [mesh]
+        rectangle = { size = [2, 1], cells = [16, 8] }
+        [analysis]
+        geometry = "large"
+        [[material]]
+        young = 1
+        poisson = 0.3
+        law = "neo-hooke"
+        [[support]]
+        boundary = "bottom"
+        rotate = { point = [1, 0], angle = 20 }
+        factors = [0, 1]
+        [[traction]]
+        boundary = "left"
+        pressure = 0.01
+        [[contact]]
+        boundary = "top"
+        obstacle = { circle = { center = [1, 2], radius = 1 } }
+        motion = { shift = [0, -0.1], rotate = { point = [1, 2], angle = 5 } }
+        friction = { coulomb = 0.3 }
+        [steps]
+        factors = [1, 1.2]
+        "#,
+    );
+    let built: Built = built(&case);
+    let analysis = Analysis::from(&built);
+    let directory = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+    let mut results = Results::new(directory.path(), "Rolled", analysis)
+        .unwrap_or_else(|error| panic!("{error}"));
+    results.draw();
+    let mut engine = Engine::new(&built.problem, Default::default(), |_| {})
+        .unwrap_or_else(|error| panic!("{error}"));
+    let mut settings = StepSettings::default();
+    settings.ssnm.tolerance = 1e-9;
+    let made = analysis.solve_on(&mut engine, &settings, |event| {
+        if let Event::Ends(step) = event {
+            results.add(&step).unwrap_or_else(|error| panic!("{error}"));
+        }
+        ControlFlow::Continue(())
+    });
+    made.unwrap_or_else(|error| panic!("{error}"));
+    results.finish().unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(results.report.status, Some(Status::Converged));
+    for step in &results.report.steps {
+        assert!(
+            step.iterations.is_some_and(|count| count <= 20),
+            "{:?}",
+            step.iterations
+        );
+        let load = step.total_load.as_ref().expect("a model has loads");
+        for c in 0..2 {
+            let rest = step.contacts[0].force[c] + step.supports[0].force[c] + load[c];
+            assert!(rest.abs() < 1e-8, "{rest}");
+        }
+        assert!(step.contacts[0].normal_force > 0.01);
+    }
+    let table = directory.path().join("contact-002.csv");
+    let table = std::fs::read_to_string(table).unwrap_or_else(|error| panic!("{error}"));
+    let head = table.lines().next().expect("a head");
+    assert!(head.ends_with("place,rest_x,rest_y"), "{head}");
+    let columns = head.split(',').count();
+    assert!(table.lines().all(|line| line.split(',').count() == columns));
+}
