@@ -144,12 +144,12 @@ pub(crate) struct Whole<const D: usize = 2> {
     )]
     gravity: Option<[f64; D]>,
     rotation: Option<Rotation<D>>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "stated::is_default")]
     geometry: Geometry,
 }
 
 /// How large displacements may be.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Geometry {
     /// So small that balance is that of where the bodies were.

@@ -51,6 +51,7 @@ length = "mm"
 force = "N"
 [analysis]
 plane = "plane_stress"
+geometry = "large"
 thickness = 2.0
 gravity = [0.0, -9.81]
 rotation = { point = [1.0, 2.0], speed = 3e9 }
@@ -84,6 +85,9 @@ x = 0.0
 [[support]]
 boundary = "middle"
 symmetry = true
+[[support]]
+boundary = "turned"
+rotate = { point = [1.0, 2.0], angle = 90.0 }
 [[traction]]
 name = "push"
 boundary = "top"
@@ -136,6 +140,7 @@ nodes = "set"
 obstacle = { half_plane = { point = [0.0, 1.0], normal = [0.0, 2.0] } }
 friction = { tresca = 5.0 }
 gap = 0.01
+motion = { shift = [0.0, -0.1], rotate = { point = [1.0, 2.0], angle = 5.0 }, factors = [0.0, 1.0] }
 [[contact]]
 boundary = "side"
 obstacle = { circle = { center = [0.0, 1.0], radius = 3.0 } }
