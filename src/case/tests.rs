@@ -62,6 +62,7 @@ poisson = 0.3
 density = 7.8e-9
 expansion = 1.2e-5
 incompressible = true
+law = "neo-hooke"
 [[material]]
 region = "c"
 young = 1.0

@@ -882,7 +882,7 @@ pub(crate) struct Filling {
     incompressible: Incompressible,
     #[serde(default, skip_serializing_if = "stated::is_default")]
     incompatible_modes: bool,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "stated::is_default")]
     law: Hyperelastic,
 }
 
