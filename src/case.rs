@@ -21,7 +21,7 @@ pub use tables::{
     AlgebraicTable, BoxTable, MeshTable, PartTable, RectangleTable, RotateTable, Tables,
 };
 
-use crate::deck::{Deck, Origin};
+use crate::deck::{AnyDefinition, Deck, Origin};
 use crate::input;
 use crate::mesh::AnyMesh;
 use crate::model::{Definition, MEANING, Steps, Units};
@@ -93,6 +93,8 @@ pub struct Case {
     text: String,
     /// The mesh, where it is at hand and no file has to be read.
     given: Option<AnyMesh>,
+    /// What is said of it, where that is at hand and does not have to be read from the text.
+    definition: Option<AnyDefinition>,
     /// Of a deck, with that of its mesh first.
     origins: Vec<Origin>,
     /// There is no file: errors name tables and keys in place of lines.
@@ -113,7 +115,7 @@ impl Case {
         Self::parse(path, text, settings)
     }
 
-    /// The case that a deck says; settings are those of [`Case::read`], and refer to [`Deck::case`]. Errors name the lines of
+    /// The case that a deck says; settings are those of [`Case::read`], and refer to [`Case::text`]. Errors name the lines of
     /// the deck.
     pub fn of_deck(deck: Deck, settings: &[String]) -> Result<Self, CaseError> {
         for setting in settings {
@@ -128,8 +130,22 @@ impl Case {
                 return Err(CaseError::Setting { setting, message });
             }
         }
-        let given = Some((deck.mesh, deck.origins));
-        Self::made(&deck.path, deck.case, settings, given)
+        let text = text::of_deck(&deck);
+        Self::made(&deck.path.clone(), text, settings, Some(deck))
+    }
+
+    /// Of a text, of which nothing has been read yet.
+    fn of_text(path: &Path, text: String) -> Self {
+        Self {
+            path: path.to_owned(),
+            tables: Tables::default(),
+            time_limit: None,
+            text,
+            given: None,
+            definition: None,
+            origins: Vec::new(),
+            stated: false,
+        }
     }
 
     /// Like [`Case::read`], from a text that is already at hand.
@@ -141,7 +157,7 @@ impl Case {
         path: &Path,
         mut text: String,
         settings: &[String],
-        given: Option<(AnyMesh, Vec<Origin>)>,
+        deck: Option<Deck>,
     ) -> Result<Self, CaseError> {
         let syntax = |message: String| CaseError::Syntax {
             path: path.to_owned(),
@@ -159,16 +175,12 @@ impl Case {
             }
             text = document.to_string();
         }
-        let (given, origins) = given.unzip();
-        let mut case = Self {
-            path: path.to_owned(),
-            tables: Tables::default(),
-            time_limit: None,
-            text,
-            given,
-            origins: origins.unwrap_or_default(),
-            stated: false,
-        };
+        let mut case = Self::of_text(path, text);
+        if let Some(deck) = deck {
+            case.given = Some(deck.mesh);
+            case.origins = deck.origins;
+            case.definition = settings.is_empty().then_some(deck.definition);
+        }
         case.heard(text::check_keys(&case.text))?;
         case.tables = case.said()?;
         case.check_kind()?;
@@ -203,13 +215,8 @@ impl Case {
     /// ```
     pub fn stated(text: String) -> Result<Self, CaseError> {
         let mut case = Self {
-            path: PathBuf::from("model"),
-            tables: Tables::default(),
-            time_limit: None,
-            text,
-            given: None,
-            origins: Vec::new(),
             stated: true,
+            ..Self::of_text(Path::new("model"), text)
         };
         case.heard(text::check_keys(&case.text))?;
         case.tables = case.said()?;
@@ -382,7 +389,8 @@ impl Case {
 
     /// What it says of a model on a mesh of D dimensions, checked as far as that goes without the mesh.
     fn definition<const D: usize>(&self) -> Result<Definition<D>, CaseError> {
-        let definition: Definition<D> = self.said()?;
+        let given = self.definition.as_ref().and_then(AnyDefinition::of);
+        let definition: Definition<D> = given.cloned().map_or_else(|| self.said(), Ok)?;
         match definition.check() {
             Ok(()) => Ok(definition),
             Err(error) => self.invalid(&error.entity.path(), error.fault.to_string()),
@@ -413,8 +421,8 @@ impl Case {
         names.into_iter().filter_map(kept).collect()
     }
 
-    /// The text that it was read from, with the entries that settings have replaced: what [`Case::parse`] makes the same case of.
-    #[cfg(feature = "mpi")]
+    /// The text that it was read from, with the entries that settings have replaced: what [`Case::parse`] makes the same case of. Of a
+    /// deck it is the case file that says the same, where a comment above each table names the line that it comes from.
     pub fn text(&self) -> &str {
         &self.text
     }

@@ -1,19 +1,20 @@
 //! Whole decks: input files of Abaqus and CalculiX, as cases.
 //!
-//! A deck of static steps in its linear-elastic, small-strain subset becomes the text of a case file and the mesh that goes with
-//! it: [`read`]. What changes the result and cannot be said in a case is refused, all of it in one message; what does not is
-//! passed over. `docs/decks.md` says what is understood.
+//! A deck of static steps in its linear-elastic, small-strain subset becomes a mesh and what a case file says of one: [`read`]. What
+//! changes the result and cannot be said in a case is refused, all of it in one message; what does not is passed over.
+//! `docs/decks.md` says what is understood.
 
 mod adjust;
 mod cards;
 mod history;
 mod said;
 mod translate;
-mod write;
 
 use crate::mesh::abaqus::index;
 use crate::mesh::{AnyMesh, FileError};
+use crate::model::Definition;
 use said::{Refusal, Said};
+use std::any::Any;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -22,18 +23,39 @@ use std::path::{Path, PathBuf};
 pub struct Deck {
     /// Its file.
     pub path: PathBuf,
-    /// The mesh, with the boundaries, sets of nodes and regions that the case names.
+    /// What it calls itself; empty if it does not.
+    pub title: String,
+    /// The mesh, with the boundaries, sets of nodes and regions that the definition names.
     pub mesh: AnyMesh,
-    /// The case file (TOML), whose mesh file is `mesh`. Above each table a comment names the file and line of the deck that it
-    /// comes from.
-    pub case: String,
-    /// The same for errors: where its tables come from.
+    /// What a case file calls the file of the mesh.
+    pub mesh_file: String,
+    /// What is said of the mesh.
+    pub(crate) definition: AnyDefinition,
+    /// Where the tables of a case file come from that say it.
     pub origins: Vec<Origin>,
     /// The numbers of the nodes of the mesh in the deck, in their order (of instances, each in its part). Nodes that are made
     /// here, in the middle of faces, follow them.
     pub node_numbers: Vec<u64>,
     /// What the deck says and has no effect here, a line each.
     pub notes: Vec<String>,
+}
+
+/// What is said of a mesh of either dimension.
+#[derive(Clone, Debug)]
+pub(crate) enum AnyDefinition {
+    Plane(Definition),
+    Space(Definition<3>),
+}
+
+impl AnyDefinition {
+    /// The definition, of a mesh that has so many dimensions.
+    pub(crate) fn of<const D: usize>(&self) -> Option<&Definition<D>> {
+        let stated: &dyn Any = match self {
+            Self::Plane(definition) => definition,
+            Self::Space(definition) => definition,
+        };
+        stated.downcast_ref()
+    }
 }
 
 /// Where a table of a case comes from in a deck.
@@ -104,12 +126,12 @@ pub fn has_steps(path: &Path) -> Result<bool, FileError> {
     Ok(deck.cards().iter().any(|card| card.keyword.name == "STEP"))
 }
 
-/// Reads a deck as a case whose mesh is to be called `mesh`; what has a keyword that is `ignored` is passed over even if it
+/// Reads a deck as a case that calls the file of its mesh `mesh_file`; what has a keyword that is `ignored` is passed over even if it
 /// changes the result.
 ///
 /// # Errors
 /// If a file cannot be read or makes no sense, or the deck says what cannot be said in a case.
-pub fn read(path: &Path, mesh: &str, ignored: &[String]) -> Result<Deck, DeckError> {
+pub fn read(path: &Path, mesh_file: &str, ignored: &[String]) -> Result<Deck, DeckError> {
     let deck = index::Deck::read(path)?;
     let cards = deck.cards();
     let mut said = Said::read(&cards, ignored).map_err(|wrong| deck.error(wrong))?;
@@ -144,7 +166,7 @@ pub fn read(path: &Path, mesh: &str, ignored: &[String]) -> Result<Deck, DeckErr
         let (file, line) = deck.place(line);
         format!("{}, line {line}", file.display())
     };
-    let made = translate::case(&said, &mut index, mesh, &place);
+    let made = translate::definition(&said, &mut index, &place);
     let (mut translated, refusals) = match made {
         Err(_) if !said.refusals.is_empty() => return Err(refused(&said.refusals)),
         made => made.map_err(|wrong| deck.error(wrong))?,
@@ -184,8 +206,10 @@ pub fn read(path: &Path, mesh: &str, ignored: &[String]) -> Result<Deck, DeckErr
     Ok(Deck {
         path: path.to_owned(),
         node_numbers,
+        title: said.title,
         mesh,
-        case: translated.text,
+        mesh_file: mesh_file.to_owned(),
+        definition: translated.definition,
         origins,
         notes: translated.notes,
     })

@@ -71,17 +71,20 @@ pub use pair::Pair;
 pub use quantity::Quantity;
 pub use units::Units;
 
-pub(crate) use entities::Part;
+#[cfg(feature = "case")]
+pub(crate) use entities::AXES;
+pub(crate) use entities::{Filling, Part};
 #[cfg(feature = "case")]
 pub(crate) use error::{nearest, without_boundaries};
+#[cfg(feature = "case")]
+pub(crate) use quantity::Number;
 #[cfg(feature = "case")]
 pub(crate) use stated::{MEANING, as_vector, exactly};
 
 use crate::elasticity::{Material, Plane};
 use crate::mesh::{ElementKind, Mesh, Topology};
 use crate::problem::{SIZES, is_sized};
-use entities::Filling;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// A model on its way: a mesh, and what is said about it. Numbers are in any consistent units.
 #[derive(Clone, Debug)]
@@ -94,10 +97,11 @@ where
 }
 
 /// What is said of a model beside its mesh: the tables of a case file.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Definition<const D: usize = 2> {
     /// None: not stated.
+    #[serde(serialize_with = "units::labels")]
     pub(crate) units: Option<Units>,
     #[serde(default)]
     pub(crate) analysis: Whole<D>,
@@ -124,24 +128,28 @@ pub(crate) struct Definition<const D: usize = 2> {
 }
 
 /// What is said of a model as a whole.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Whole<const D: usize = 2> {
     /// In the plane only; in space plane strain, which has the same moduli.
     #[serde(default, deserialize_with = "stated::plane::<_, D>")]
-    plane: Option<Plane>,
+    pub(crate) plane: Option<Plane>,
     /// In the plane only.
     #[serde(default, deserialize_with = "stated::thickness::<_, D>")]
-    thickness: Option<f64>,
-    #[serde(default, deserialize_with = "stated::vector")]
+    pub(crate) thickness: Option<f64>,
+    #[serde(
+        default,
+        deserialize_with = "stated::vector",
+        serialize_with = "stated::entries"
+    )]
     gravity: Option<[f64; D]>,
     rotation: Option<Rotation<D>>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "stated::is_default")]
     geometry: Geometry,
 }
 
 /// How large displacements may be.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Geometry {
     /// So small that balance is that of where the bodies were.
@@ -152,11 +160,15 @@ pub(crate) enum Geometry {
 }
 
 /// A steady rotation.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, expecting = "a table such as { speed = 100 }")]
 pub(crate) struct Rotation<const D: usize = 2> {
     /// On the axis; None: the origin.
-    #[serde(default, deserialize_with = "stated::vector")]
+    #[serde(
+        default,
+        deserialize_with = "stated::vector",
+        serialize_with = "stated::entries"
+    )]
     point: Option<[f64; D]>,
     /// Of any length; in space only.
     #[serde(default, deserialize_with = "stated::axis::<_, D>")]
@@ -171,7 +183,7 @@ impl<const D: usize> Rotation<D> {
 }
 
 /// Load steps, one after another.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Steps {
     /// What loads and prescribed displacements are multiplied by in each step.

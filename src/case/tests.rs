@@ -1,6 +1,6 @@
 use super::*;
 use crate::mesh::structured::{SolidShape, block};
-use crate::model::Definition;
+use crate::model::{Definition, Support};
 
 const MESH: &str = "[mesh.rectangle]\nsize = [1, 1]\ncells = [1, 1]\n";
 
@@ -28,6 +28,192 @@ fn refusal(text: &str) -> String {
         Ok(_) => panic!("accepted: {text}"),
         Err(error) => error.to_string(),
     }
+}
+
+/// What is read of a text and written again.
+fn written<const D: usize>(text: &str) -> String {
+    let read: Result<Definition<D>, _> = text::read(text);
+    let mut document = toml_edit::DocumentMut::new();
+    let written = read.map(|definition| text::write(&definition, &mut document));
+    match written {
+        Ok(Ok(())) => document.to_string(),
+        Ok(Err(error)) => panic!("{error}"),
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// Every key of every table that is read is written, with the value that it has in the text.
+#[test]
+fn what_is_read_is_written() {
+    let plane = r#"
+[units]
+length = "mm"
+force = "N"
+[analysis]
+plane = "plane_stress"
+geometry = "large"
+thickness = 2.0
+gravity = [0.0, -9.81]
+rotation = { point = [1.0, 2.0], speed = 3e9 }
+[[material]]
+region = ["a", "b"]
+young = 2.1e11
+poisson = 0.3
+density = 7.8e-9
+expansion = 1.2e-5
+incompressible = true
+law = "neo-hooke"
+[[material]]
+region = "c"
+young = 1.0
+poisson = 0.0
+incompressible = false
+incompatible_modes = true
+[[support]]
+name = "clamp"
+boundary = ["left", "right"]
+x = 0.1
+y = "2e-3 * x"
+factors = [0.5, 1.0]
+[[support]]
+nodes = "set"
+radial = 0.0
+hoop = 1.0
+axis = { point = [1.0, 2.0] }
+[[support]]
+point = [0.5, 0.25]
+x = 0.0
+[[support]]
+boundary = "middle"
+symmetry = true
+[[support]]
+boundary = "turned"
+rotate = { point = [1.0, 2.0], angle = 90.0 }
+[[traction]]
+name = "push"
+boundary = "top"
+x = 1.0
+y = "x"
+pressure = [1.0, 2e-7, 3.0]
+factors = [1.0, 2.0]
+[[traction]]
+boundary = "top"
+radial = 1.0
+hoop = 2.0
+torque = 3.0
+force = [4.0, 5.0]
+axis = { point = [0.0, 0.0] }
+[[body_force]]
+name = "weight"
+region = "a"
+x = 1.0
+y = 2.0
+factors = [0.0, 1.0]
+[[force]]
+name = "pull"
+nodes = ["one", "two"]
+x = 1.0
+[[force]]
+point = [1.0, 1.0]
+y = 2.0
+factors = [0.0, 1.0]
+[[force]]
+boundary = "top"
+y = 1.0
+[[temperature]]
+name = "warm"
+region = "b"
+value = 80.0
+factors = [0.0, 1.0]
+[[contact]]
+name = "joint"
+boundary = "bottom"
+against = "other"
+friction = { coulomb = 0.3 }
+overlap = "interference"
+stiffness = { normal = 1e12, tangential = "1e11 * x" }
+adjust = 0.1
+offset = -0.2
+edge_angle = 40.0
+search_distance = 2.0
+[[contact]]
+nodes = "set"
+obstacle = { half_plane = { point = [0.0, 1.0], normal = [0.0, 2.0] } }
+friction = { tresca = 5.0 }
+gap = 0.01
+motion = { shift = [0.0, -0.1], rotate = { point = [1.0, 2.0], angle = 5.0 }, factors = [0.0, 1.0] }
+[[contact]]
+boundary = "side"
+obstacle = { circle = { center = [0.0, 1.0], radius = 3.0 } }
+interference = 0.02
+[[tie]]
+name = "weld"
+boundary = "here"
+against = ["there", "beyond"]
+adjust = 0.5
+edge_angle = 60.0
+[[equal]]
+name = "lid"
+sets = ["p", "q"]
+directions = ["y"]
+[[equal]]
+sets = "p"
+[steps]
+factors = [0.5, 1.0]
+"#;
+    let space = r#"
+[analysis]
+gravity = [0.0, 0.0, -9.81]
+rotation = { axis = [0.0, 0.0, 1.0], speed = 3.0 }
+[[support]]
+boundary = "left"
+z = 0.0
+axial = 1.0
+axis = { point = [1.0, 2.0, 3.0], direction = [0.0, 0.0, 1.0] }
+[[traction]]
+boundary = "top"
+z = 1.0
+axial = 2.0
+axis = { point = [1.0, 2.0, 3.0], direction = [0.0, 0.0, 1.0] }
+[[body_force]]
+z = 1.0
+[[force]]
+point = [1.0, 2.0, 3.0]
+z = 1.0
+[[contact]]
+boundary = "a"
+obstacle = { half_space = { point = [0.0, 1.0, 2.0], normal = [0.0, 2.0, 0.0] } }
+[[contact]]
+boundary = "b"
+obstacle = { sphere = { center = [0.0, 1.0, 2.0], radius = 3.0 } }
+[[contact]]
+boundary = "c"
+obstacle = { cylinder = { point = [0.0, 1.0, 2.0], axis = [0.0, 2.0, 0.0], radius = 3.0 } }
+[[equal]]
+sets = "p"
+directions = ["x", "z"]
+"#;
+    let tables = |text: &str| toml::from_str::<toml::Table>(text).expect("TOML");
+    for (text, written) in [(plane, written::<2>(plane)), (space, written::<3>(space))] {
+        assert_eq!(tables(&written), tables(text), "{written}");
+    }
+    assert!(written::<2>(plane).contains("young = 2.1e11\n"));
+}
+
+/// Who states a function in a program has no text of it.
+#[test]
+fn a_function_of_a_program_is_not_written() {
+    let support = Support::<2>::on("left").x(|x: [f64; 2]| x[0]);
+    let definition = Definition {
+        supports: vec![support],
+        ..Default::default()
+    };
+    let error = text::write(&definition, &mut toml_edit::DocumentMut::new()).expect_err("no text");
+    assert!(
+        error
+            .to_string()
+            .contains("cannot be written as an expression")
+    );
 }
 
 /// A model would accept a kind without checks if the kind had a key but no entry in `parts`. Nobody would find a kind without
@@ -136,13 +322,21 @@ fn tables_of_a_deck_have_its_lines() {
         file: PathBuf::from("deck.inp"),
         line,
     });
-    let said = |material: &str, value: &str| {
+    let said = |material: &str, settings: &[String]| {
         let text = format!(
-            "[mesh]\nfile = \"none.msh\"\n{material}[[support]]\nboundary = \"left\"\nz = 0\n\
-             [[support]]\nboundary = \"right\"\nx = {value}\n"
+            "{material}[[support]]\nboundary = \"left\"\nz = 0\n[[support]]\nboundary = \"right\"\nx = 0\n"
         );
-        let given = Some((AnyMesh::Space(mesh.clone()), origins.to_vec()));
-        let case = Case::made(Path::new("deck.inp"), text, &[], given);
+        let deck = Deck {
+            path: PathBuf::from("deck.inp"),
+            title: String::new(),
+            mesh: AnyMesh::Space(mesh.clone()),
+            mesh_file: "none.msh".to_owned(),
+            definition: AnyDefinition::Space(text::read(&text).expect("a definition")),
+            origins: origins.to_vec(),
+            node_numbers: Vec::new(),
+            notes: Vec::new(),
+        };
+        let case = Case::of_deck(deck, settings);
         match case.map(|case| case.build().map(drop)) {
             Err(error) => error.to_string(),
             Ok(Err(error)) => error.to_string(),
@@ -150,17 +344,17 @@ fn tables_of_a_deck_have_its_lines() {
         }
     };
     const MATERIAL: &str = "[[material]]\nyoung = 1\npoisson = 0\n";
-    let second = said(MATERIAL, "\"2 *\"");
+    let second = said(MATERIAL, &["support.1.x=2 *".to_owned()]);
     assert!(
         second.starts_with("deck.inp, line 12: cannot understand"),
         "{second}"
     );
-    let regions = said(&MATERIAL.replace("young", "region = []\nyoung"), "0");
+    let regions = said(&MATERIAL.replace("young", "region = []\nyoung"), &[]);
     assert!(
         regions.starts_with("deck.inp, line 7: region \"body\" has no material"),
         "{regions}"
     );
-    let none = said("", "0");
+    let none = said("", &[]);
     assert!(
         none.starts_with("deck.inp, line 7: there is no material"),
         "{none}"

@@ -1,10 +1,11 @@
-//! The text of a case file: `--set` replaces entries before the text is read, serde reads its tables, a path gives the line of
+//! The text of a case file: a deck is written as one, `--set` replaces entries before the text is read, serde reads its tables, a path gives the line of
 //! an entry, and the parser's errors become ours.
 //!
 //! Entries are named by paths such as `support[1].axis.point`, whose numbers count from 0; `material[]` is the last of several.
 
 use super::Tables;
-use crate::model::{Definition, nearest};
+use crate::deck::{AnyDefinition, Deck};
+use crate::model::{Definition, Number, nearest};
 use serde::de::value::Error as Unsaid;
 use serde::de::{Deserialize, DeserializeOwned, Deserializer, Error as _, MapAccess, Visitor};
 use std::fmt::{self, Write as _};
@@ -12,17 +13,82 @@ use std::ops::Range;
 use std::sync::LazyLock;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Error};
+use toml_edit::{DocumentMut, Item, Value};
+
+/// What a deck says as the text of a case file, with a comment above each table that names its line.
+pub(super) fn of_deck(deck: &Deck) -> String {
+    let mut document = DocumentMut::new();
+    if !deck.title.is_empty() {
+        document["title"] = deck.title.as_str().into();
+    }
+    document["mesh"] = Item::Table([("file", deck.mesh_file.as_str())].into_iter().collect());
+    let written = match &deck.definition {
+        AnyDefinition::Plane(definition) => write(definition, &mut document),
+        AnyDefinition::Space(definition) => write(definition, &mut document),
+    };
+    written.expect("decks state numbers and expressions");
+    for origin in &deck.origins {
+        let (key, number) = origin.table.split_once('[').unwrap_or((&origin.table, ""));
+        let number = number.trim_end_matches(']').parse();
+        let table = match (&mut document[key], number) {
+            (Item::ArrayOfTables(tables), Ok(number)) => tables.get_mut(number),
+            (item, _) => item.as_table_mut(),
+        };
+        if let Some(table) = table {
+            let place = format!("\n# {}, line {}\n", origin.file.display(), origin.line);
+            table.decor_mut().set_prefix(place);
+        }
+    }
+    document.to_string().trim_start().to_owned()
+}
+
+/// Adds the tables of what is said of a mesh to a document.
+///
+/// # Errors
+/// If a quantity is a function that a program states.
+pub(super) fn write<const D: usize>(
+    definition: &Definition<D>,
+    document: &mut DocumentMut,
+) -> Result<(), toml_edit::ser::Error> {
+    for (key, mut item) in toml_edit::ser::to_document(definition)?.into_table() {
+        (item.as_value_mut()).into_iter().for_each(shorten);
+        let item = match item.into_array_of_tables() {
+            Ok(tables) => Item::ArrayOfTables(tables),
+            Err(item) => match item.into_table() {
+                Ok(table) if !table.is_empty() => Item::Table(table),
+                // Nothing is stated of this kind: the list or the table is empty.
+                _ => continue,
+            },
+        };
+        document.insert(&key, item);
+    }
+    Ok(())
+}
+
+/// Writes large and small numbers with an exponent.
+fn shorten(value: &mut Value) {
+    match value {
+        Value::Float(number) => {
+            let (short, decor) = (Number(*number.value()).to_string(), number.decor().clone());
+            if let Ok(short) = short.parse() {
+                *value = short;
+                *value.decor_mut() = decor;
+            }
+        }
+        Value::Array(list) => list.iter_mut().for_each(shorten),
+        Value::InlineTable(table) => table.iter_mut().for_each(|(_, entry)| shorten(entry)),
+        _ => {}
+    }
+}
 
 /// Puts one `key.path=value` into the document.
-pub(super) fn set(document: &mut toml_edit::DocumentMut, setting: &str) -> Result<(), String> {
+pub(super) fn set(document: &mut DocumentMut, setting: &str) -> Result<(), String> {
     let (key, value) = setting
         .split_once('=')
         .ok_or("write it as key.path=value")?;
     let value = value.trim();
     // What is no TOML value is meant as a string, so that shells need no second pair of quotes.
-    let value: toml_edit::Value = value
-        .parse()
-        .unwrap_or_else(|_| toml_edit::Value::from(value));
+    let value: Value = value.parse().unwrap_or_else(|_| Value::from(value));
     let mut parts: Vec<&str> = key.trim().split('.').collect();
     let last = parts
         .pop()
@@ -35,7 +101,7 @@ pub(super) fn set(document: &mut toml_edit::DocumentMut, setting: &str) -> Resul
         item = match part.parse::<usize>() {
             Ok(index) => {
                 let length = match &*item {
-                    toml_edit::Item::ArrayOfTables(tables) => tables.len(),
+                    Item::ArrayOfTables(tables) => tables.len(),
                     other => other.as_array().map_or(0, toml_edit::Array::len),
                 };
                 if index >= length {
@@ -50,7 +116,7 @@ pub(super) fn set(document: &mut toml_edit::DocumentMut, setting: &str) -> Resul
                     .as_table_like_mut()
                     .ok_or_else(|| format!("\"{part}\" lies in something that is no table"))?;
                 if !table.contains_key(part) {
-                    table.insert(part, toml_edit::Item::Table(toml_edit::Table::new()));
+                    table.insert(part, Item::Table(toml_edit::Table::new()));
                 }
                 table.get_mut(part).expect("just inserted")
             }
@@ -76,7 +142,7 @@ pub(super) fn set(document: &mut toml_edit::DocumentMut, setting: &str) -> Resul
             table.remove(key);
         });
     }
-    table.insert(last, toml_edit::Item::Value(value));
+    table.insert(last, Item::Value(value));
     Ok(())
 }
 

@@ -74,12 +74,13 @@ fn whole(
     let mesh = output.with_extension("msh");
     let name = mesh.file_name().unwrap_or_default().to_string_lossy();
     let deck = deck::read(input, &name, ignored).map_err(|e| message_of(&e))?;
-    // It has to be a case that can be read before anything is written.
-    Case::of_deck(deck.clone(), &[]).map_err(|e| message_of(&e))?;
-    write_whole(&mesh, mesh::msh(&deck.mesh).as_bytes()).map_err(|e| message_of(&e))?;
-    write_whole(output, deck.case.as_bytes()).map_err(|e| message_of(&e))?;
-    let mut lines = described(&deck.mesh);
-    lines.extend(deck.notes);
+    let (notes, mut lines) = (deck.notes.clone(), described(&deck.mesh));
+    let text = mesh::msh(&deck.mesh);
+    // It has to be a case that makes sense before anything is written.
+    let case = Case::of_deck(deck, &[]).map_err(|e| message_of(&e))?;
+    write_whole(&mesh, text.as_bytes()).map_err(|e| message_of(&e))?;
+    write_whole(output, case.text().as_bytes()).map_err(|e| message_of(&e))?;
+    lines.extend(notes);
     lines.extend([&mesh, output].map(|path| path.display().to_string()));
     super::print(&(lines.join("\n") + "\n"))?;
     Ok(0)

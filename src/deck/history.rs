@@ -99,6 +99,18 @@ impl Track {
     }
 }
 
+/// What values over the load steps are multiples of, and the multiples: none where all are the same.
+pub(super) fn factors(values: &[f64]) -> (f64, Option<Vec<f64>>) {
+    // Of values as large as each other the last.
+    let largest = values
+        .iter()
+        .fold(0.0, |a: f64, &v| if v.abs() >= a.abs() { v } else { a });
+    if values.iter().all(|&v| v == largest) {
+        return (largest, None);
+    }
+    (largest, Some(values.iter().map(|v| v / largest).collect()))
+}
+
 /// Tracks in the order in which they begin.
 pub(super) struct Tracks<K> {
     pub all: Vec<(K, Track)>,

@@ -1,24 +1,25 @@
-//! From what a deck says to the tables of a case.
+//! From what a deck says to what is said of its mesh.
 
 mod contacts;
 mod loads;
 mod nodes;
 
+use super::AnyDefinition;
 use super::adjust::Adjustment;
 use super::history::Times;
 use super::said::{Kind, MaterialCard, Refusal, Said};
-use super::write::{Number, list, quoted};
+use crate::elasticity::{Material, Plane};
 use crate::mesh::abaqus::index::{Index, Wrong};
-use nodes::Equal;
+use crate::model::{Definition, Filling, Quantity, Steps, Units};
+use nodes::Alike;
 use std::collections::BTreeMap;
-use std::fmt::{Display, Write as _};
 
 type Result<T> = std::result::Result<T, Wrong>;
 
-/// The case, and what has no effect in it.
+/// What a deck says of its mesh, and what has no effect in it.
 pub(super) struct Translated {
-    pub text: String,
-    /// The tables by their paths, such as `support[0]`, each with the line of the deck that it comes from.
+    pub definition: AnyDefinition,
+    /// Its parts by their paths, such as `support[0]`, each with the line of the deck that it comes from.
     pub lines: Vec<(String, usize)>,
     pub notes: Vec<String>,
     pub adjustments: Vec<Adjustment>,
@@ -66,26 +67,24 @@ pub(super) fn check(said: &mut Said) {
 }
 
 /// How the types of elements in the plane begin, and what they are.
-const PLANES: [(&str, &str); 3] = [
-    ("CPE", "plane_strain"),
-    ("CPS", "plane_stress"),
-    ("CAX", "axisymmetric"),
+const PLANES: [(&str, Plane); 3] = [
+    ("CPE", Plane::PlaneStrain),
+    ("CPS", Plane::PlaneStress),
+    ("CAX", Plane::Axisymmetric),
 ];
 
-/// What is known while a deck becomes a case.
-struct Translation<'a, 'i> {
+/// What is known while a deck is translated.
+struct Translation<'a, 'i, const D: usize> {
     said: &'a Said<'a>,
     index: &'a mut Index<'i>,
     times: Times<'a>,
     place: &'a dyn Fn(usize) -> String,
-    text: String,
+    definition: Definition<D>,
     lines: Vec<(String, usize)>,
     notes: Vec<String>,
     adjustments: Vec<Adjustment>,
     has_nodal_values: bool,
     refusals: Vec<Refusal>,
-    /// 2 or 3.
-    dimension: usize,
     /// Nodes that elements of bodies have.
     used: Vec<bool>,
     /// The section of each element.
@@ -94,33 +93,39 @@ struct Translation<'a, 'i> {
     regions: Vec<(usize, String, Vec<u32>)>,
     /// Displacements that are equal, by direction and node, as numbers of `equal`.
     equal_of: BTreeMap<(usize, u32), usize>,
-    equal: Vec<Equal>,
+    equal: Vec<Alike>,
     /// Numbers of the sets that are made here, by what they are called.
     made: BTreeMap<&'static str, usize>,
 }
 
-const AXES: [&str; 3] = ["x", "y", "z"];
-const AROUND: [&str; 3] = ["radial", "hoop", "axial"];
-
-/// The text of the case on a mesh file, and all that cannot be said in it; `place` names a line of the deck.
-pub(super) fn case(
+/// What is said of the mesh, and all that cannot be said of one; `place` names a line of the deck.
+pub(super) fn definition(
     said: &Said,
     index: &mut Index,
-    mesh: &str,
     place: &dyn Fn(usize) -> String,
 ) -> Result<(Translated, Vec<Refusal>)> {
-    let dimension = if index.is_solid() { 3 } else { 2 };
+    match index.is_solid() {
+        true => translated(said, index, place, AnyDefinition::Space),
+        false => translated(said, index, place, AnyDefinition::Plane),
+    }
+}
+
+fn translated<const D: usize>(
+    said: &Said,
+    index: &mut Index,
+    place: &dyn Fn(usize) -> String,
+    any: fn(Definition<D>) -> AnyDefinition,
+) -> Result<(Translated, Vec<Refusal>)> {
     let mut translation = Translation {
         said,
         times: Times::new(said),
         place,
-        text: String::new(),
+        definition: Definition::default(),
         lines: vec![("mesh".to_owned(), 1)],
         notes: Vec::new(),
         adjustments: Vec::new(),
         has_nodal_values: false,
         refusals: Vec::new(),
-        dimension,
         used: index.used_nodes(),
         section: vec![None; index.n_elements()],
         regions: Vec::new(),
@@ -129,7 +134,7 @@ pub(super) fn case(
         made: BTreeMap::new(),
         index,
     };
-    translation.head(mesh);
+    translation.whole();
     translation.materials()?;
     translation.equations()?;
     translation.nodes(Kind::Boundary)?;
@@ -140,7 +145,7 @@ pub(super) fn case(
     translation.contacts()?;
     translation.steps();
     let made = Translated {
-        text: translation.text,
+        definition: any(translation.definition),
         lines: translation.lines,
         notes: translation.notes,
         adjustments: translation.adjustments,
@@ -149,7 +154,7 @@ pub(super) fn case(
     Ok((made, translation.refusals))
 }
 
-impl Translation<'_, '_> {
+impl<const D: usize> Translation<'_, '_, D> {
     /// Refuses something, unless the user goes on without it.
     fn refuse(&mut self, line: usize, key: &str, text: impl Into<String>) {
         if self.said.ignores(key) {
@@ -164,31 +169,11 @@ impl Translation<'_, '_> {
         });
     }
 
-    /// Adds a line.
-    fn put(&mut self, line: impl Display) {
-        // Nothing is in the way of writing into a text.
-        let _ = writeln!(self.text, "{line}");
-    }
-
-    /// Begins a table with the place that it comes from.
-    fn table(&mut self, line: usize, name: &str) {
-        let place = (self.place)(line);
-        self.put(format_args!("\n# {place}\n{name}"));
-        let key = name.trim_matches(['[', ']']);
-        let path = match name.starts_with("[[") {
-            true => {
-                let alike = |one: &&(String, usize)| one.0.split('[').next() == Some(key);
-                format!("{key}[{}]", self.lines.iter().filter(alike).count())
-            }
-            false => key.to_owned(),
-        };
-        self.lines.push((path, line));
-    }
-
-    fn put_factors(&mut self, factors: &Option<Vec<f64>>) {
-        if let Some(factors) = factors {
-            self.put(format_args!("factors = {}", list(factors)));
-        }
+    /// Says where a part comes from: the next one of a kind, by the key of its table.
+    fn comes_from(&mut self, line: usize, key: &str) {
+        let alike = |one: &&(String, usize)| one.0.split('[').next() == Some(key);
+        let number = self.lines.iter().filter(alike).count();
+        self.lines.push((format!("{key}[{number}]"), line));
     }
 
     /// A name that nothing has.
@@ -203,51 +188,34 @@ impl Translation<'_, '_> {
         }
     }
 
-    fn head(&mut self, mesh: &str) {
-        if !self.said.title.is_empty() {
-            self.put(format_args!("title = {}\n", quoted(&self.said.title)));
-        }
-        self.text.push_str(&format!(
-            "# {}\n[mesh]\nfile = {}\n",
-            (self.place)(1),
-            quoted(mesh)
-        ));
+    /// What holds everywhere.
+    fn whole(&mut self) {
         // A deck does not tell its units.
-        self.put("\n[units]\nlength = \"\"\nforce = \"\"");
-        if self.dimension == 2 {
-            let plane = self.plane();
-            self.put(format_args!("\n[analysis]\nplane = \"{plane}\""));
-            if self.is_of_revolution() {
-                return;
-            }
-            let thickness = self
-                .said
-                .sections
-                .iter()
-                .find_map(|section| section.thickness);
-            if let Some(thickness) = thickness {
-                self.put(format_args!("thickness = {}", Number(thickness)));
+        self.definition.units = Some(Units::untold());
+        if D == 2 {
+            let is_there = |begin: &str| self.said.types.iter().any(|name| name.starts_with(begin));
+            let plane = PLANES.iter().rfind(|(begin, _)| is_there(begin));
+            let plane = plane.map_or(Plane::PlaneStrain, |known| known.1);
+            self.definition.analysis.plane = Some(plane);
+            if plane != Plane::Axisymmetric {
+                let mut sections = self.said.sections.iter();
+                self.definition.analysis.thickness = sections.find_map(|section| section.thickness);
             }
         }
-    }
-
-    /// What the elements of a deck in the plane are.
-    fn plane(&self) -> &'static str {
-        let is_there = |begin: &str| self.said.types.iter().any(|name| name.starts_with(begin));
-        let known = PLANES.iter().rfind(|(begin, _)| is_there(begin));
-        known.map_or("plane_strain", |known| known.1)
     }
 
     fn is_of_revolution(&self) -> bool {
-        self.dimension == 2 && self.plane() == "axisymmetric"
+        self.definition.plane() == Plane::Axisymmetric
     }
 
     /// The load steps, if there are several.
     fn steps(&mut self) {
-        if self.times.ends.len() > 1 {
-            let factors = list(&vec![1.0; self.times.ends.len()]);
-            self.table(self.said.steps[0].line, "[steps]");
-            self.put(format_args!("factors = {factors}"));
+        let number = self.times.ends.len();
+        if number > 1 {
+            let line = self.said.steps[0].line;
+            self.lines.push(("steps".to_owned(), line));
+            let factors = vec![1.0; number];
+            self.definition.steps = Some(Steps { factors });
         }
     }
 
@@ -283,19 +251,15 @@ impl Translation<'_, '_> {
                 for (name, elements, modes) in self.by_modes(name, elements) {
                     self.index.add_region(&name, &elements);
                     self.regions.push((number, name.clone(), elements));
-                    self.table(material.line, "[[material]]");
-                    self.put(format_args!("region = {}", quoted(&name)));
-                    self.put(format_args!("young = {}", Number(young)));
-                    self.put(format_args!("poisson = {}", Number(poisson)));
-                    if material.density != 0.0 {
-                        self.put(format_args!("density = {}", Number(material.density)));
-                    }
-                    if material.expansion != 0.0 {
-                        self.put(format_args!("expansion = {}", Number(material.expansion)));
-                    }
-                    if modes {
-                        self.put("incompatible_modes = true");
-                    }
+                    self.comes_from(material.line, "material");
+                    let stated = Material {
+                        density: material.density,
+                        expansion: material.expansion,
+                        incompatible_modes: modes,
+                        ..Material::new(young, poisson)
+                    };
+                    let filling = Filling::of(Some(name.into()), stated);
+                    self.definition.materials.push(filling);
                 }
             }
         }
@@ -323,4 +287,28 @@ impl Translation<'_, '_> {
         let material = self.said.materials.iter().find(|one| one.name == *name);
         material.cloned().unwrap_or_default()
     }
+}
+
+/// A part with load factors of its own, where there are any; `add` gives it some.
+fn with_factors<P>(part: P, factors: Option<Vec<f64>>, add: fn(P, Vec<f64>) -> P) -> P {
+    match factors {
+        Some(factors) => add(part, factors),
+        None => part,
+    }
+}
+
+/// Numbers or expressions along the axes, of which an empty one is none, as quantities.
+fn quantities<const D: usize>(
+    line: usize,
+    texts: &[String; 3],
+) -> Result<impl Iterator<Item = (usize, Quantity<D>)>> {
+    let mut all = Vec::new();
+    for (axis, text) in texts.iter().enumerate().take(D) {
+        match text.parse::<f64>() {
+            _ if text.is_empty() => {}
+            Ok(value) => all.push((axis, value.into())),
+            Err(_) => all.push((axis, Quantity::parse(text).map_err(|text| (line, text))?)),
+        }
+    }
+    Ok(all.into_iter())
 }

@@ -2,20 +2,23 @@
 
 use super::stated;
 use crate::mesh::vector::{cross, dot, length, minus, unit};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// What the directions about an axis are called, in the order of a right-handed system.
 pub(super) const AROUND: [&str; 3] = ["radial", "hoop", "axial"];
 
 /// An axis in space; in the plane a point, through which the axis stands upright.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(
     deny_unknown_fields,
     expecting = "a table such as { point = [0, 0] } or, in space, { point = [0, 0, 0], direction = [0, 0, 1] }"
 )]
 pub struct Axis<const D: usize = 2> {
-    #[serde(deserialize_with = "stated::point")]
+    #[serde(
+        deserialize_with = "stated::point",
+        serialize_with = "<[f64] as Serialize>::serialize"
+    )]
     point: [f64; D],
     /// Of any length; none in the plane, where it is (0, 0, 1).
     #[serde(default, deserialize_with = "stated::direction::<_, D>")]

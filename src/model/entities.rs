@@ -7,7 +7,7 @@ use super::stated::{self, Flaw};
 use super::{Quantity, Units};
 use crate::elasticity::{Hyperelastic, Incompressible, Material};
 use crate::problem::{SIZES, is_sized};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// The name of a boundary, or several that count as one.
@@ -253,14 +253,18 @@ along_axes!(BodyForce, "force per volume", "N/m³");
 along_axes!(Force, "force on each node", "N");
 
 /// Prescribed displacements on boundaries or at a point. What is not stated is free.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Support<const D: usize = 2> {
     pub(super) name: Option<String>,
     pub(super) boundary: Option<Names>,
     /// Sets of nodes.
     pub(super) nodes: Option<Names>,
-    #[serde(default, deserialize_with = "stated::vector")]
+    #[serde(
+        default,
+        deserialize_with = "stated::vector",
+        serialize_with = "stated::entries"
+    )]
     pub(super) point: Option<[f64; D]>,
     pub(super) x: Option<Quantity<D>>,
     pub(super) y: Option<Quantity<D>>,
@@ -271,7 +275,7 @@ pub struct Support<const D: usize = 2> {
     #[serde(default, deserialize_with = "stated::axial")]
     pub(super) axial: Option<Quantity<D>>,
     pub(super) axis: Option<Axis<D>>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "stated::is_default")]
     pub(super) symmetry: bool,
     pub(super) rotate: Option<Turn<D>>,
     pub(super) factors: Option<Vec<f64>>,
@@ -491,7 +495,7 @@ fn alone<const D: usize>() -> &'static str {
 }
 
 /// Forces on boundaries.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Traction<const D: usize = 2> {
     pub(super) name: Option<String>,
@@ -507,7 +511,11 @@ pub struct Traction<const D: usize = 2> {
     pub(super) axial: Option<Quantity<D>>,
     pub(super) torque: Option<f64>,
     pub(super) axis: Option<Axis<D>>,
-    #[serde(default, deserialize_with = "stated::vector")]
+    #[serde(
+        default,
+        deserialize_with = "stated::vector",
+        serialize_with = "stated::entries"
+    )]
     pub(super) force: Option<[f64; D]>,
     pub(super) factors: Option<Vec<f64>>,
 }
@@ -588,7 +596,7 @@ impl<const D: usize> Part for Traction<D> {
 }
 
 /// Forces in the volume.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodyForce<const D: usize = 2> {
     pub(super) name: Option<String>,
@@ -642,7 +650,7 @@ impl<const D: usize> Part for BodyForce<D> {
 }
 
 /// How much warmer bodies are than when they were free of stress; where a material has an expansion, they grow.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Temperature<const D: usize = 2> {
     pub(super) name: Option<String>,
@@ -696,13 +704,17 @@ impl<const D: usize> Part for Temperature<D> {
 
 /// Forces on single nodes, the same on each. (Of elements of second order, an even traction has other forces on corners than
 /// between them: to spread a resultant, use [`Traction::force`].)
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Force<const D: usize = 2> {
     pub(super) name: Option<String>,
     /// Sets of nodes.
     pub(super) nodes: Option<Names>,
-    #[serde(default, deserialize_with = "stated::vector")]
+    #[serde(
+        default,
+        deserialize_with = "stated::vector",
+        serialize_with = "stated::entries"
+    )]
     pub(super) point: Option<[f64; D]>,
     pub(super) boundary: Option<Names>,
     pub(super) x: Option<Quantity<D>>,
@@ -782,7 +794,7 @@ impl<const D: usize> Part for Force<D> {
 }
 
 /// Sets of nodes that move alike: all nodes of a set have the same displacement. Each set moves by itself.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Equal<const D: usize = 2> {
     pub(super) name: Option<String>,
@@ -791,7 +803,9 @@ pub struct Equal<const D: usize = 2> {
     #[serde(
         rename = "directions",
         default = "stated::all_axes",
-        deserialize_with = "stated::axes"
+        deserialize_with = "stated::axes",
+        serialize_with = "stated::names_of_axes",
+        skip_serializing_if = "stated::is_all"
     )]
     pub(super) bound: [bool; D],
 }
@@ -848,27 +862,32 @@ impl<const D: usize> Part for Equal<D> {
 }
 
 /// The material of regions.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Filling {
     /// None: all of them.
     pub(super) region: Option<Names>,
     young: f64,
     poisson: f64,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "stated::is_default")]
     density: f64,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "stated::is_default")]
     expansion: f64,
-    #[serde(default, deserialize_with = "stated::incompressible")]
+    #[serde(
+        default,
+        deserialize_with = "stated::incompressible",
+        serialize_with = "stated::flag",
+        skip_serializing_if = "stated::is_default"
+    )]
     incompressible: Incompressible,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "stated::is_default")]
     incompatible_modes: bool,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "stated::is_default")]
     law: Hyperelastic,
 }
 
 impl Filling {
-    pub(super) fn of(region: Option<Names>, material: Material) -> Self {
+    pub(crate) fn of(region: Option<Names>, material: Material) -> Self {
         Self {
             region,
             young: material.young,

@@ -3,16 +3,19 @@
 use super::axis::Axis;
 use super::stated;
 use crate::contact::Obstacle;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// A turn about an axis, by an angle in degrees under the load factor 1.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(
     deny_unknown_fields,
     expecting = "a table such as { point = [0, 0], angle = 90 } or, in space, { point = [0, 0, 0], axis = [0, 0, 1], angle = 90 }"
 )]
 pub(crate) struct Turn<const D: usize> {
-    #[serde(deserialize_with = "stated::point")]
+    #[serde(
+        deserialize_with = "stated::point",
+        serialize_with = "<[f64] as Serialize>::serialize"
+    )]
     point: [f64; D],
     /// Of any length; in space only.
     #[serde(default, deserialize_with = "stated::axis::<_, D>")]
@@ -40,13 +43,17 @@ impl<const D: usize> Turn<D> {
 }
 
 /// How an obstacle moves: a turn, then a shift, both in proportion to a load factor.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(
     deny_unknown_fields,
     expecting = "a table such as { shift = [0, -0.1] }"
 )]
 pub struct Motion<const D: usize = 2> {
-    #[serde(default, deserialize_with = "stated::vector")]
+    #[serde(
+        default,
+        deserialize_with = "stated::vector",
+        serialize_with = "stated::entries"
+    )]
     shift: Option<[f64; D]>,
     rotate: Option<Turn<D>>,
     pub(super) factors: Option<Vec<f64>>,

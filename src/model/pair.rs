@@ -7,10 +7,10 @@ use super::stated::{self, Flaw};
 use super::{Quantity, Units};
 use crate::contact::Obstacle;
 use crate::mesh::vector::length;
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// A contact of boundaries with others, or with a rigid obstacle; without friction if no law is stated.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pair<const D: usize = 2> {
     pub(super) name: Option<String>,
@@ -18,18 +18,22 @@ pub struct Pair<const D: usize = 2> {
     /// In place of the boundary: sets of nodes, one by one.
     nodes: Option<Names>,
     against: Option<Names>,
-    #[serde(default, deserialize_with = "stated::obstacle")]
+    #[serde(
+        default,
+        deserialize_with = "stated::obstacle",
+        serialize_with = "stated::shape"
+    )]
     obstacle: Option<Obstacle<D>>,
-    #[serde(default, rename = "friction")]
+    #[serde(default, rename = "friction", skip_serializing_if = "Law::is_unstated")]
     pub(super) law: Law<D>,
     pub(super) gap: Option<Quantity<D>>,
     pub(super) interference: Option<Quantity<D>>,
     pub(super) overlap: Option<Overlap>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Stiffness::is_hard")]
     pub(super) stiffness: Stiffness<D>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "stated::is_default")]
     pub(super) adjust: f64,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "stated::is_default")]
     pub(super) offset: f64,
     pub(super) edge_angle: Option<f64>,
     pub(super) search_distance: Option<f64>,
@@ -44,7 +48,7 @@ pub(super) enum Against<'p, const D: usize> {
 }
 
 /// The law of friction of a contact.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Law<const D: usize> {
     #[default]
@@ -56,7 +60,7 @@ pub(super) enum Law<const D: usize> {
 }
 
 /// What an overlap of the meshes is.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Overlap {
     /// It is pressed apart.
@@ -65,7 +69,7 @@ pub(super) enum Overlap {
 
 /// How far the contact itself gives way: pressure over what the gap closes by, and traction over what comes before slip. Hard
 /// where it is not stated.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(
     deny_unknown_fields,
     expecting = "a table such as { normal = 1e12, tangential = 1e11 }"
@@ -75,7 +79,18 @@ pub(super) struct Stiffness<const D: usize> {
     tangential: Option<Quantity<D>>,
 }
 
+impl<const D: usize> Law<D> {
+    /// Whether a table leaves it out: that of a tie has no such key.
+    fn is_unstated(&self) -> bool {
+        matches!(self, Self::None | Self::Tied)
+    }
+}
+
 impl<const D: usize> Stiffness<D> {
+    fn is_hard(&self) -> bool {
+        self.both().iter().all(Option::is_none)
+    }
+
     /// Normal and tangential.
     pub(super) fn both(&self) -> [Option<&Quantity<D>>; 2] {
         [self.normal.as_ref(), self.tangential.as_ref()]

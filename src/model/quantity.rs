@@ -5,7 +5,8 @@ mod expression;
 use super::stated::meaningless;
 use expression::Expression;
 use serde::de::Error as _;
-use serde::{Deserialize, Deserializer};
+use serde::ser::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::sync::Arc;
 
@@ -20,6 +21,8 @@ pub(super) const NODAL: &str = "values at the nodes";
 #[derive(Clone)]
 enum Form<const D: usize> {
     Constant(f64),
+    /// As it is written, and what it means.
+    Expression(Arc<str>, Expression<D>),
     Function {
         at: Arc<dyn Fn([f64; D]) -> f64 + Send + Sync>,
         /// What descriptions print for it.
@@ -61,6 +64,14 @@ impl<const D: usize> Quantity<D> {
         Self(Form::Nodes(values.into().into()))
     }
 
+    /// An expression of the coordinates such as `-2e7 * (1 - x / 1.5)`.
+    pub(crate) fn parse(text: &str) -> Result<Self, String> {
+        Ok(Self(Form::Expression(
+            text.into(),
+            Expression::parse(text)?,
+        )))
+    }
+
     /// The values at the nodes, where it consists of these.
     pub(super) fn nodal(&self) -> Option<&[f64]> {
         match &self.0 {
@@ -73,8 +84,24 @@ impl<const D: usize> Quantity<D> {
     pub fn at(&self, x: [f64; D]) -> f64 {
         match &self.0 {
             Form::Constant(value) => *value,
+            Form::Expression(_, expression) => expression.at(x),
             Form::Function { at, .. } => at(x),
             Form::Nodes(_) => f64::NAN,
+        }
+    }
+}
+
+/// A number as it is written, with a point or an exponent, to be read back as the same.
+#[cfg(feature = "case")]
+pub(crate) struct Number(pub f64);
+
+#[cfg(feature = "case")]
+impl fmt::Display for Number {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let size = self.0.abs();
+        match size == 0.0 || (1e-3..1e6).contains(&size) {
+            true => write!(f, "{:?}", self.0),
+            false => write!(f, "{:e}", self.0),
         }
     }
 }
@@ -99,10 +126,7 @@ impl<'de, const D: usize> Deserialize<'de> for Quantity<D> {
             Spelling::Number(value) => {
                 Err(S::Error::custom(format!("{value} is not a finite number")))
             }
-            Spelling::Expression(text) => {
-                let expression = Expression::<D>::parse(&text).map_err(meaningless)?;
-                Ok(Self::described(&text, move |x| expression.at(x)))
-            }
+            Spelling::Expression(text) => Self::parse(&text).map_err(meaningless),
             Spelling::Nodes(values) => match values.iter().position(|v| !v.is_finite()) {
                 None => Ok(Self::at_nodes(values)),
                 Some(i) => Err(S::Error::custom(format!(
@@ -110,6 +134,20 @@ impl<'de, const D: usize> Deserialize<'de> for Quantity<D> {
                     values[i]
                 ))),
             },
+        }
+    }
+}
+
+/// As it is read; a function that a program states has no such form.
+impl<const D: usize> Serialize for Quantity<D> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match &self.0 {
+            Form::Constant(value) => to.serialize_f64(*value),
+            Form::Expression(text, _) => to.serialize_str(text),
+            Form::Nodes(values) => values.serialize(to),
+            Form::Function { text, .. } => Err(S::Error::custom(format!(
+                "{text} cannot be written as an expression"
+            ))),
         }
     }
 }
@@ -130,7 +168,7 @@ impl<const D: usize> fmt::Display for Quantity<D> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match &self.0 {
             Form::Constant(value) => write!(f, "{value}"),
-            Form::Function { text, .. } => f.write_str(text),
+            Form::Expression(text, _) | Form::Function { text, .. } => f.write_str(text),
             Form::Nodes(_) => f.write_str(NODAL),
         }
     }

@@ -5,7 +5,7 @@ use super::entities::{AXES, Names};
 use crate::contact::Obstacle;
 use crate::elasticity::{Incompressible, Plane};
 use serde::de::{Error, IgnoredAny};
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt::Display;
 
 /// What is wrong with a part, and which key of it is at fault: none where that is the whole of it.
@@ -66,6 +66,19 @@ pub(super) fn vector<'de, S: Deserializer<'de>, const D: usize>(
     from: S,
 ) -> Result<Option<[f64; D]>, S::Error> {
     point(from).map(Some)
+}
+
+/// A point or a vector that may be left out, as it is read.
+pub(super) fn entries<S: Serializer, const D: usize>(
+    vector: &Option<[f64; D]>,
+    to: S,
+) -> Result<S::Ok, S::Error> {
+    (vector.as_ref()).map(<[f64; D]>::as_slice).serialize(to)
+}
+
+/// Whether an entry says what it would mean if it were left out.
+pub(super) fn is_default<T: Default + PartialEq>(entry: &T) -> bool {
+    *entry == T::default()
 }
 
 /// What only one dimension has; `beyond` says why the other has not.
@@ -152,6 +165,18 @@ pub(super) fn axes<'de, S: Deserializer<'de>, const D: usize>(
     Ok(bound)
 }
 
+pub(super) fn is_all<const D: usize>(bound: &[bool; D]) -> bool {
+    *bound == all_axes()
+}
+
+pub(super) fn names_of_axes<S: Serializer, const D: usize>(
+    bound: &[bool; D],
+    to: S,
+) -> Result<S::Ok, S::Error> {
+    let bound = AXES.iter().zip(bound).filter(|axis| *axis.1);
+    to.collect_seq(bound.map(|axis| axis.0))
+}
+
 /// "auto", true or false.
 pub(super) fn incompressible<'de, S: Deserializer<'de>>(
     from: S,
@@ -174,6 +199,13 @@ pub(super) fn incompressible<'de, S: Deserializer<'de>>(
     })
 }
 
+pub(super) fn flag<S: Serializer>(said: &Incompressible, to: S) -> Result<S::Ok, S::Error> {
+    match said {
+        Incompressible::Auto => to.serialize_str("auto"),
+        said => to.serialize_bool(*said == Incompressible::Yes),
+    }
+}
+
 /// The two spellings of names.
 #[derive(Deserialize)]
 #[serde(
@@ -194,6 +226,15 @@ impl<'de> Deserialize<'de> for Names {
     }
 }
 
+impl Serialize for Names {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match self.all() {
+            [name] => name.serialize(to),
+            names => names.serialize(to),
+        }
+    }
+}
+
 /// Exactly N entries: arrays of serde take the first N of more.
 pub(crate) fn exactly<'de, S: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
     from: S,
@@ -206,7 +247,7 @@ pub(crate) fn exactly<'de, S: Deserializer<'de>, T: Deserialize<'de>, const N: u
 
 /// What a boundary may touch, as it is written: two shapes in the plane, three in space. Normals point out of the obstacle;
 /// vectors are of any length.
-#[derive(Deserialize)]
+#[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 enum Shape {
     HalfPlane {
@@ -288,6 +329,48 @@ impl Shape {
             },
         })
     }
+}
+
+impl<const D: usize> From<&Obstacle<D>> for Shape {
+    fn from(obstacle: &Obstacle<D>) -> Self {
+        fn of<const E: usize, const D: usize>(vector: [f64; D]) -> [f64; E] {
+            std::array::from_fn(|c| vector[c])
+        }
+        match *obstacle {
+            Obstacle::HalfSpace { point, normal } if D == 2 => Self::HalfPlane {
+                point: of(point),
+                normal: of(normal),
+            },
+            Obstacle::HalfSpace { point, normal } => Self::HalfSpace {
+                point: of(point),
+                normal: of(normal),
+            },
+            Obstacle::Sphere { center, radius } if D == 2 => Self::Circle {
+                center: of(center),
+                radius,
+            },
+            Obstacle::Sphere { center, radius } => Self::Sphere {
+                center: of(center),
+                radius,
+            },
+            Obstacle::Cylinder {
+                point,
+                axis,
+                radius,
+            } => Self::Cylinder {
+                point: of(point),
+                axis: of(axis),
+                radius,
+            },
+        }
+    }
+}
+
+pub(super) fn shape<S: Serializer, const D: usize>(
+    obstacle: &Option<Obstacle<D>>,
+    to: S,
+) -> Result<S::Ok, S::Error> {
+    obstacle.as_ref().map(Shape::from).serialize(to)
 }
 
 pub(super) fn obstacle<'de, S: Deserializer<'de>, const D: usize>(

@@ -1,6 +1,6 @@
 //! What lengths, forces and stresses are called: labels, no conversion.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// The units that the numbers of a model are in; `[units]` of a case file. Stresses and areas follow.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -109,7 +109,7 @@ impl Units {
 }
 
 impl Serialize for Units {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         #[derive(Serialize)]
         struct Labels<'a> {
             length: &'a str,
@@ -122,6 +122,14 @@ impl Serialize for Units {
             stress: self.stress(),
         };
         labels.serialize(serializer)
+    }
+}
+
+/// As they are read, without what follows from them.
+pub(super) fn labels<S: Serializer>(units: &Option<Units>, to: S) -> Result<S::Ok, S::Error> {
+    match units {
+        Some(units) => to.collect_map([("length", &units.length), ("force", &units.force)]),
+        None => to.serialize_none(),
     }
 }
 

@@ -3,10 +3,10 @@
 use super::{Result, Translation};
 use crate::deck::adjust::{Adjustment, Moved};
 use crate::deck::said::{Adjust, PairCard};
-use crate::deck::write::{Number, quoted};
 use crate::mesh::abaqus::keyword::key;
+use crate::model::Pair;
 
-impl Translation<'_, '_> {
+impl<const D: usize> Translation<'_, '_, D> {
     pub(super) fn contacts(&mut self) -> Result<()> {
         for tie in &self.said.ties {
             self.tie(tie.line, tie.name, [tie.slave, tie.master], tie.tolerance)?;
@@ -34,12 +34,12 @@ impl Translation<'_, '_> {
                 self.refuse(pair.line, "CONTACT PAIR", text);
             }
             // A surface of nodes that make up faces is one of faces.
-            let key_of = match &slave.nodes {
+            let by_nodes = match &slave.nodes {
                 Some(nodes) if !self.index.covers(nodes) => {
                     self.index.add_nodes(&slave.name, nodes);
-                    "nodes"
+                    true
                 }
-                _ => "boundary",
+                _ => false,
             };
             let friction = interaction.friction.filter(|&mu| mu > 0.0);
             let slope = interaction.stick_slope.filter(|_| friction.is_some());
@@ -76,39 +76,32 @@ impl Translation<'_, '_> {
             };
             for spring in springs {
                 let begins = spring.map_or(0.0, |spring| spring[1]);
-                self.table(pair.line, "[[contact]]");
-                self.put(format_args!("{key_of} = {}", quoted(&slave.name)));
-                self.put(format_args!("against = {}", quoted(&master.name)));
+                let mut contact = Pair::new(&slave.name, &master.name);
+                if by_nodes {
+                    contact = contact.by_nodes();
+                }
                 if let Some(coefficient) = friction {
-                    self.put(format_args!(
-                        "friction = {{ coulomb = {} }}",
-                        Number(coefficient)
-                    ));
+                    contact = contact.coulomb(coefficient);
                 }
-                let stiffness = [
-                    ("normal", spring.map(|spring| spring[0])),
-                    ("tangential", slope),
-                ];
-                let stiffness: Vec<String> = (stiffness.into_iter())
-                    .filter_map(|(way, value)| Some(format!("{way} = {}", Number(value?))))
-                    .collect();
-                if !stiffness.is_empty() {
-                    self.put(format_args!("stiffness = {{ {} }}", stiffness.join(", ")));
+                if let Some([stiffness, _]) = spring {
+                    contact = contact.normal_stiffness(stiffness);
                 }
-                match stated.map(|gap| gap + begins) {
-                    Some(gap) if gap >= 0.0 => self.put(format_args!("gap = {}", Number(gap))),
-                    Some(gap) => self.put(format_args!("interference = {}", Number(-gap))),
+                if let Some(slope) = slope {
+                    contact = contact.tangential_stiffness(slope);
+                }
+                contact = match stated.map(|gap| gap + begins) {
+                    Some(gap) if gap >= 0.0 => contact.gap(gap),
+                    Some(gap) => contact.interference(-gap),
                     None => {
                         if let Some(Moved::Within(distance)) = moved {
-                            self.put(format_args!("adjust = {}", Number(distance)));
-                        }
-                        if begins != 0.0 {
-                            self.put(format_args!("offset = {}", Number(begins)));
+                            contact = contact.adjust(distance);
                         }
                         // What is drawn overlapping is pressed apart.
-                        self.put("overlap = \"interference\"");
+                        contact.offset(begins).overlap_as_interference()
                     }
-                }
+                };
+                self.comes_from(pair.line, "contact");
+                self.definition.pairs.push(contact);
             }
             self.adjustments.extend(moved.map(|moved| Adjustment {
                 line: pair.line,
@@ -153,15 +146,12 @@ impl Translation<'_, '_> {
             }
             called.push(surface.name);
         }
-        self.table(line, "[[tie]]");
+        let mut tie = Pair::tied(&called[0], &called[1]).adjust(tolerance.unwrap_or_default());
         if let Some(name) = name {
-            self.put(format_args!("name = {}", quoted(name)));
+            tie = tie.named(name);
         }
-        self.put(format_args!("boundary = {}", quoted(&called[0])));
-        self.put(format_args!("against = {}", quoted(&called[1])));
-        if let Some(tolerance) = tolerance {
-            self.put(format_args!("adjust = {}", Number(tolerance)));
-        }
+        self.comes_from(line, "tie");
+        self.definition.ties.push(tie);
         Ok(())
     }
 }

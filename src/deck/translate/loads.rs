@@ -1,16 +1,17 @@
 //! What acts on faces and in elements, and temperatures.
 
-use super::{AXES, Result, Translation, nodes::linear};
-use crate::deck::history::Tracks;
+use super::nodes::linear;
+use super::{Result, Translation, quantities, with_factors};
+use crate::deck::history::{Tracks, factors};
 use crate::deck::said::{Kind, What};
-use crate::deck::write::{Number, factors, list, quoted};
 use crate::mesh::vector::unit;
+use crate::model::{BodyForce, Number, Quantity, Temperature, Traction};
 use std::collections::BTreeMap;
 
 /// Faces with the same pressure: the line, the pressure at the end of each load step, elements and their faces.
 type Pressed = (usize, Vec<f64>, Vec<(u32, usize)>);
 
-impl Translation<'_, '_> {
+impl<const D: usize> Translation<'_, '_, D> {
     /// Loads on faces, surfaces and volumes.
     pub(super) fn distributed(&mut self) -> Result<()> {
         // Faces by their elements and numbers; surfaces by names; volumes by sets, and where the load points.
@@ -114,10 +115,10 @@ impl Translation<'_, '_> {
         if size == 0.0 {
             return;
         }
-        self.table(line, "[[traction]]");
-        self.put(format_args!("boundary = {}", quoted(boundary)));
-        self.put(format_args!("pressure = {}", Number(size)));
-        self.put_factors(&factors);
+        self.comes_from(line, "traction");
+        let traction = Traction::on(boundary).pressure(size);
+        let traction = with_factors(traction, factors, Traction::factors);
+        self.definition.tractions.push(traction);
     }
 
     /// A load in the volume of a set, region by region, as densities differ.
@@ -151,14 +152,12 @@ impl Translation<'_, '_> {
                 _ => self.name("load"),
             };
             self.index.add_region(&region, &elements);
-            let components: Vec<String> = match bits[0] {
-                1 => centrifugal(size * density, a, b)[..self.dimension].to_vec(),
-                _ => (a.iter().take(self.dimension))
-                    .map(|&along| match along * size * density {
-                        0.0 => String::new(),
-                        value => Number(value).to_string(),
-                    })
-                    .collect(),
+            let components = match bits[0] {
+                1 => centrifugal(size * density, a, b),
+                _ => a.map(|along| match along * size * density {
+                    0.0 => String::new(),
+                    value => Number(value).to_string(),
+                }),
             };
             // What acts around a body of revolution, or across its axis, would not leave it one.
             let is_axial = b[0] == 0.0 && b[2] == 0.0 && a[0] == 0.0 && a[2] == 0.0;
@@ -172,20 +171,19 @@ impl Translation<'_, '_> {
                     "*DLOAD, GRAV: gravity of a body of revolution acts along its axis, which is y";
                 self.refuse(line, "DLOAD", text);
             }
-            if self.dimension == 2 && bits[0] != 1 && a[2] * size != 0.0 {
+            if D == 2 && bits[0] != 1 && a[2] * size != 0.0 {
                 self.refuse(line, "DLOAD", "*DLOAD: in the plane no load acts along z");
             }
-            if components.iter().all(String::is_empty) {
+            if components.iter().take(D).all(String::is_empty) {
                 continue;
             }
-            self.table(line, "[[body_force]]");
-            self.put(format_args!("region = {}", quoted(&region)));
-            for (axis, component) in AXES.iter().zip(components) {
-                if !component.is_empty() {
-                    self.put(format_args!("{axis} = {component}"));
-                }
-            }
-            self.put_factors(&factors);
+            let force = quantities(line, &components)?
+                .fold(BodyForce::within(&region), |force, (axis, value)| {
+                    force.along(axis, value)
+                });
+            self.comes_from(line, "body_force");
+            let force = with_factors(force, factors.clone(), BodyForce::factors);
+            self.definition.body_forces.push(force);
         }
         Ok(())
     }
@@ -245,10 +243,7 @@ impl Translation<'_, '_> {
         for (line, name, values) in tables {
             let (value, factors) = factors(&values);
             if value != 0.0 {
-                self.table(line, "[[temperature]]");
-                self.put(format_args!("region = {}", quoted(&name)));
-                self.put(format_args!("value = {}", Number(value)));
-                self.put_factors(&factors);
+                self.temperature(line, Temperature::within(&name, value), factors);
             }
         }
         Ok(())
@@ -296,21 +291,23 @@ impl Translation<'_, '_> {
                 .collect(),
         };
         for (values, factors) in tables {
-            self.table(line, "[[temperature]]");
-            self.put(format_args!("value = {}", list(&values)));
             let all = factors.iter().all(|&factor| factor == 1.0);
-            self.put_factors(&Some(factors).filter(|_| !all));
+            let of_nodes = Temperature::everywhere(Quantity::at_nodes(values));
+            self.temperature(line, of_nodes, Some(factors).filter(|_| !all));
         }
+    }
+
+    fn temperature(&mut self, line: usize, stated: Temperature<D>, factors: Option<Vec<f64>>) {
+        self.comes_from(line, "temperature");
+        let temperature = with_factors(stated, factors, Temperature::factors);
+        self.definition.temperatures.push(temperature);
     }
 }
 
-/// ρ ω² times the way from the axis, as quantities of x, y and z.
+/// ρ ω² times the way from the axis, as expressions of x, y and z.
 fn centrifugal(size: f64, point: [f64; 3], direction: [f64; 3]) -> [String; 3] {
     // The part across a unit vector a of what is rotated is (1 − a aᵀ) (x − p).
     let square = |c: usize, d: usize| f64::from(u8::from(c == d)) - direction[c] * direction[d];
     let matrix = std::array::from_fn(|c| std::array::from_fn(|d| size * square(c, d)));
-    linear(matrix, point).map(|component| match component.is_empty() {
-        true => component,
-        false => format!("\"{component}\""),
-    })
+    linear(matrix, point)
 }

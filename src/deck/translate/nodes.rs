@@ -1,14 +1,14 @@
 //! Supports and forces of nodes, and nodes that move alike.
 
-use super::{AROUND, AXES, Result, Translation};
-use crate::deck::history::Tracks;
+use super::{Result, Translation, quantities, with_factors};
+use crate::deck::history::{Tracks, factors};
 use crate::deck::said::{Kind, Transform, What};
-use crate::deck::write::{Number, factors, list, quoted};
 use crate::mesh::vector::{cross, minus, unit};
+use crate::model::{AXES, Axis, Equal, Force, Number, Support};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Nodes of bodies whose displacements along an axis are equal.
-pub(super) struct Equal {
+pub(super) struct Alike {
     line: usize,
     component: usize,
     /// Sorted.
@@ -18,7 +18,7 @@ pub(super) struct Equal {
 }
 
 /// Nodes with the same values of one component.
-struct Alike {
+struct Same {
     line: usize,
     component: usize,
     values: Vec<f64>,
@@ -37,7 +37,7 @@ struct Table {
     factors: Option<Vec<f64>>,
 }
 
-impl Translation<'_, '_> {
+impl<const D: usize> Translation<'_, '_, D> {
     /// The number of the transform that turns the directions of a node; the last that names it.
     pub(super) fn transforms(&mut self) -> Result<BTreeMap<u32, usize>> {
         let mut of_node = BTreeMap::new();
@@ -69,7 +69,7 @@ impl Translation<'_, '_> {
                     "*EQUATION: both sets have as many nodes as each other, or the second has one";
                 return Err((line, text.to_owned()));
             }
-            if component >= self.dimension {
+            if component >= D {
                 continue;
             }
             let mut all = first.iter().chain(&second);
@@ -101,7 +101,7 @@ impl Translation<'_, '_> {
                 let mut nodes: Vec<u32> =
                     of_bodies.filter(|&node| self.used[node as usize]).collect();
                 nodes.sort_unstable();
-                Equal {
+                Alike {
                     line,
                     component: ends.first().map_or(0, |end| end.0),
                     nodes,
@@ -149,15 +149,12 @@ impl Translation<'_, '_> {
                 .map(|nodes| {
                     let name = self.name("equal");
                     self.index.add_nodes(&name, &nodes);
-                    quoted(&name)
+                    name
                 })
                 .collect();
-            self.table(line, "[[equal]]");
-            self.put(format_args!("sets = [{}]", names.join(", ")));
-            if axes.len() < self.dimension {
-                let axes: Vec<String> = axes.iter().map(|&axis| quoted(AXES[axis])).collect();
-                self.put(format_args!("directions = [{}]", axes.join(", ")));
-            }
+            self.comes_from(line, "equal");
+            let bound = std::array::from_fn(|axis| axes.contains(&axis));
+            self.definition.equals.push(Equal::of(names).along(bound));
         }
     }
 
@@ -198,7 +195,7 @@ impl Translation<'_, '_> {
                     continue;
                 }
                 for &component in components {
-                    if component >= self.dimension {
+                    if component >= D {
                         if value != 0.0 && reported.insert(load.line) {
                             let text = "in the plane there is no direction 3";
                             self.refuse(load.line, "BOUNDARY", text);
@@ -216,8 +213,8 @@ impl Translation<'_, '_> {
                 }
             }
         }
-        type Same = (String, usize, Option<usize>, Vec<u64>, Option<u32>);
-        let mut alike: BTreeMap<Same, Alike> = BTreeMap::new();
+        type Key = (String, usize, Option<usize>, Vec<u64>, Option<u32>);
+        let mut same: BTreeMap<Key, Same> = BTreeMap::new();
         for ((node, component), track) in &tracks.all {
             if let (Kind::Boundary, Some(line)) = (kind, track.changes()) {
                 if reported.insert(line) {
@@ -243,7 +240,7 @@ impl Translation<'_, '_> {
                 _ => *node,
             };
             let key = (origin.clone(), *component, transform, bits, bare);
-            let here = alike.entry(key).or_insert_with(|| Alike {
+            let here = same.entry(key).or_insert_with(|| Same {
                 line: track.line,
                 component: *component,
                 values,
@@ -254,13 +251,13 @@ impl Translation<'_, '_> {
             here.line = here.line.min(track.line);
             here.nodes.push(node);
         }
-        if kind == Kind::Boundary && alike.is_empty() {
+        if kind == Kind::Boundary && same.is_empty() {
             // Without these nothing would be held.
             (self.refusals[refused..].iter_mut()).for_each(|one| one.key.clear());
         }
-        let mut alike: Vec<Alike> = alike.into_values().collect();
-        alike.sort_by_key(|one| (one.line, one.component));
-        for table in merged(alike) {
+        let mut same: Vec<Same> = same.into_values().collect();
+        same.sort_by_key(|one| (one.line, one.component));
+        for table in merged(same) {
             self.put_nodes(kind, table)?;
         }
         Ok(())
@@ -316,55 +313,49 @@ impl Translation<'_, '_> {
 
     fn put_nodes(&mut self, kind: Kind, mut table: Table) -> Result<()> {
         table.nodes.sort_unstable();
-        let (what, name) = match kind {
-            Kind::Boundary => ("support", "[[support]]"),
-            _ => ("force", "[[force]]"),
+        let what = match kind {
+            Kind::Boundary => "support",
+            _ => "force",
         };
         let set = self.set_of(table.line, &table.origin, &table.nodes, what)?;
-        self.table(table.line, name);
-        self.put(format_args!("nodes = {}", quoted(&set)));
-        table.components.sort_by_key(|component| component.0);
-        if let (Kind::Force, Some(number)) = (kind, table.transform) {
-            let turned = self.said.transforms[number].turned(&table.components);
-            for (axis, component) in AXES.iter().zip(turned).take(self.dimension) {
-                if !component.is_empty() {
-                    self.put(format_args!("{axis} = {component}"));
-                }
-            }
-            self.put_factors(&table.factors);
+        self.comes_from(table.line, what);
+        let transform = table.transform.map(|number| &self.said.transforms[number]);
+        let components = table.components.into_iter();
+        if kind == Kind::Force {
+            let force = Force::at_nodes(set);
+            let force = match transform {
+                None => components.fold(force, |force, (axis, value)| force.along(axis, value)),
+                Some(transform) => quantities(table.line, &transform.turned(components))?
+                    .fold(force, |force, (axis, value)| force.along(axis, value)),
+            };
+            let force = with_factors(force, table.factors, Force::factors);
+            self.definition.forces.push(force);
             return Ok(());
         }
-        let words = match table.transform {
-            None => AXES,
-            Some(_) => AROUND,
+        let support = Support::at_nodes(set);
+        let support = match transform {
+            None => components.fold(support, |support, (axis, value)| support.along(axis, value)),
+            Some(transform) => {
+                let [point, end] = transform.points();
+                let direction = (D == 3).then(|| minus(end, point));
+                let axis = Axis::through(std::array::from_fn(|c| point[c]), direction);
+                components.fold(support.about(axis), |support, (way, value)| {
+                    support.around(way, value)
+                })
+            }
         };
-        for (component, value) in table.components {
-            self.put(format_args!("{} = {}", words[component], Number(value)));
-        }
-        if let Some(number) = table.transform {
-            let p = &self.said.transforms[number].points;
-            let a = [p[0], p[1], p[2]];
-            let along = minus([p[3], p[4], p[5]], a);
-            self.put(match self.dimension {
-                2 => format!("axis = {{ point = {} }}", list(&a[..2])),
-                _ => format!(
-                    "axis = {{ point = {}, direction = {} }}",
-                    list(&a),
-                    list(&along)
-                ),
-            });
-        }
-        self.put_factors(&table.factors);
+        let support = with_factors(support, table.factors, Support::factors);
+        self.definition.supports.push(support);
         Ok(())
     }
 }
 
 /// Tables of the nodes that have the same components with the same factors.
-fn merged(alike: Vec<Alike>) -> Vec<Table> {
+fn merged(same: Vec<Same>) -> Vec<Table> {
     let mut tables: Vec<Table> = Vec::new();
     // By the nodes and their directions.
     let mut of_nodes: BTreeMap<(Vec<u32>, Option<usize>), Vec<usize>> = BTreeMap::new();
-    for one in alike {
+    for one in same {
         let mut nodes = one.nodes;
         nodes.sort_unstable();
         let (value, factors) = factors(&one.values);
@@ -417,10 +408,10 @@ impl Transform<'_> {
         (!self.cylindrical).then(|| [first, cross(third, first), third])
     }
 
-    /// A vector along its directions, as quantities along x, y and z; empty where there is none.
-    fn turned(&self, components: &[(usize, f64)]) -> [String; 3] {
+    /// A vector along its directions, as numbers or expressions along x, y and z; empty where there is none.
+    fn turned(&self, components: impl Iterator<Item = (usize, f64)>) -> [String; 3] {
         let mut along = [0.0; 3];
-        components.iter().for_each(|&(c, value)| along[c] += value);
+        components.for_each(|(c, value)| along[c] += value);
         if let Some(axes) = self.axes() {
             return std::array::from_fn(|g| {
                 // What is left of a cosine of a right angle is rounding.
@@ -457,10 +448,7 @@ impl Transform<'_> {
             if along[2] * d[g] != 0.0 {
                 terms.push(bracketed(along[2] * d[g]));
             }
-            match terms.is_empty() {
-                true => String::new(),
-                false => format!("\"{}\"", terms.join(" + ")),
-            }
+            terms.join(" + ")
         })
     }
 }
