@@ -403,7 +403,7 @@ impl Case {
         let parts = definition.parts();
         let mut told: Vec<_> = parts.filter_map(|(_, part)| part.told(&units)).collect();
         // What pulls comes before what holds.
-        told.sort_by_key(|(what, _)| *what == "support");
+        told.sort_by_key(|(what, _)| matches!(*what, "support" | "foundation"));
         if let Some(Steps { factors }) = &definition.steps {
             told.push(("steps", format!("factors {factors:?}")));
         }

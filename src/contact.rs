@@ -212,7 +212,7 @@ pub struct ContactPlace<const D: usize = 2> {
     /// Both of these in the row along each direction of the frame, where nodes of its own side are held; else empty.
     pub directed: Vec<[Vec<(u32, f64)>; 2]>,
     /// Orthonormal directions, one a row: ν towards the obstacle or the other body, then the tangents, as [`frame`]
-    /// makes them. (Of nodes that move alike the axes along which they do, and zeros for the others.)
+    /// makes them. (Of nodes that move alike the axes along which they do, of springs their direction, and zeros for the others.)
     pub frame: [[f64; D]; D],
     /// Initial distance along ν.
     pub gap: f64,

@@ -7,6 +7,7 @@
 //! coordinates, moduli and tractions may be in any consistent units (metres, pascals and newtons in the documentation).
 
 mod assembly;
+mod bedding;
 mod dilatation;
 mod finite;
 mod law;
@@ -22,6 +23,7 @@ mod vertices;
 pub(crate) use assembly::assemble_rows;
 pub(crate) use assembly::{add_block, free_forces, tangent_forces};
 pub use assembly::{assemble, internal_forces, load_vector};
+pub(crate) use bedding::Bedding;
 pub use finite::{Deformed, Resistance};
 pub use stress::{Stress, cauchy_stresses, stresses, stresses_at};
 pub use unknowns::Unknowns;

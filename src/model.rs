@@ -36,6 +36,7 @@ mod analysis;
 mod arcs;
 mod axis;
 mod build;
+mod changes;
 mod contacts;
 mod elastic;
 mod entities;
@@ -49,6 +50,7 @@ mod quantity;
 mod revolution;
 #[cfg(feature = "mpi")]
 pub(crate) mod share;
+mod spring;
 mod stated;
 mod supports;
 #[cfg(test)]
@@ -60,15 +62,17 @@ pub use axis::Axis;
 #[cfg(feature = "mpi")]
 pub use build::Draft;
 pub use build::{AnyBuilt, Built};
+pub use changes::Changes;
 pub use contacts::PairData;
 pub use elastic::Elastic;
-pub use entities::{BodyForce, Equal, Force, Names, Support, Temperature, Traction};
+pub use entities::{BodyForce, Equal, Force, Foundation, Names, Support, Temperature, Traction};
 pub use error::{Entity, EntityKind, Fault, ModelError};
 pub(crate) use large::{Configuration, Deformation, Help, Moment, turned_with};
 pub use loads::{StepData, TemperatureField};
 pub use motion::Motion;
 pub use pair::Pair;
 pub use quantity::Quantity;
+pub use spring::Spring;
 pub use units::Units;
 
 #[cfg(feature = "case")]
@@ -109,6 +113,8 @@ pub(crate) struct Definition<const D: usize = 2> {
     pub(crate) materials: Vec<Filling>,
     #[serde(default, rename = "support")]
     pub(crate) supports: Vec<Support<D>>,
+    #[serde(default, rename = "foundation")]
+    pub(crate) foundations: Vec<Foundation<D>>,
     #[serde(default, rename = "traction")]
     pub(crate) tractions: Vec<Traction<D>>,
     #[serde(default, rename = "body_force")]
@@ -123,6 +129,8 @@ pub(crate) struct Definition<const D: usize = 2> {
     pub(crate) ties: Vec<Pair<D>>,
     #[serde(default, rename = "equal")]
     pub(crate) equals: Vec<Equal<D>>,
+    #[serde(default, rename = "spring")]
+    pub(crate) springs: Vec<Spring<D>>,
     /// None: one step with the factor 1.
     pub(crate) steps: Option<Steps>,
 }
@@ -243,6 +251,12 @@ where
         self
     }
 
+    /// Adds an elastic foundation.
+    pub fn foundation(mut self, foundation: Foundation<D>) -> Self {
+        self.definition.foundations.push(foundation);
+        self
+    }
+
     /// Adds forces on a boundary.
     pub fn traction(mut self, traction: Traction<D>) -> Self {
         self.definition.tractions.push(traction);
@@ -297,6 +311,12 @@ where
         self
     }
 
+    /// Adds a spring.
+    pub fn spring(mut self, spring: Spring<D>) -> Self {
+        self.definition.springs.push(spring);
+        self
+    }
+
     /// Load steps, one after another: what loads, gravity and prescribed displacements are multiplied by in each,
     /// where they have no factors of their own.
     pub fn steps(mut self, factors: impl Into<Vec<f64>>) -> Self {
@@ -328,6 +348,7 @@ impl<const D: usize> Definition<D> {
             parts.enumerate()
         }
         (of(&self.materials).chain(of(&self.supports)))
+            .chain(of(&self.foundations))
             .chain(of(&self.tractions))
             .chain(of(&self.body_forces))
             .chain(of(&self.forces))
@@ -335,6 +356,7 @@ impl<const D: usize> Definition<D> {
             .chain(of(&self.pairs))
             .chain(of(&self.ties))
             .chain(of(&self.equals))
+            .chain(of(&self.springs))
     }
 
     /// What happens perpendicular to the plane.
@@ -448,21 +470,21 @@ impl<const D: usize> Definition<D> {
         }
         let n_steps = self.n_steps();
         for (number, part) in self.parts() {
-            let Some(factors) = part.facts().factors else {
-                continue;
-            };
-            if factors.len() == n_steps && finite(factors) {
-                continue;
+            for (key, factors) in part.facts().factors {
+                if factors.len() == n_steps && finite(factors) {
+                    continue;
+                }
+                return Err(part.entity(number).at(key).error(match &self.steps {
+                    None if key == "factors" => {
+                        "factors belong to load steps: say what these are, with factors of their own"
+                            .to_owned()
+                    }
+                    None => format!("{key} belongs to load steps: say what these are under [steps]"),
+                    Some(_) => {
+                        format!("{key} needs {n_steps} finite numbers, one for each load step")
+                    }
+                }));
             }
-            return Err(part.entity(number).at("factors").error(match &self.steps {
-                None => {
-                    "factors belong to load steps: say what these are, with factors of their own"
-                        .to_owned()
-                }
-                Some(_) => {
-                    format!("factors needs {n_steps} finite numbers, one for each load step")
-                }
-            }));
         }
         Ok(())
     }

@@ -19,7 +19,7 @@ mod tests;
 mod vertices;
 
 pub use any::{AnyProblem, dimension};
-pub(crate) use check::{LARGEST, SIZES, is_sized};
+pub(crate) use check::{LARGEST, SIZES, UNREACHABLE, is_sized};
 pub use check::{Place, ProblemError};
 #[cfg(feature = "mpi")]
 pub(crate) use floating::Motions;
@@ -415,6 +415,21 @@ impl<const D: usize, K> ContactProblem<D, K> {
         }
     }
 
+    /// The same with other slip bounds and coefficients of friction, whose values have been checked.
+    pub(crate) fn under_law(&self, slip_bound: Vec<f64>, mut friction: Vec<f64>) -> Self
+    where
+        K: Clone,
+    {
+        if friction.iter().all(|&mu| mu == 0.0) {
+            friction.clear();
+        }
+        self.under(LoadCase {
+            slip_bound,
+            friction: Arc::new(friction),
+            ..self.case.clone()
+        })
+    }
+
     /// Along a row of T without entries nothing slips, wherever that is counted from.
     fn without_empty_rows(&self, mut case: LoadCase) -> LoadCase {
         let own = &self.own_compliance()[self.m()..];
@@ -464,6 +479,13 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// Whether contact node i is tied.
     pub fn is_tied(&self, i: usize) -> bool {
         self.case.slip_bound[i] == TIED
+    }
+
+    /// Whether a multiplier is that of a contact node whose gap is infinite: no force of it can hold a body.
+    pub(crate) fn is_out_of_reach(&self, row: usize) -> bool {
+        let m = self.m();
+        let node = row.checked_sub(m).map_or(row, |row| row / (D - 1));
+        self.case.gap[node] >= UNREACHABLE
     }
 
     /// Whether a law of friction acts on contact node i, or a tie: a slip bound, or a coefficient, above 0.

@@ -1,12 +1,13 @@
 //! Load steps solved one after another: a model, or a contact problem, in one call, or watched step by step.
 
+use crate::constraint::row_of;
 use crate::contact::Space;
 use crate::dual::DualOperator;
 use crate::engine::{self, Engine, EngineError};
 use crate::large;
 use crate::mesh::{ElementKind, Topology};
-use crate::model::{Analysis, AnyBuilt, Built, ModelError, StepData};
-use crate::problem::{AnyProblem, ContactProblem, Kkt};
+use crate::model::{Analysis, AnyBuilt, Built, Changes, ModelError, StepData};
+use crate::problem::{AnyProblem, ContactProblem, Elsewhere, Kkt, UNREACHABLE};
 use crate::quasistatic::{self, Load, Round, State, StepError, StepSolution};
 use crate::ssnm::{RecycledSubspace, SettingsError, Status};
 use std::ops::ControlFlow;
@@ -162,6 +163,41 @@ where
     }
 }
 
+/// A load step in which contacts, ties or friction are not what they are in the problem.
+pub(crate) struct Changed<const D: usize> {
+    pub problem: ContactProblem<D, Elsewhere>,
+    pub load: Load,
+    pub start: State,
+}
+
+impl<const D: usize> Changed<D> {
+    /// Under the load of a step, from where the one before has ended.
+    pub fn new(
+        problem: &ContactProblem<D, Elsewhere>,
+        load: &Load,
+        state: &State,
+        changes: &Changes,
+    ) -> Self {
+        let (mut load, mut start) = (load.clone(), state.clone());
+        for &row in &changes.idle {
+            load.gap[row] = UNREACHABLE;
+            (0..D).for_each(|a| start.lambda[row_of::<D>(problem.m(), row, a)] = 0.0);
+        }
+        if !changes.bonded.is_empty() {
+            let closed = problem.beyond_compliance(problem.normal(), 0, &state.u, &state.lambda);
+            for &(row, moved) in &changes.bonded {
+                load.gap[row] = closed[row] - moved;
+            }
+        }
+        let (bound, friction) = (changes.slip_bound.clone(), changes.coefficient.clone());
+        Self {
+            problem: problem.under_law(bound, friction),
+            load,
+            start,
+        }
+    }
+}
+
 /// Makes load steps one after another, as [`Analysis::solve_on`] says, with whatever applies K⁻¹.
 pub(crate) fn make_steps<const D: usize, K>(
     problem: &ContactProblem<D, K>,
@@ -180,6 +216,7 @@ where
     let limit = settings.ssnm.time_limit;
     let mut settings = settings.clone();
     let mut state = before;
+    let problem = problem.elsewhere();
     for (number, data) in (1..).zip(steps) {
         let data = data?;
         let factor = data.as_ref().map_or(1.0, |data| data.factor);
@@ -190,14 +227,20 @@ where
         let load = match &data {
             Some(data) => &data.load,
             None => {
-                of_problem = Load::of(problem);
+                of_problem = Load::of(&problem);
                 &of_problem
             }
         };
+        let changes = data.as_ref().and_then(|data| data.changes.as_ref());
+        let changed = changes.map(|changes| Changed::new(&problem, load, &state, changes));
         settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(begin.elapsed()));
         let within = |event: quasistatic::Event| observer(Event::Within(event));
+        let (problem, of_step, start) = match &changed {
+            Some(one) => (&one.problem, &one.load, &one.start),
+            None => (&problem, load, &state),
+        };
         let made =
-            quasistatic::solve_step(problem, load, &state, dual, &settings, recycled, within);
+            quasistatic::solve_step(problem, of_step, start, dual, &settings, recycled, within);
         let solution = made.map_err(Box::new)?;
         let goes_on = solution.status == Status::Converged;
         state = solution.state(load);

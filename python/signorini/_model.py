@@ -118,6 +118,16 @@ class Model:
         where = {"boundary": boundary, "nodes": nodes, "point": point}
         return self.add("support", **where, **along, symmetry=symmetry, factors=factors, **more)
 
+    def foundation(
+        self,
+        boundary: Names,
+        *,
+        stiffness: Mapping[str, Quantity] | None = None,
+        **more: Any,
+    ) -> Model:
+        """Put boundaries on an elastic foundation: `stiffness` is ``{"normal": 1e8, "tangential": 1e7}`` in Pa/m, a quantity each."""
+        return self.add("foundation", boundary=boundary, stiffness=stiffness, **more)
+
     def traction(
         self,
         boundary: Names | None = None,
@@ -194,6 +204,8 @@ class Model:
         adjust: float | None = None,
         edge_angle: float | None = None,
         search_distance: float | None = None,
+        active: Sequence[float] | None = None,
+        friction_factors: Sequence[float] | None = None,
         **more: Any,
     ) -> Model:
         """Let a boundary, which carries the contact forces, meet another one or a rigid obstacle.
@@ -212,11 +224,14 @@ class Model:
         stiffness : dict; optional
             ``{"normal": 1e12, "tangential": 1e11}`` in Pa/m, if the contact itself gives way; a quantity each.
         adjust, edge_angle, search_distance : float; optional
+        active, friction_factors : list of float; optional
+            One for each load step: 1 or, where it has no effect, 0; what the bound or the coefficient of friction is multiplied by.
         """
         law: dict[str, Any] = {"obstacle": obstacle, "friction": friction, "gap": gap, "interference": interference}
         law |= {"overlap": overlap, "stiffness": stiffness}
         numbers = {"adjust": adjust, "edge_angle": edge_angle, "search_distance": search_distance}
-        return self.add("contact", boundary=boundary, against=against, **law, **numbers, **more)
+        by_step = {"active": active, "friction_factors": friction_factors}
+        return self.add("contact", boundary=boundary, against=against, **law, **numbers, **by_step, **more)
 
     def tie(
         self,
@@ -225,14 +240,32 @@ class Model:
         *,
         adjust: float | None = None,
         edge_angle: float | None = None,
+        active: Sequence[float] | None = None,
         **more: Any,
     ) -> Model:
-        """Hold boundaries of two bodies together in every direction; their meshes need not match."""
-        return self.add("tie", boundary=boundary, against=against, adjust=adjust, edge_angle=edge_angle, **more)
+        """Hold boundaries of two bodies together in every direction; their meshes need not match. `active` is 1 or 0 for each load step."""
+        entries = {"adjust": adjust, "edge_angle": edge_angle, "active": active}
+        return self.add("tie", boundary=boundary, against=against, **entries, **more)
 
     def equal(self, sets: Names, *, directions: Names | None = None, **more: Any) -> Model:
         """Let all nodes of a set move alike, along these axes (all if left out); of several sets each by itself."""
         return self.add("equal", sets=sets, directions=directions, **more)
+
+    def spring(
+        self,
+        boundary: Names | None = None,
+        *,
+        nodes: Names | None = None,
+        point: Sequence[float] | None = None,
+        to: Mapping[str, Any] | None = None,
+        stiffness: float | None = None,
+        direction: Sequence[float] | None = None,
+        **more: Any,
+    ) -> Model:
+        """Add a spring in N/m from a boundary, sets of `nodes` or a `point` to another such place (``to={"point": [1, 2]}``), or to the
+        ground along a `direction`."""
+        where = {"boundary": boundary, "nodes": nodes, "point": point, "to": to}
+        return self.add("spring", **where, stiffness=stiffness, direction=direction, **more)
 
     def steps(self, factors: Sequence[float]) -> Model:
         """Make load steps: what loads and prescribed displacements are multiplied by in each, one after another."""

@@ -8,13 +8,15 @@ const MESH: &str = "[mesh.rectangle]\nsize = [1, 1]\ncells = [1, 1]\n";
 const ONE_OF_EACH: &str = "\
     [[material]]\nyoung = 1\npoisson = 0\n\
     [[support]]\nboundary = \"left\"\nx = 0\n\
+    [[foundation]]\nboundary = \"bottom\"\nstiffness = { normal = 1 }\n\
     [[traction]]\nboundary = \"top\"\ny = 1\n\
     [[body_force]]\nx = 1\n\
     [[force]]\nnodes = \"set\"\nx = 1\n\
     [[temperature]]\nvalue = 1\n\
     [[contact]]\nboundary = \"bottom\"\nagainst = \"other\"\n\
     [[tie]]\nboundary = \"right\"\nagainst = \"next\"\n\
-    [[equal]]\nsets = \"set\"\n";
+    [[equal]]\nsets = \"set\"\n\
+    [[spring]]\npoint = [0, 0]\nstiffness = 1\ndirection = [0, 1]\n";
 
 /// The keys of these kinds: the keys of a model without those of tables that appear once.
 fn lists() -> Vec<&'static str> {
@@ -89,6 +91,10 @@ symmetry = true
 [[support]]
 boundary = "turned"
 rotate = { point = [1.0, 2.0], angle = 90.0 }
+[[foundation]]
+name = "soil"
+boundary = "bottom"
+stiffness = { normal = "1e7 * x", tangential = 1e6 }
 [[traction]]
 name = "push"
 boundary = "top"

@@ -331,6 +331,16 @@ where
         ));
         return;
     }
+    if let (true, Some(stiffness)) = (pair.is_spring(), &pair.stiffness) {
+        let name = (pair.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" from "));
+        lines.push(format!(
+            "spring        {name}{} to {}: stiffness {stiffness}, {}",
+            pair.boundary,
+            pair.against,
+            pair.friction.trim_start_matches("spring ")
+        ));
+        return;
+    }
     let length = Units::behind(&units.length);
     lines.push(format!(
         "{}{}\"{}\" / {}: {} places, {:.4e}{}, initial gap {:.4e} to {:.4e}{length}, {}; \

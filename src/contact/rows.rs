@@ -84,7 +84,8 @@ where
             continue;
         }
         let mut tie = |entries: &[Entry], motion: &[Held]| {
-            if is_tied && entries.is_empty() {
+            let gives_way = candidate.compliance[0] > 0.0;
+            if is_tied && entries.is_empty() && !gives_way {
                 fixed_ties.push((candidate.place.into(), motion.to_vec()));
             }
         };

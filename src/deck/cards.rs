@@ -4,8 +4,8 @@ mod keywords;
 mod loads;
 
 use super::said::{
-    Adjust, Amplitude, Clearance, Equation, Interaction, MaterialCard, PairCard, Refusal, Said,
-    Section, StepCard, TieCard, Transform,
+    Adjust, Amplitude, Clearance, Equation, FrictionChange, Interaction, MaterialCard, PairCard,
+    PairChange, Refusal, Said, Section, SpringCard, StepCard, TieCard, Transform,
 };
 use crate::mesh::abaqus::index::{Card, Wrong};
 use crate::mesh::abaqus::keyword::{Keyword, entries, key, parsed, plain};
@@ -192,9 +192,12 @@ impl<'a> Said<'a> {
             }
             "SURFACE BEHAVIOR" => self.behavior(card)?,
             "FRICTION" => self.friction(card)?,
+            "CHANGE FRICTION" => self.change_friction(k)?,
+            "MODEL CHANGE" => self.change_pairs(card)?,
             "CONTACT PAIR" => self.pairs(card)?,
             "TIE" => self.ties(card)?,
             "EQUATION" => self.equations(card)?,
+            "SPRING" => self.spring(card)?,
             "CLEARANCE" => {
                 let option = |name| {
                     k.option(name)
@@ -456,11 +459,79 @@ impl<'a> Said<'a> {
             ));
         };
         self.only(k, &["ELASTIC SLIP", "SLIP TOLERANCE"]);
-        if let Some(&(line, text)) = card.data.first() {
-            let all = numbers(line, text)?;
-            let here = &mut self.interactions[interaction];
+        let changes = std::mem::take(&mut self.changes_friction);
+        let Some(&(line, text)) = card.data.first() else {
+            return Ok(());
+        };
+        let all = numbers(line, text)?;
+        let slope = all.get(1).copied().filter(|&slope| slope > 0.0);
+        let here = &mut self.interactions[interaction];
+        if !changes {
             here.friction = all.first().copied();
-            here.stick_slope = all.get(1).copied().filter(|&slope| slope > 0.0);
+            here.stick_slope = slope;
+            return Ok(());
+        }
+        if slope != here.stick_slope && here.stick_slope.or(slope).is_some() {
+            let text = "*CHANGE FRICTION: the stick slope stays the same over the steps";
+            self.refuse(k.line, "CHANGE FRICTION", text);
+        }
+        self.friction_changes.push(FrictionChange {
+            step: self.steps.len().saturating_sub(1),
+            interaction,
+            friction: all[0],
+        });
+        Ok(())
+    }
+
+    /// What `*FRICTION` says next is about an interaction from this step on.
+    fn change_friction(&mut self, k: &Keyword<'a>) -> Result<()> {
+        self.only(k, &["INTERACTION"]);
+        let name = k.option("INTERACTION").map(key).unwrap_or_default();
+        let found = self.interactions.iter().position(|one| one.name == name);
+        match found {
+            None => Err((
+                k.line,
+                format!("there is no *SURFACE INTERACTION \"{name}\""),
+            )),
+            Some(_) if self.steps.is_empty() => Err((
+                k.line,
+                "*CHANGE FRICTION stands before any *STEP".to_owned(),
+            )),
+            found => {
+                (self.interaction, self.changes_friction) = (found, true);
+                Ok(())
+            }
+        }
+    }
+
+    /// Pairs that come or go.
+    fn change_pairs(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        if k.option("TYPE").map(key).as_deref() != Some("CONTACT PAIR") {
+            let text = "*MODEL CHANGE: elements cannot come and go (TYPE=CONTACT PAIR can)";
+            self.refuse(k.line, "MODEL CHANGE", text);
+            return Ok(());
+        }
+        self.only(k, &["TYPE", "ADD", "REMOVE"]);
+        let acts = k.option("ADD").is_some();
+        if acts == k.option("REMOVE").is_some() {
+            return Err((k.line, "*MODEL CHANGE has either ADD or REMOVE".to_owned()));
+        }
+        let Some(step) = self.steps.len().checked_sub(1) else {
+            return Err((k.line, "*MODEL CHANGE stands before any *STEP".to_owned()));
+        };
+        for &(line, text) in &card.data {
+            let all: Vec<&str> = entries(text).map(plain).collect();
+            let [slave, master, ..] = all[..] else {
+                let text = "*MODEL CHANGE has the slave and the master surface in a line";
+                return Err((line, text.to_owned()));
+            };
+            self.pair_changes.push(PairChange {
+                line,
+                step,
+                surfaces: [key(slave), key(master)],
+                acts,
+            });
         }
         Ok(())
     }
@@ -595,6 +666,57 @@ impl<'a> Said<'a> {
                 ),
             }
         }
+        Ok(())
+    }
+
+    /// Linear springs: the direction, where they have one, stands in a line above the stiffness.
+    fn spring(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        if k.option("NONLINEAR").is_some() {
+            self.refuse(k.line, "SPRING", "*SPRING, NONLINEAR: springs are linear");
+            return Ok(());
+        }
+        self.only(k, &["ELSET"]);
+        let set = k.option("ELSET");
+        let set = set.ok_or_else(|| (k.line, "*SPRING needs ELSET=".to_owned()))?;
+        let (directions, (line, text)) = match card.data[..] {
+            [stiffness] => (None, stiffness),
+            [directions, stiffness] if !directions.1.contains(['.', 'e', 'E']) => {
+                (Some(directions), stiffness)
+            }
+            [] => return Err((k.line, "*SPRING needs a data line".to_owned())),
+            _ => {
+                let text = "*SPRING: the stiffness cannot depend on the temperature";
+                self.refuse(k.line, "SPRING", text);
+                return Ok(());
+            }
+        };
+        let stiffness = numbers(line, text)?[0];
+        let mut components = Vec::new();
+        if let Some((line, text)) = directions {
+            for text in entries(text).filter(|text| !text.is_empty()) {
+                components.push(component(line, text)? as usize - 1);
+            }
+        }
+        let component = components.first().copied();
+        let text = match component {
+            _ if components.iter().any(|&c| Some(c) != component) => {
+                "*SPRING: both ends of a spring have one direction"
+            }
+            Some(3..) => "*SPRING: nodes have no rotations",
+            _ if stiffness < 0.0 => "*SPRING: the stiffness is below 0",
+            _ => {
+                self.springs.push(SpringCard {
+                    line: k.line,
+                    set,
+                    part: card.part.clone(),
+                    component,
+                    stiffness,
+                });
+                return Ok(());
+            }
+        };
+        self.refuse(k.line, "SPRING", text);
         Ok(())
     }
 

@@ -168,6 +168,23 @@ pub(super) struct PairCard<'a> {
     pub adjust: Option<Adjust<'a>>,
 }
 
+/// `*CHANGE FRICTION`: what the coefficient of an interaction is from a step on.
+pub(super) struct FrictionChange {
+    pub step: usize,
+    /// Its number.
+    pub interaction: usize,
+    pub friction: f64,
+}
+
+/// `*MODEL CHANGE, TYPE=CONTACT PAIR`, a line of it: whether a pair acts from a step on.
+pub(super) struct PairChange {
+    pub line: usize,
+    pub step: usize,
+    /// Slave and master, in capitals.
+    pub surfaces: [String; 2],
+    pub acts: bool,
+}
+
 /// `*TIE`, a line of it.
 pub(super) struct TieCard<'a> {
     pub line: usize,
@@ -183,6 +200,17 @@ pub(super) struct Clearance {
     /// Slave and master, in capitals.
     pub surfaces: [String; 2],
     pub value: f64,
+}
+
+/// `*SPRING`.
+pub(super) struct SpringCard<'a> {
+    pub line: usize,
+    /// Of elements.
+    pub set: &'a str,
+    pub part: Option<String>,
+    /// From 0; None: from end to end.
+    pub component: Option<usize>,
+    pub stiffness: f64,
 }
 
 /// An equation that makes two displacements equal.
@@ -215,10 +243,13 @@ pub(super) struct Said<'a> {
     pub initial_temperatures: Vec<(usize, &'a str, f64)>,
     pub interactions: Vec<Interaction>,
     pub pairs: Vec<PairCard<'a>>,
+    pub friction_changes: Vec<FrictionChange>,
+    pub pair_changes: Vec<PairChange>,
     pub ties: Vec<TieCard<'a>>,
     pub clearances: Vec<Clearance>,
     pub transforms: Vec<Transform<'a>>,
     pub equations: Vec<Equation<'a>>,
+    pub springs: Vec<SpringCard<'a>>,
     /// The types of the elements of bodies, in capitals.
     pub types: BTreeSet<String>,
     pub refusals: Vec<Refusal>,
@@ -229,4 +260,6 @@ pub(super) struct Said<'a> {
     /// The material and the interaction that keywords are about.
     pub material: Option<usize>,
     pub interaction: Option<usize>,
+    /// Whether the next `*FRICTION` is about a step.
+    pub changes_friction: bool,
 }

@@ -3,6 +3,7 @@
 mod contacts;
 mod loads;
 mod nodes;
+mod springs;
 
 use super::AnyDefinition;
 use super::adjust::Adjustment;
@@ -44,6 +45,11 @@ pub(super) fn check(said: &mut Said) {
         .collect();
     for line in none {
         said.refuse(line, "STEP", "*STEP: it has no *STATIC");
+    }
+    let springs = said.types.iter().any(|name| name.starts_with("SPRING"));
+    let is_refused = |one: &Refusal| one.key == "SPRING";
+    if springs && said.springs.is_empty() && !said.refusals.iter().any(is_refused) {
+        said.refuse(1, "SPRING", "there are elements of springs, but no *SPRING");
     }
     let planes = PLANES.map(|(begin, _)| said.types.iter().any(|name| name.starts_with(begin)));
     let [_, stress, revolution] = planes;
@@ -141,6 +147,7 @@ fn translated<const D: usize>(
     translation.distributed()?;
     translation.nodes(Kind::Force)?;
     translation.put_equal();
+    translation.springs()?;
     translation.temperatures()?;
     translation.contacts()?;
     translation.steps();
@@ -211,7 +218,11 @@ impl<const D: usize> Translation<'_, '_, D> {
     /// The load steps, if there are several.
     fn steps(&mut self) {
         let number = self.times.ends.len();
-        if number > 1 {
+        let parts = self.definition.parts();
+        let states_steps = parts
+            .map(|(_, part)| part.facts().factors)
+            .any(|all| !all.is_empty());
+        if number > 1 || states_steps {
             let line = self.said.steps[0].line;
             self.lines.push(("steps".to_owned(), line));
             let factors = vec![1.0; number];

@@ -4,6 +4,7 @@ use super::{Correction, Costs, DualError, DualOperator, Stop, followed_right_han
 use crate::backend::{Backend, Run};
 use crate::control::Accuracy;
 use crate::problem::{ContactProblem, LoadCase, Vertices};
+use crate::rounding::ROUNDING;
 use crate::sparse::stored::{SquareBlocks, power_of_two_below};
 use crate::sparse::{BlockCsr, Csr, difference, norm};
 use crate::stiffness::amg::AmgError;
@@ -16,6 +17,16 @@ const MOST_PASSES: usize = 4;
 /// Load and forces together are this far from the unit they are computed in at most: without a load, or beside forces that a
 /// step has sent far away, what is small is lost in f32.
 const FAR: f64 = 1e12;
+
+/// Whether Bᵀp is no more than the rounding of its terms, as it may be where rows depend on each other.
+fn is_rounding(b: &Csr, p: &[f64]) -> bool {
+    let (mut sums, mut terms) = (vec![0.0; b.n_cols()], vec![0.0; b.n_cols()]);
+    for (i, j, v) in b.triplets() {
+        sums[j] += v * p[i];
+        terms[j] += (v * p[i]).abs();
+    }
+    norm(&sums) <= ROUNDING * norm(&terms)
+}
 
 /// B, Bᵀ and u on the backend.
 struct OnBackend<B: Backend> {
@@ -331,7 +342,14 @@ impl<B: Backend> DualOperator for NestedDual<B> {
             out: y,
         };
         self.pcg.counts.solves += 1;
-        self.pcg.run(run, stop, Some(gather))?;
+        match self.pcg.run(run, stop, Some(gather)) {
+            // Rounding may push a body along a motion that nothing resists.
+            Err(PcgError::NotPositiveDefinite) if is_rounding(&self.b, p) => {
+                y.fill(0.0);
+                return Ok(());
+            }
+            made => made?,
+        };
         let scale = unit * self.pcg.scale;
         self.unit_of_x = scale;
         y.iter_mut().for_each(|v| *v *= scale);

@@ -124,7 +124,7 @@ where
     }
 }
 
-/// The rows of K: those of a node come from the elements around it.
+/// The rows of K: those of a node come from the elements around it, and from foundations.
 struct Rows<'a, const D: usize>
 where
     ElementKind: Topology<D>,
@@ -166,29 +166,30 @@ where
         let mut elements: Vec<u32> = rows.clone().flat_map(around).copied().collect();
         elements.sort_unstable();
         elements.dedup();
+        let row_of = |node: u32| {
+            let block = self.unknowns.block(node)? as usize;
+            rows.contains(&block).then_some(block)
+        };
+        let mut add = |[a, b]: [u32; 2], block: &[[f64; D]; D]| {
+            let (Some(row), Some(column)) = (row_of(a), self.unknowns.block(b)) else {
+                return;
+            };
+            let begin = row_ptr[row] - row_ptr[rows.start];
+            let columns = &columns[begin..row_ptr[row + 1] - row_ptr[rows.start]];
+            let place = columns.partition_point(|&c| c < column);
+            add_block(self.unknowns, [a, b], block, &mut values[begin + place]);
+        };
         for &e in &elements {
             let element = &self.body.mesh.elements[e as usize];
             let nodes = element.nodes();
-            let row_of = |corner: usize| {
-                let block = self.unknowns.block(nodes[corner])? as usize;
-                rows.contains(&block).then_some(block)
-            };
-            let wanted = |corner| row_of(corner).is_some();
-            let take = |a: usize, b: usize, block: &[[f64; D]; D]| {
-                let (Some(row), Some(column)) = (row_of(a), self.unknowns.block(nodes[b])) else {
-                    return;
-                };
-                let begin = row_ptr[row] - row_ptr[rows.start];
-                let columns = &columns[begin..row_ptr[row + 1] - row_ptr[rows.start]];
-                let place = columns.partition_point(|&c| c < column);
-                add_block(
-                    self.unknowns,
-                    [nodes[a], nodes[b]],
-                    block,
-                    &mut values[begin + place],
-                );
-            };
+            let wanted = |corner: usize| row_of(nodes[corner]).is_some();
+            let take = |a: usize, b: usize, block: &[[f64; D]; D]| add([nodes[a], nodes[b]], block);
             visit_blocks(self.body, self.at, element, &self.moduli, wanted, take);
+        }
+        for row in rows.clone() {
+            for (&(a, b, _), block) in self.unknowns.bedding().row(self.unknowns.node(row)) {
+                add([a, b], block);
+            }
         }
     }
 }
@@ -374,7 +375,7 @@ where
 }
 
 /// The nodal forces that the displacements of all nodes take, from the elements with a prescribed
-/// displacement at one of their nodes: complete at these nodes.
+/// displacement at one of their nodes: complete at these nodes. Those of foundations are among them.
 pub fn internal_forces<const D: usize>(
     body: &Body<D>,
     unknowns: &Unknowns<D>,
@@ -384,7 +385,11 @@ where
     ElementKind: Topology<D>,
 {
     let held = |&node: &u32| unknowns.prescribed(node).iter().any(Option::is_some);
-    forces_of(body, None, displacement, held)
+    let mut forces = forces_of(body, None, displacement, held);
+    for (node, _, taken) in unknowns.bedding().forces(displacement) {
+        (0..D).for_each(|c| forces[node as usize][c] += taken[c]);
+    }
+    forces
 }
 
 /// The nodal forces of a displacement by K at rest, or by the tangent of displaced bodies, from the elements with one of some nodes.

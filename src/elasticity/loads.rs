@@ -17,10 +17,8 @@ where
         traction: impl Fn([f64; D], [f64; D]) -> [f64; D],
         forces: &mut [[f64; D]],
     ) {
-        let depth = self.depth();
-        self.on_boundary(facets, |nodes, point| {
+        self.on_boundary(facets, |nodes, point, weight| {
             let t = traction(point.place, point.normal);
-            let weight = depth.at(point.place) * point.weight;
             for (&node, shape) in nodes.iter().zip(point.shape) {
                 for (force, t) in forces[node as usize].iter_mut().zip(t) {
                     *force += weight * shape * t;
@@ -31,21 +29,27 @@ where
 
     /// ∫ q φᵢ ds for every node i of the facets: the nodal share of a quantity q given per area.
     pub fn integrate_on_boundary(&self, facets: &[Facet<D>], q: Field<D>, shares: &mut [f64]) {
-        let depth = self.depth();
-        self.on_boundary(facets, |nodes, point| {
-            let weight = depth.at(point.place) * point.weight * q(point.place);
+        self.on_boundary(facets, |nodes, point, weight| {
+            let weight = weight * q(point.place);
             for (&node, shape) in nodes.iter().zip(point.shape) {
                 shares[node as usize] += weight * shape;
             }
         });
     }
 
-    /// Hands over the integration points of facets with the nodes of each.
-    fn on_boundary(&self, facets: &[Facet<D>], mut take: impl FnMut(&[u32], &FacetPoint<D>)) {
+    /// Hands over the integration points of facets with the nodes of each, and the weight that has the depth of the body in it.
+    pub(crate) fn on_boundary(
+        &self,
+        facets: &[Facet<D>],
+        mut take: impl FnMut(&[u32], &FacetPoint<D>, f64),
+    ) {
+        let depth = self.depth();
         for facet in facets {
             let (x, len) = self.mesh.places_of(facet);
             let nodes = facet_nodes(facet);
-            <ElementKind as Topology<D>>::facet_points(&x[..len], |point| take(nodes, point));
+            <ElementKind as Topology<D>>::facet_points(&x[..len], |point| {
+                take(nodes, point, depth.at(point.place) * point.weight);
+            });
         }
     }
 }

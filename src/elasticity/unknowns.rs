@@ -1,8 +1,10 @@
 //! Supports, and the numbering of what they leave free.
 
+use super::Bedding;
 use crate::mesh::vector::dot;
 use crate::mesh::{ElementKind, Mesh, Topology};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Which displacement components are prescribed, and the numbering of the rest.
 ///
@@ -18,6 +20,8 @@ pub struct Unknowns<const D: usize = 2> {
     prescribed: Vec<[Option<f64>; D]>,
     /// Orthonormal directions of nodes whose components are not along the axes, one a row.
     frames: BTreeMap<u32, [[f64; D]; D]>,
+    /// What holds nodes elastically.
+    bedding: Arc<Bedding<D>>,
     block_of_node: Vec<Option<u32>>,
     node_of_block: Vec<u32>,
     n_free: usize,
@@ -41,6 +45,7 @@ impl<const D: usize> Unknowns<D> {
         Self {
             prescribed,
             frames: BTreeMap::new(),
+            bedding: Arc::default(),
             block_of_node,
             node_of_block,
             n_free,
@@ -51,6 +56,16 @@ impl<const D: usize> Unknowns<D> {
     pub fn along(mut self, frames: BTreeMap<u32, [[f64; D]; D]>) -> Self {
         self.frames = frames;
         self
+    }
+
+    /// Says what holds nodes elastically.
+    pub(crate) fn bedded(self, bedding: Arc<Bedding<D>>) -> Self {
+        Self { bedding, ..self }
+    }
+
+    /// What holds nodes elastically: foundations.
+    pub(crate) fn bedding(&self) -> &Bedding<D> {
+        &self.bedding
     }
 
     /// The nodes whose components are not along the axes, with their directions.

@@ -4,6 +4,7 @@ use super::{Body, Deformed, Unknowns, assemble};
 use crate::mesh::{Element, ElementKind, Mesh, Topology};
 use crate::problem::Vertices;
 use crate::sparse::BlockCsr;
+use std::sync::Arc;
 
 /// How the nodes of elements of second order follow their corners, and the unknowns of these; None where all elements are of first
 /// order.
@@ -38,7 +39,8 @@ where
     let frames = unknowns.frames().iter();
     let frames = frames.filter(|(node, _)| of_node[**node as usize].is_empty());
     let corners = Unknowns::new(prescribed.collect())
-        .along(frames.map(|(&node, &frame)| (node, frame)).collect());
+        .along(frames.map(|(&node, &frame)| (node, frame)).collect())
+        .bedded(Arc::new(unknowns.bedding().on_vertices(&of_node)));
     let identity: [[f64; D]; D] =
         std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
     let (mut row_ptr, mut columns, mut blocks) = (vec![0], Vec::new(), Vec::new());

@@ -77,12 +77,15 @@ where
     /// The bodies that no support holds, how they could move as a whole, and what holds them, in words.
     pub fn floating_bodies(&self) -> Vec<String> {
         let bodies = self.problem.floating_bodies().bodies().iter().enumerate();
-        let [tied, pressed] = [true, false]
-            .map(|tied| (self.problem).touched_by(|i| self.problem.is_tied(i) == tied));
+        let compliance = self.problem.contact_compliance();
+        let kinds = Holder::ALL.map(|kind| {
+            let is_kind = |i| Holder::of(self.problem.is_tied(i), compliance, i) == kind;
+            self.problem.touched_by(is_kind)
+        });
         bodies
             .map(|(number, body)| {
                 let by = |touched: &[bool]| body.nodes().iter().any(|&node| touched[node as usize]);
-                let held = held_by([by(&tied), by(&pressed)]);
+                let held = held_by(kinds.each_ref().map(|kind| by(kind)));
                 format!("{}: {held}", self.freedom(number, body))
             })
             .collect()
@@ -105,12 +108,37 @@ where
     }
 }
 
-/// Whether ties or contact or both hold a body that no support does, in words.
-pub(super) fn held_by([tied, pressed]: [bool; 2]) -> &'static str {
-    match (tied, pressed) {
-        (true, true) => "only contact and ties hold it",
-        (true, false) => "only ties hold it",
-        _ => "only contact holds it",
+/// What may hold a body that no support does.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Holder {
+    Contact,
+    Tie,
+    Spring,
+}
+
+impl Holder {
+    pub(super) const ALL: [Self; 3] = [Self::Contact, Self::Tie, Self::Spring];
+
+    /// What contact place i is, with the diagonal of C.
+    pub(super) fn of(tied: bool, compliance: &[f64], i: usize) -> Self {
+        match (tied, compliance.get(i)) {
+            (false, _) => Self::Contact,
+            (true, Some(c)) if *c > 0.0 => Self::Spring,
+            (true, _) => Self::Tie,
+        }
+    }
+}
+
+/// Which of [`Holder::ALL`] hold a body, in words.
+pub(super) fn held_by(kinds: [bool; 3]) -> String {
+    let names = ["contact", "ties", "springs"].into_iter().zip(kinds);
+    let names: Vec<&str> = names
+        .filter_map(|(name, holds)| holds.then_some(name))
+        .collect();
+    match &names[..] {
+        [] | ["contact"] => "only contact holds it".to_owned(),
+        [one] => format!("only {one} hold it"),
+        [some @ .., last] => format!("only {} and {last} hold it", some.join(", ")),
     }
 }
 

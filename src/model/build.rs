@@ -160,7 +160,7 @@ where
             plane: definition.plane(),
             thickness: definition.thickness(),
         };
-        let prescriptions = definition.prescriptions(&mesh)?;
+        let prescriptions = definition.prescriptions(&body)?;
         let unknowns = definition.unknowns(&mesh, &prescriptions, end_of(0))?;
         if unknowns.n_free() == 0 {
             return Err(Entity::all(EntityKind::Support)
@@ -189,7 +189,7 @@ where
             thickness: definition.thickness(),
             unknowns,
             held: prescriptions.held(),
-            supports: definition.supports.iter().map(|s| s.name()).collect(),
+            supports: definition.held_by(),
             support_centres,
             contact,
             candidates: kept,

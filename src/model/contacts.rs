@@ -38,9 +38,9 @@ where
     pub friction: String,
     /// Whether that is Tresca's.
     pub tresca: bool,
-    /// Whether it is a tie, or nodes that move alike.
+    /// Whether it is a tie, nodes that move alike, or a spring.
     pub tied: bool,
-    /// The stiffness of the contact itself; None where it is hard.
+    /// The stiffness of the contact itself, or of a spring; None where it is hard.
     pub stiffness: Option<String>,
     /// How far apart candidates for contact may be; with an obstacle, up to where Tresca's bound acts.
     pub search_distance: f64,
@@ -68,7 +68,12 @@ where
     ElementKind: Topology<D>,
 {
     /// What these sides are called, before anything is known of them.
-    fn between(name: &Option<String>, boundary: String, against: String, friction: String) -> Self {
+    pub(super) fn between(
+        name: &Option<String>,
+        boundary: String,
+        against: String,
+        friction: String,
+    ) -> Self {
         Self {
             name: name.clone(),
             boundary,
@@ -92,9 +97,19 @@ where
         }
     }
 
-    /// Whether it is nodes that move alike: with no other side.
-    pub fn is_equal(&self) -> bool {
+    /// Whether it ties single nodes, and has no sides: nodes that move alike, or a spring.
+    pub fn is_of_nodes(&self) -> bool {
         self.tied && self.others.is_empty()
+    }
+
+    /// Whether it is nodes that move alike.
+    pub fn is_equal(&self) -> bool {
+        self.is_of_nodes() && self.stiffness.is_none()
+    }
+
+    /// Whether it is a spring.
+    pub fn is_spring(&self) -> bool {
+        self.is_of_nodes() && self.stiffness.is_some()
     }
 
     /// What results call it: its name or, where it has none, both sides.
@@ -327,7 +342,7 @@ where
             },
             tresca: matches!(self.law, Law::Tresca(_)),
             tied: self.is_tie(),
-            stiffness: self.compliance(units),
+            stiffness: self.stiffness.told(units),
             search_distance,
             unmet,
             sagitta: off,
@@ -435,7 +450,8 @@ where
         let pairs = self.pairs.iter().chain(&self.ties);
         let pairs = pairs.map(|pair| pair.find(body, &units, &symmetry, &held));
         let equals = self.equals.iter().map(|equal| equal.find(body));
-        for (number, found) in pairs.chain(equals).enumerate() {
+        let springs = (self.springs.iter()).map(|spring| spring.find(body, &units));
+        for (number, found) in pairs.chain(equals).chain(springs).enumerate() {
             let (mut places, data) =
                 found.map_err(|fault| self.pair_entity(number).error(fault))?;
             let before = all.places.len() as u32;
@@ -499,14 +515,17 @@ where
         }
     }
 
-    /// A contact or, of numbers beyond these, a tie or nodes that move alike.
+    /// A contact or, of numbers beyond these, a tie, nodes that move alike, or a spring.
     fn pair_entity(&self, number: usize) -> Entity {
         let Some(tie) = number.checked_sub(self.pairs.len()) else {
             return self.pairs[number].entity(number);
         };
-        match tie.checked_sub(self.ties.len()) {
-            None => self.ties[tie].entity(tie),
-            Some(equal) => self.equals[equal].entity(equal),
+        let Some(equal) = tie.checked_sub(self.ties.len()) else {
+            return self.ties[tie].entity(tie);
+        };
+        match equal.checked_sub(self.equals.len()) {
+            None => self.equals[equal].entity(equal),
+            Some(spring) => self.springs[spring].entity(spring),
         }
     }
 

@@ -28,9 +28,9 @@ where
     /// What supports prescribe: node, component (along the directions that [`Unknowns::frame`] gives the node, if any),
     /// number of the support that does so first.
     pub held: Vec<(u32, usize, usize)>,
-    /// The boundary or point of each support.
+    /// The name, boundary or point of each support; after them those of foundations.
     pub supports: Vec<String>,
-    /// The centroid of the boundaries of each support, or its point.
+    /// The centroid of the boundaries of each support, or its point; after them those of foundations.
     pub support_centres: Vec<[f64; D]>,
     /// The rows of N and T with their contact nodes.
     pub contact: ContactRows<D>,

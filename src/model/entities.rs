@@ -3,6 +3,7 @@
 use super::axis::{AROUND, Axis};
 use super::error::{Entity, EntityKind};
 use super::motion::Turn;
+use super::pair::Stiffness;
 use super::stated::{self, Flaw};
 use super::{Quantity, Units};
 use crate::elasticity::{Hyperelastic, Incompressible, Material};
@@ -102,8 +103,18 @@ pub(crate) struct Facts<'p> {
     pub name: Option<&'p str>,
     /// Where it is, in words; empty if that says nothing.
     pub place: String,
-    /// Load factors of its own.
-    pub factors: Option<&'p [f64]>,
+    /// What it states for each load step, by the keys: load factors of its own, mostly.
+    pub factors: Vec<(&'static str, &'p [f64])>,
+}
+
+/// Of what may be stated for each load step what is.
+pub(super) fn by_step<'p, const N: usize>(
+    all: [(&'static str, &'p Option<Vec<f64>>); N],
+) -> Vec<(&'static str, &'p [f64])> {
+    let stated = all.into_iter();
+    stated
+        .filter_map(|(key, list)| Some((key, list.as_deref()?)))
+        .collect()
 }
 
 /// What parts that results speak of have in common: a name.
@@ -125,6 +136,7 @@ with_a_name!(BodyForce);
 with_a_name!(Force);
 with_a_name!(Temperature);
 with_a_name!(Equal);
+with_a_name!(Foundation);
 pub(super) use with_a_name;
 
 /// What supports, tractions, forces and body forces have in common: a quantity along each axis, and load factors.
@@ -292,7 +304,7 @@ pub(super) enum Target<'n, const D: usize> {
 
 impl<'n, const D: usize> Target<'n, D> {
     /// The one place that is stated, if it is one.
-    fn of(
+    pub(super) fn of(
         boundary: &'n Option<Names>,
         nodes: &'n Option<Names>,
         point: Option<[f64; D]>,
@@ -306,7 +318,7 @@ impl<'n, const D: usize> Target<'n, D> {
     }
 
     /// Its names or its point.
-    fn name(self) -> String {
+    pub(super) fn name(self) -> String {
         match self {
             Self::Boundary(names) | Self::Nodes(names) => names.to_string(),
             Self::Point(point) => {
@@ -317,7 +329,7 @@ impl<'n, const D: usize> Target<'n, D> {
     }
 
     /// In words, for messages.
-    fn place(self) -> String {
+    pub(super) fn place(self) -> String {
         match self {
             Self::Boundary(_) => format!("on \"{}\"", self.name()),
             Self::Nodes(_) => format!("on the nodes \"{}\"", self.name()),
@@ -325,7 +337,7 @@ impl<'n, const D: usize> Target<'n, D> {
         }
     }
 
-    fn fault(self) -> Option<&'static str> {
+    pub(super) fn fault(self) -> Option<&'static str> {
         match self {
             Self::Boundary(names) if names.all().is_empty() => Some(NO_BOUNDARY),
             Self::Nodes(names) if names.all().is_empty() => {
@@ -351,6 +363,8 @@ macro_rules! in_a_place {
         }
     };
 }
+
+pub(super) use in_a_place;
 
 in_a_place!(Support);
 in_a_place!(Force);
@@ -431,7 +445,7 @@ impl<const D: usize> Part for Support<D> {
             kind: EntityKind::Support,
             name: self.name.as_deref(),
             place: self.stated_target().map_or(String::new(), Target::place),
-            factors: self.factors.as_deref(),
+            factors: by_step([("factors", &self.factors)]),
         }
     }
 
@@ -485,6 +499,72 @@ impl<const D: usize> Part for Support<D> {
 }
 
 pub(super) const NO_BOUNDARY: &str = "a list of boundaries is empty: name at least one";
+
+/// An elastic foundation under boundaries on the outside: a force per area against the displacement, in proportion to it. What is not
+/// stated of it is free.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Foundation<const D: usize = 2> {
+    pub(super) name: Option<String>,
+    pub(super) boundary: Names,
+    pub(super) stiffness: Stiffness<D>,
+}
+
+impl<const D: usize> Foundation<D> {
+    /// Under a boundary, or under several.
+    pub fn under(boundary: impl Into<Names>) -> Self {
+        Self {
+            name: None,
+            boundary: boundary.into(),
+            stiffness: Stiffness::default(),
+        }
+    }
+
+    /// The pressure over the displacement along the normal, in Pa/m.
+    pub fn normal(mut self, stiffness: impl Into<Quantity<D>>) -> Self {
+        *self.stiffness.both_mut()[0] = Some(stiffness.into());
+        self
+    }
+
+    /// The traction over the displacement across the normal, in Pa/m.
+    pub fn tangential(mut self, stiffness: impl Into<Quantity<D>>) -> Self {
+        *self.stiffness.both_mut()[1] = Some(stiffness.into());
+        self
+    }
+
+    /// Its name or, where it has none, its boundaries.
+    pub(super) fn title(&self) -> String {
+        (self.name.clone()).unwrap_or_else(|| format!("{}, foundation", self.boundary))
+    }
+}
+
+impl<const D: usize> Part for Foundation<D> {
+    fn facts(&self) -> Facts<'_> {
+        Facts {
+            kind: EntityKind::Foundation,
+            name: self.name.as_deref(),
+            place: format!("under \"{}\"", self.boundary),
+            factors: Vec::new(),
+        }
+    }
+
+    fn fault(&self) -> Option<Flaw> {
+        if self.boundary.all().is_empty() {
+            return Some(NO_BOUNDARY.into());
+        }
+        let text = "a foundation needs a stiffness: normal, tangential or both";
+        (self.stiffness.is_hard()).then(|| Flaw::of("stiffness", text))
+    }
+
+    fn told(&self, units: &Units) -> Option<(&'static str, String)> {
+        let name = (self.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" under "));
+        let stiffness = self.stiffness.told(units)?;
+        Some((
+            "foundation",
+            format!("{name}\"{}\": stiffness {stiffness}", self.boundary),
+        ))
+    }
+}
 
 /// What symmetry cannot stand with.
 fn alone<const D: usize>() -> &'static str {
@@ -562,7 +642,7 @@ impl<const D: usize> Part for Traction<D> {
             kind: EntityKind::Traction,
             name: self.name.as_deref(),
             place: format!("on \"{}\"", self.boundary),
-            factors: self.factors.as_deref(),
+            factors: by_step([("factors", &self.factors)]),
         }
     }
 
@@ -635,7 +715,7 @@ impl<const D: usize> Part for BodyForce<D> {
             kind: EntityKind::BodyForce,
             name: self.name.as_deref(),
             place: inside(&self.region),
-            factors: self.factors.as_deref(),
+            factors: by_step([("factors", &self.factors)]),
         }
     }
 
@@ -693,7 +773,7 @@ impl<const D: usize> Part for Temperature<D> {
             kind: EntityKind::Temperature,
             name: self.name.as_deref(),
             place: inside(&self.region),
-            factors: self.factors.as_deref(),
+            factors: by_step([("factors", &self.factors)]),
         }
     }
 
@@ -764,7 +844,7 @@ impl<const D: usize> Part for Force<D> {
             kind: EntityKind::Force,
             name: self.name.as_deref(),
             place: self.stated_target().map_or(String::new(), Target::place),
-            factors: self.factors.as_deref(),
+            factors: by_step([("factors", &self.factors)]),
         }
     }
 
@@ -849,7 +929,7 @@ impl<const D: usize> Part for Equal<D> {
             kind: EntityKind::Equal,
             name: self.name.as_deref(),
             place: format!("of \"{}\"", self.title()),
-            factors: None,
+            factors: Vec::new(),
         }
     }
 
@@ -919,7 +999,7 @@ impl Part for Filling {
             kind: EntityKind::Material,
             name: None,
             place: (self.region.as_ref()).map_or(String::new(), |names| format!("of \"{names}\"")),
-            factors: None,
+            factors: Vec::new(),
         }
     }
 

@@ -38,6 +38,8 @@ pub enum EntityKind {
     Material,
     /// A support.
     Support,
+    /// An elastic foundation.
+    Foundation,
     /// A traction.
     Traction,
     /// A body force.
@@ -54,6 +56,8 @@ pub enum EntityKind {
     Tie,
     /// Nodes that move alike.
     Equal,
+    /// A spring.
+    Spring,
     /// The thickness.
     Thickness,
     /// Gravity.
@@ -172,6 +176,7 @@ impl EntityKind {
             Self::Model => ["mesh", "model", "model"],
             Self::Material => ["material", "material", "materials"],
             Self::Support => ["support", "support", "supports"],
+            Self::Foundation => ["foundation", "foundation", "foundations"],
             Self::Traction => ["traction", "traction", "tractions"],
             Self::BodyForce => ["body_force", "body force", "body forces"],
             Self::Force => ["force", "force", "forces"],
@@ -180,6 +185,7 @@ impl EntityKind {
             Self::Contact => ["contact", "contact", "contacts"],
             Self::Tie => ["tie", "tie", "ties"],
             Self::Equal => ["equal", "equal nodes", "equal nodes"],
+            Self::Spring => ["spring", "spring", "springs"],
             Self::Thickness => ["analysis.thickness", "thickness", "thickness"],
             Self::Gravity => ["analysis.gravity", "gravity", "gravity"],
             Self::Steps => ["steps", "load steps", "load steps"],

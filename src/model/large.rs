@@ -155,6 +155,9 @@ where
     pub(super) fn check_large(&self, materials: &[Material]) -> Result<(), ModelError> {
         for (i, pair) in self.pairs.iter().enumerate() {
             let text = match (pair.meets(), &pair.law) {
+                _ if pair.has_steps() => {
+                    "active and friction_factors need geometry = \"small\": where displacements are large they are not known yet"
+                }
                 (Against::Boundary(_), _) => {
                     "where displacements are large, contact is with obstacles: contact between bodies needs geometry = \"small\""
                 }
@@ -164,6 +167,12 @@ where
                 _ => continue,
             };
             return Err(pair.entity(i).error(text));
+        }
+        let foundation = self.foundations.first().map(|first| first.entity(0));
+        if let Some(entity) = foundation.or(self.springs.first().map(|first| first.entity(0))) {
+            return Err(entity.error(
+                "foundations and springs need geometry = \"small\": where displacements are large they are not known yet",
+            ));
         }
         if self.analysis.rotation.is_some() {
             return Err(Entity::all(EntityKind::Rotation)
@@ -684,6 +693,7 @@ where
                 slide,
             },
             temperature: to.temperature.clone(),
+            changes: None,
         };
         (elastic, data, u)
     }

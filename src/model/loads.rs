@@ -2,7 +2,7 @@
 
 use super::entities::{Part as _, Traction};
 use super::error::{Entity, EntityKind, Fault, ModelError, listed};
-use super::{Definition, Elastic, Quantity};
+use super::{Changes, Definition, Elastic, Quantity};
 use crate::contact::Space;
 use crate::elasticity::{Body, Unknowns, load_vector};
 use crate::mesh::vector::dot;
@@ -26,6 +26,8 @@ pub struct StepData<const D: usize = 2> {
     pub load: Load,
     /// How much warmer the bodies are.
     pub temperature: TemperatureField<D>,
+    /// What contacts, ties and friction are in this step; None where they are the same in all.
+    pub changes: Option<Changes>,
 }
 
 /// How much warmer bodies are than when they were free of stress, in a load step.
@@ -86,6 +88,13 @@ where
                 gap: self.contact.gap(&unknowns),
                 slide,
             },
+            changes: definition.changes(
+                &self.mesh,
+                &self.prescriptions,
+                &self.contact,
+                &self.pair_of,
+                step,
+            )?,
             unknowns,
             forces,
             temperature,

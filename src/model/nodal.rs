@@ -251,6 +251,16 @@ where
                 .map_err(|fault| entity.clone().error(fault))?;
             }
         }
+        for (number, foundation) in self.foundations.iter_mut().enumerate() {
+            let entity = foundation.entity(number);
+            let facets = facets_of(mesh, foundation.boundary.all());
+            let mut pieces = None;
+            for quantity in (foundation.stiffness.both_mut().into_iter()).flatten() {
+                let made = || Ok(Pieces::new(mesh, facets.iter().copied()));
+                placed(quantity, &mut pieces, made, n)
+                    .map_err(|fault| entity.clone().error(fault))?;
+            }
+        }
         for (number, force) in self.body_forces.iter_mut().enumerate() {
             let entity = force.entity(number);
             let name = force.region.clone();

@@ -1,6 +1,6 @@
 //! A contact or a tie of a model, as it is stated.
 
-use super::entities::{Facts, NO_BOUNDARY, Names, Part, with_a_name};
+use super::entities::{Facts, NO_BOUNDARY, Names, Part, by_step, with_a_name};
 use super::error::EntityKind;
 use super::motion::Motion;
 use super::stated::{self, Flaw};
@@ -38,6 +38,10 @@ pub struct Pair<const D: usize = 2> {
     pub(super) edge_angle: Option<f64>,
     pub(super) search_distance: Option<f64>,
     pub(super) motion: Option<Motion<D>>,
+    /// 1 in load steps in which it acts, 0 in the others.
+    active: Option<Vec<f64>>,
+    /// What the bound or the coefficient of its law is multiplied by in each load step.
+    friction_factors: Option<Vec<f64>>,
 }
 
 /// What a boundary may touch.
@@ -67,8 +71,8 @@ pub(super) enum Overlap {
     Interference,
 }
 
-/// How far the contact itself gives way: pressure over what the gap closes by, and traction over what comes before slip. Hard
-/// where it is not stated.
+/// How stiff a contact itself is, pressure over what the gap closes by, and traction over what comes before slip: hard where it is not
+/// stated. Of a foundation, the same over its displacement: free where it is not stated.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(
     deny_unknown_fields,
@@ -87,7 +91,7 @@ impl<const D: usize> Law<D> {
 }
 
 impl<const D: usize> Stiffness<D> {
-    fn is_hard(&self) -> bool {
+    pub(super) fn is_hard(&self) -> bool {
         self.both().iter().all(Option::is_none)
     }
 
@@ -98,6 +102,18 @@ impl<const D: usize> Stiffness<D> {
 
     pub(super) fn both_mut(&mut self) -> [&mut Option<Quantity<D>>; 2] {
         [&mut self.normal, &mut self.tangential]
+    }
+
+    /// In words; None where it is hard.
+    pub(super) fn told(&self, units: &Units) -> Option<String> {
+        let parts = ["normal", "tangential"].into_iter().zip(self.both());
+        let parts = parts.filter_map(|(way, k)| Some(format!("{way} {}", k?)));
+        let parts: Vec<String> = parts.collect();
+        let unit = match (units.stress(), &units.length) {
+            (stress, _) if stress.is_empty() => stress,
+            (stress, length) => format!(" {stress}/{length}"),
+        };
+        (!parts.is_empty()).then(|| format!("{}{unit}", parts.join(", ")))
     }
 }
 
@@ -111,6 +127,7 @@ struct Tie {
     #[serde(default)]
     adjust: f64,
     edge_angle: Option<f64>,
+    active: Option<Vec<f64>>,
 }
 
 pub(super) fn ties<'de, S: Deserializer<'de>, const D: usize>(
@@ -120,6 +137,7 @@ pub(super) fn ties<'de, S: Deserializer<'de>, const D: usize>(
         name: tie.name,
         adjust: tie.adjust,
         edge_angle: tie.edge_angle,
+        active: tie.active,
         ..Pair::tied(tie.boundary, tie.against)
     };
     Ok(Vec::deserialize(from)?.into_iter().map(pair).collect())
@@ -274,6 +292,39 @@ impl<const D: usize> Pair<D> {
         self
     }
 
+    /// In which load steps it acts: 1, or 0 where it has no effect, one for each. A contact that begins to act closes what is left of its
+    /// gap; a tie that begins to act holds the sides together as they are then.
+    pub fn active(mut self, steps: impl Into<Vec<f64>>) -> Self {
+        self.active = Some(steps.into());
+        self
+    }
+
+    /// What the bound or the coefficient of its law of friction is multiplied by, one for each load step: 0 is no friction.
+    pub fn friction_factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
+        self.friction_factors = Some(factors.into());
+        self
+    }
+
+    /// Whether it acts in a load step, counted from 0.
+    pub(super) fn acts(&self, step: usize) -> bool {
+        let stated = self.active.as_ref().and_then(|steps| steps.get(step));
+        stated.is_none_or(|&acts| acts != 0.0)
+    }
+
+    /// Whether something of it is stated for each load step.
+    pub(super) fn has_steps(&self) -> bool {
+        self.active.is_some() || self.friction_factors.is_some()
+    }
+
+    /// What its law of friction is multiplied by in a load step.
+    pub(super) fn friction_factor(&self, step: usize) -> f64 {
+        let factors = self.friction_factors.as_ref();
+        factors
+            .and_then(|factors| factors.get(step))
+            .copied()
+            .unwrap_or(1.0)
+    }
+
     /// What is farther apart is no candidate between boundaries, and not rubbed by Tresca's bound on an obstacle; in m.
     /// Without it: half the diagonal of the box around the smaller boundary.
     pub fn search_distance(mut self, distance: f64) -> Self {
@@ -283,28 +334,47 @@ impl<const D: usize> Pair<D> {
 
     /// The law and its bound or coefficient, in words.
     pub(super) fn friction(&self, units: &Units) -> String {
-        match &self.law {
+        let mut text = match &self.law {
             Law::None => "no friction".to_owned(),
             Law::Tied => "tied".to_owned(),
             Law::Tresca(bound) => {
                 format!("Tresca bound {bound}{}", Units::behind(&units.stress()))
             }
             Law::Coulomb(coefficient) => format!("Coulomb coefficient {coefficient}"),
+        };
+        if let Some(factors) = &self.friction_factors {
+            text += &format!(" times {factors:?}");
         }
+        if let Some(steps) = &self.active {
+            text += &format!(", active {steps:?}");
+        }
+        text
     }
 
-    /// The stiffness of the contact itself, in words; None where it is hard.
-    pub(super) fn compliance(&self, units: &Units) -> Option<String> {
-        let parts = ["normal", "tangential"]
-            .into_iter()
-            .zip(self.stiffness.both());
-        let parts = parts.filter_map(|(way, k)| Some(format!("{way} {}", k?)));
-        let parts: Vec<String> = parts.collect();
-        let unit = match (units.stress(), &units.length) {
-            (stress, _) if stress.is_empty() => stress,
-            (stress, length) => format!(" {stress}/{length}"),
+    /// What is wrong with what it states for each load step.
+    fn fault_of_steps(&self) -> Option<Flaw> {
+        let any = |list: &Option<Vec<f64>>, bad: fn(f64) -> bool| {
+            list.as_ref().is_some_and(|all| all.iter().any(|&v| bad(v)))
         };
-        (!parts.is_empty()).then(|| format!("{}{unit}", parts.join(", ")))
+        let text = if any(&self.active, |v| v != 0.0 && v != 1.0) {
+            (
+                "active",
+                "active is 1 in load steps in which it acts, and 0 in the others",
+            )
+        } else if any(&self.friction_factors, |v| !(v >= 0.0 && v.is_finite())) {
+            (
+                "friction_factors",
+                "friction_factors must be finite and not negative",
+            )
+        } else if self.friction_factors.is_some() && matches!(self.law, Law::None | Law::Tied) {
+            (
+                "friction_factors",
+                "friction_factors multiply a law of friction: state friction beside them",
+            )
+        } else {
+            return None;
+        };
+        Some(Flaw::of(text.0, text.1))
     }
 
     /// Whether another contact is about the same boundaries the other way round.
@@ -329,7 +399,14 @@ impl<const D: usize> Part for Pair<D> {
             },
             name: self.name.as_deref(),
             place: side.map_or(String::new(), |names| format!("on \"{names}\"")),
-            factors: (self.motion.as_ref()).and_then(|motion| motion.factors.as_deref()),
+            factors: by_step([
+                (
+                    "factors",
+                    self.motion.as_ref().map_or(&None, |motion| &motion.factors),
+                ),
+                ("active", &self.active),
+                ("friction_factors", &self.friction_factors),
+            ]),
         }
     }
 
@@ -347,6 +424,9 @@ impl<const D: usize> Part for Pair<D> {
         };
         if let Some(fault) = self.motion.as_ref().and_then(Motion::fault) {
             return Some(Flaw::of("motion", fault));
+        }
+        if let Some(fault) = self.fault_of_steps() {
+            return Some(fault);
         }
         let is_angle = |angle| (0.0..=180.0).contains(&angle);
         let is_stated = self.gap.is_some() || self.interference.is_some();

@@ -4,17 +4,17 @@
 //! Nodes are numbered rank by rank. Of a rank's nodes the own ones come first, then those of others that its elements reach; of
 //! its elements first those that are its own, by their first node, then those that it only needs for the rows of its nodes.
 
-use super::analysis::{held_by, named_by};
+use super::analysis::{Holder, held_by, named_by};
 use super::build::loose;
 use super::elastic::Elastic;
 use super::error::ModelError;
 use super::loads::{StepData, TemperatureField, acting, end_of};
-use super::supports::Prescriptions;
-use super::{Definition, Quantity, Units};
+use super::supports::{Prescriptions, SAME, extended};
+use super::{Changes, Definition, Quantity, Units};
 use crate::constraint::TIED;
 use crate::contact::{ContactPlace, ContactRows, SlipBound, Space};
-use crate::elasticity::{Material, Plane, Unknowns, load_vector, stresses_at};
-use crate::mesh::{Element, ElementKind, Groups, Mesh, Topology, facet_nodes};
+use crate::elasticity::{Bedding, Material, Plane, Unknowns, load_vector, stresses_at};
+use crate::mesh::{Element, ElementKind, FacetPoint, Groups, Mesh, Topology, facet_nodes};
 use crate::problem::{FloatingBodies, Motions};
 use crate::quasistatic::Load;
 use crate::ranks::{Group, Ranks};
@@ -92,6 +92,7 @@ pub(crate) struct Step {
     slide: Vec<f64>,
     /// The factor of each temperature.
     warmth: Vec<f64>,
+    changes: Option<Changes>,
 }
 
 /// What a rank gets for itself.
@@ -117,6 +118,8 @@ pub(crate) struct Part {
     frames: Vec<(u32, Vec<f64>)>,
     /// Of own nodes: component, support.
     held: Vec<(u32, u32, u32)>,
+    /// Blocks of foundations in the rows of own nodes: both nodes, the support that it counts as, the block.
+    bedding: Vec<(u32, u32, u32, Vec<f64>)>,
     /// Nodal forces step by step: the nodes that have any, and those.
     forces: Vec<(Vec<u32>, Vec<f64>)>,
     /// Entries of N and T in the columns of own unknowns.
@@ -336,6 +339,13 @@ where
                 gap: elastic.contact.gap(&unknowns),
                 slide,
                 warmth,
+                changes: definition.changes(
+                    mesh,
+                    &elastic.prescriptions,
+                    &elastic.contact,
+                    &elastic.pair_of,
+                    step,
+                )?,
             });
             let value = |&(node, c): &(u32, usize)| unknowns.prescribed(node)[c].unwrap_or(0.0);
             values.push(held.iter().map(value).collect());
@@ -473,6 +483,13 @@ where
         part.held = held
             .map(|&(node, c, support)| (at(node), c as u32, support as u32))
             .collect();
+
+        for &node in own {
+            let row = elastic.unknowns.bedding().row(node);
+            part.bedding.extend(row.map(|(&(a, b, support), block)| {
+                (at(a), at(b), support as u32, block.as_flattened().to_vec())
+            }));
+        }
 
         let own_unknown = |column: usize| -> Option<u32> {
             let node = elastic.unknowns.node(column / D);
@@ -649,13 +666,36 @@ where
             }
         }
     }
+    // Foundations hold it where they are, along the normal and across it.
+    let on_bed = |_, nodes: &[u32], point: &FacetPoint<D>, _, stiffness: [f64; 2]| {
+        let of = |&node: &u32| part[node as usize];
+        let Some(one) = nodes.iter().map(of).find(|&part| part != NONE) else {
+            return;
+        };
+        let mut ways = vec![point.normal];
+        for c in 0..D {
+            let axis = std::array::from_fn(|i| f64::from(u8::from(i == c)));
+            extended(&mut ways, axis, SAME);
+        }
+        let across = ways.split_off(1);
+        for (ways, _) in [ways, across]
+            .iter()
+            .zip(stiffness)
+            .filter(|(_, k)| *k > 0.0)
+        {
+            held[one as usize].extend(ways.iter().map(|&way| (point.place, way)));
+        }
+    };
+    elastic.definition.on_foundations(&elastic.body(), on_bed)?;
     let points = unknowns.coordinates(mesh);
     let mut blocks: Vec<Vec<u32>> = vec![Vec::new(); count];
     for block in 0..unknowns.n_blocks() {
         blocks[part[unknowns.node(block) as usize] as usize].push(block as u32);
     }
     let is_tied = elastic.contact.tied();
-    let kinds = [true, false].map(|tied| touched_by(elastic, |i| is_tied[i] == tied));
+    let compliance = &elastic.contact.compliance;
+    let kinds = Holder::ALL
+        .map(|kind| touched_by(elastic, |i| Holder::of(is_tied[i], compliance, i) == kind));
     let (mut bodies, mut floating) = (Vec::new(), Vec::new());
     for ((nodes, held), one) in blocks.into_iter().zip(&held).zip(0u32..) {
         let here: Vec<[f64; D]> = nodes.iter().map(|&block| points[block as usize]).collect();
@@ -928,6 +968,7 @@ where
                 gap: of_all.gap.clone(),
                 slide: of_all.slide.clone(),
             },
+            changes: of_all.changes.clone(),
             unknowns,
             forces,
             temperature: TemperatureField(
@@ -968,6 +1009,12 @@ impl Part {
             prescribed[node as usize][c as usize] = Some(value);
         }
         let frames = self.frames.iter().map(|(node, frame)| (*node, rows(frame)));
-        Unknowns::new(prescribed).along(frames.collect())
+        let blocks = self.bedding.iter();
+        let bedding = Bedding::of(
+            blocks.map(|(a, b, support, block)| ((*a, *b, *support as usize), rows(block))),
+        );
+        Unknowns::new(prescribed)
+            .along(frames.collect())
+            .bedded(Arc::new(bedding))
     }
 }

@@ -1,16 +1,19 @@
 //! Prescribed displacements: which nodes supports hold, along which directions, and by how much in each step.
 
 use super::axis::AROUND;
-use super::entities::{AXES, Names, Part as _, Support, Target};
+use super::entities::{AXES, Foundation, Names, Part as _, Support, Target};
 use super::error::{Fault, ModelError};
-use super::loads::known;
+use super::loads::{known, outer_facets};
 use super::{Definition, Quantity};
 use crate::contact::Space;
-use crate::elasticity::{Body, Unknowns};
+use crate::elasticity::{Bedding, Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes};
-use crate::problem::{LARGEST, SIZES};
+use crate::mesh::{
+    ElementKind, Facet, FacetPoint, Location, Mesh, Topology, facet_corners, facet_nodes,
+};
+use crate::problem::{LARGEST, SIZES, is_sized};
 use std::collections::{BTreeMap, HashMap, HashSet};
+use std::sync::Arc;
 
 /// The sine of an angle between directions below which they count as one.
 pub(super) const SAME: f64 = 1e-5;
@@ -63,6 +66,8 @@ pub(super) struct Prescriptions<const D: usize> {
     all: Vec<Prescription<D>>,
     /// Orthonormal directions of the nodes that are not held along axes alone.
     frames: BTreeMap<u32, [[f64; D]; D]>,
+    /// What foundations do beside: their numbers follow those of the supports.
+    bedding: Arc<Bedding<D>>,
 }
 
 /// The nodes of a support, with the directions and quantities that it prescribes of each.
@@ -197,6 +202,39 @@ impl<const D: usize> Definition<D>
 where
     ElementKind: Topology<D>,
 {
+    /// Hands over the integration points of each foundation, whose number comes first: nodes, place and normal, the weight with the
+    /// depth of the bodies in it, and the stiffness along the normal and across it.
+    pub(super) fn on_foundations(
+        &self,
+        body: &Body<D>,
+        mut take: impl FnMut(usize, &[u32], &FacetPoint<D>, f64, [f64; 2]),
+    ) -> Result<(), ModelError> {
+        for (number, foundation) in self.foundations.iter().enumerate() {
+            let at_fault = |fault: Fault| foundation.entity(number).error(fault);
+            let facets = outer_facets(body.mesh, foundation.boundary.all()).map_err(at_fault)?;
+            let mut bad = None;
+            body.on_boundary(&facets, |nodes, point, weight| {
+                let both = foundation.stiffness.both();
+                let stiffness = both.map(|k| k.map_or(0.0, |k| k.at(point.place)));
+                match stiffness.iter().find(|&&k| !(k >= 0.0 && is_sized(k))) {
+                    Some(&k) => bad = bad.or(Some((k, point.place))),
+                    None => take(number, nodes, point, weight, stiffness),
+                }
+            });
+            if let Some((k, place)) = bad {
+                let place = Location::from(place);
+                let text = match k < 0.0 || !k.is_finite() {
+                    true => format!(
+                        "the stiffness is {k} at {place}: it must be finite and not negative"
+                    ),
+                    false => format!("the stiffness is {k:e} at {place}: {SIZES}"),
+                };
+                return Err(foundation.entity(number).at("stiffness").error(text));
+            }
+        }
+        Ok(())
+    }
+
     /// The normals of the planes of symmetry that nodes lie on, and those of an axis of revolution, which is one in the plane.
     pub(super) fn symmetry_planes(
         &self,
@@ -403,8 +441,14 @@ impl<const D: usize> Definition<D>
 where
     ElementKind: Space<D>,
 {
-    /// All that supports prescribe, in their order.
-    pub(super) fn prescriptions(&self, mesh: &Mesh<D>) -> Result<Prescriptions<D>, ModelError> {
+    /// All that supports prescribe, in their order, and what foundations do.
+    pub(super) fn prescriptions(&self, body: &Body<D>) -> Result<Prescriptions<D>, ModelError> {
+        let mesh = body.mesh;
+        let mut bedding = Bedding::default();
+        self.on_foundations(body, |number, nodes, point, weight, stiffness| {
+            let number = self.supports.len() + number;
+            bedding.add_point(number, nodes, point, weight, stiffness);
+        })?;
         let zero = Quantity::from(0.0);
         let mut all = Vec::new();
         for (number, support) in self.supports.iter().enumerate() {
@@ -427,12 +471,21 @@ where
         let mut all = Prescriptions {
             all,
             frames: BTreeMap::new(),
+            bedding: Arc::new(bedding),
         };
         all.turn_nodes();
         Ok(all)
     }
 
-    /// The centroid of the boundaries of each support, its node, or the mean of its nodes.
+    /// What supports are called in results; after them foundations.
+    pub(super) fn held_by(&self) -> Vec<String> {
+        let supports = self.supports.iter().map(Support::name);
+        supports
+            .chain(self.foundations.iter().map(Foundation::title))
+            .collect()
+    }
+
+    /// The centroid of the boundaries of each support, its node, or the mean of its nodes; after them those of foundations.
     pub(super) fn support_centres(
         &self,
         body: &Body<D>,
@@ -456,16 +509,15 @@ where
                 .collect();
             facets.sort_unstable();
             facets.dedup();
-            let mut shares = vec![0.0; body.mesh.nodes.len()];
-            body.integrate_on_boundary(&facets, &|_| 1.0, &mut shares);
-            let area: f64 = shares.iter().sum();
-            let place = |c: usize| -> f64 {
-                let nodes = body.mesh.nodes.iter().zip(&shares);
-                nodes.map(|(x, share)| x[c] * share).sum()
-            };
-            std::array::from_fn(|c| place(c) / area)
+            centroid(body, &facets)
         };
-        self.supports.iter().enumerate().map(centre).collect()
+        let beds = self.foundations.iter().map(|foundation| {
+            let facets = outer_facets(body.mesh, foundation.boundary.all());
+            centroid(body, &facets.unwrap_or_default())
+        });
+        (self.supports.iter().enumerate().map(centre))
+            .chain(beds)
+            .collect()
     }
 
     /// The numbering of what supports leave free, with the prescribed displacements of all nodes in a step.
@@ -498,8 +550,25 @@ where
             };
             return Err(self.supports[p.support].entity(p.support).error(fault));
         }
-        Ok(Unknowns::new(prescribed).along(prescriptions.frames.clone()))
+        Ok(Unknowns::new(prescribed)
+            .along(prescriptions.frames.clone())
+            .bedded(Arc::clone(&prescriptions.bedding)))
     }
+}
+
+/// The centroid of facets.
+fn centroid<const D: usize>(body: &Body<D>, facets: &[Facet<D>]) -> [f64; D]
+where
+    ElementKind: Topology<D>,
+{
+    let mut shares = vec![0.0; body.mesh.nodes.len()];
+    body.integrate_on_boundary(facets, &|_| 1.0, &mut shares);
+    let area: f64 = shares.iter().sum();
+    let place = |c: usize| -> f64 {
+        let nodes = body.mesh.nodes.iter().zip(&shares);
+        nodes.map(|(x, share)| x[c] * share).sum()
+    };
+    std::array::from_fn(|c| place(c) / area)
 }
 
 /// Prescribes a value at a node; if that contradicts what is prescribed there already, in which direction.

@@ -7,10 +7,10 @@ use crate::contact::Space;
 use crate::engine::{self, Engine};
 use crate::matrix_market::{write_columns, write_matrix};
 use crate::mesh::ElementKind;
-use crate::model::Analysis;
+use crate::model::{Analysis, Changes};
 use crate::problem::ContactProblem;
 use crate::quasistatic::{Load, State};
-use crate::solve::{self, Event};
+use crate::solve::{self, Changed, Event};
 use crate::ssnm::Status;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -96,17 +96,29 @@ where
         directory,
         written: Vec::new(),
     };
-    let mut shared = shared_table(&mut files, problem)?;
+    let first = analysis.step(0).map_err(solve::Error::from)?;
+    let changes = first.is_some_and(|data| data.changes.is_some());
+    let mut shared = shared_table(&mut files, problem, changes)?;
     if problem.has_dependent_rows() {
         shared["dependent_rows"] = value(true);
     }
     let mut state = State::at_rest(problem);
-    let mut write = |number: usize, load: &Load, state: &State| -> Result<(), OutputError> {
+    let whole = problem.elsewhere();
+    let mut write = |number: usize, load: &OfStep, state: &State| -> Result<(), OutputError> {
         let suffix = match n_steps {
             1 => String::new(),
             _ => format!("-{number:03}"),
         };
         let mut table = shared.clone();
+        let (load, changes) = load;
+        let changed = (changes.as_ref()).map(|changes| Changed::new(&whole, load, state, changes));
+        let (of_step, load, state) = match &changed {
+            Some(one) => (&one.problem, &one.load, &one.start),
+            None => (&whole, load, state),
+        };
+        if changed.is_some() {
+            laws(&mut files, &mut table, of_step, &suffix)?;
+        }
         let force = load.force[..problem.n()].to_vec();
         table["load"] = value(files.columns(&format!("f{suffix}"), &[force])?);
         table["gap"] =
@@ -133,9 +145,12 @@ where
         files.written.push(path);
         Ok(())
     };
-    let load_of = |number: usize| -> Result<Load, solve::Error> {
+    let load_of = |number: usize| -> Result<OfStep, solve::Error> {
         let data = analysis.step(number - 1)?;
-        Ok(data.map_or_else(|| Load::of(problem), |data| data.load))
+        Ok(data.map_or_else(
+            || (Load::of(problem), None),
+            |data| (data.load, data.changes),
+        ))
     };
     if n_steps == 1 {
         write(1, &load_of(1)?, &state)?;
@@ -176,10 +191,41 @@ where
     Ok(files.written)
 }
 
-/// What all load steps have in common: K, N, T, g or μ, and the points.
+/// The load of a step, and what contacts are in it, if that changes.
+type OfStep = (Load, Option<Changes>);
+
+/// g or μ, and which nodes are tied.
+fn laws<const D: usize, K>(
+    files: &mut Files,
+    table: &mut Table,
+    problem: &ContactProblem<D, K>,
+    suffix: &str,
+) -> Result<(), OutputError> {
+    let m = problem.m();
+    let mut name = |key: &str, called: &str, column: Vec<f64>| -> Result<(), OutputError> {
+        table[key] = value(files.columns(&format!("{called}{suffix}"), &[column])?);
+        Ok(())
+    };
+    let (mu, g) = (problem.friction_coefficient(), problem.slip_bound());
+    if !mu.is_empty() {
+        name("friction_coefficient", "mu", mu.to_vec())?;
+    }
+    if mu.is_empty() || g.iter().any(|&g| g > 0.0) {
+        let g = g.iter().map(|&g| if g.is_finite() { g } else { 0.0 });
+        name("slip_bound", "g", g.collect())?;
+    }
+    let tied = (0..m).map(|i| f64::from(u8::from(problem.is_tied(i))));
+    if (0..m).any(|i| problem.is_tied(i)) {
+        name("tied", "tied", tied.collect())?;
+    }
+    Ok(())
+}
+
+/// What all load steps have in common: K, N, T, and the points; and, where contacts are the same in all of them, g or μ.
 fn shared_table<const D: usize>(
     files: &mut Files,
     problem: &ContactProblem<D>,
+    changes: bool,
 ) -> Result<Table, OutputError> {
     let (n, m) = (problem.n(), problem.m());
     let mut table = Table::new();
@@ -197,18 +243,10 @@ fn shared_table<const D: usize>(
         "tangential",
         files.matrix("T", [rows, n], false, || problem.tangential().triplets())?,
     );
-    let (mu, g) = (problem.friction_coefficient(), problem.slip_bound());
-    if !mu.is_empty() {
-        name("friction_coefficient", files.columns("mu", &[mu.to_vec()])?);
+    if !changes {
+        laws(files, &mut table, problem, "")?;
     }
-    if mu.is_empty() || g.iter().any(|&g| g > 0.0) {
-        let g = g.iter().map(|&g| if g.is_finite() { g } else { 0.0 });
-        name("slip_bound", files.columns("g", &[g.collect()])?);
-    }
-    let tied = (0..m).map(|i| f64::from(u8::from(problem.is_tied(i))));
-    if (0..m).any(|i| problem.is_tied(i)) {
-        name("tied", files.columns("tied", &[tied.collect()])?);
-    }
+    let mut name = |key: &str, file: String| table[key] = value(file);
     let compliance = problem.contact_compliance();
     if !compliance.is_empty() {
         name("compliance", files.columns("c", &[compliance.to_vec()])?);

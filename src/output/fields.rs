@@ -123,7 +123,12 @@ where
         let places = &elastic.contact.places;
         let areas = elastic.contact.pooled_areas();
         let pooled = |forces: &[f64]| pooled(places, forces);
-        let tied = elastic.contact.tied();
+        // What they are in this step.
+        let changes = data.changes.as_ref();
+        let acts = |i: usize| changes.is_none_or(|changes| changes.acts(i));
+        let tied: Vec<bool> = (elastic.contact.tied().into_iter().enumerate())
+            .map(|(i, tied)| tied && acts(i))
+            .collect();
         let bounds = solution.slip_bound.iter().zip(&tied);
         let bounds: Vec<f64> = bounds
             .map(|(&g, &tied)| if tied { 0.0 } else { g })
@@ -135,7 +140,12 @@ where
             bound: per_area(&pooled(&bounds), &areas, 1.0),
             slip,
             frames: places.iter().map(|place| place.frame).collect(),
-            has_friction: (0..m).map(|i| problem.has_friction(i)).collect(),
+            has_friction: (0..m)
+                .map(|i| match changes {
+                    None => problem.has_friction(i),
+                    Some(changes) => changes.slip_bound[i] > 0.0 || changes.coefficient[i] > 0.0,
+                })
+                .collect(),
             tied,
             sets: solution.sets.clone(),
         }

@@ -85,10 +85,10 @@ where
             picture("deformed", usual, svg, view)
         };
         // Nodes that move alike are no surface.
-        let drawn = pairs.par_iter().filter(|pair| !pair.is_equal());
+        let drawn = pairs.par_iter().filter(|pair| !pair.is_of_nodes());
         let n_drawn = drawn.count();
         let all = pairs.par_iter().enumerate();
-        let contacts = all.filter(|(_, pair)| !pair.is_equal());
+        let contacts = all.filter(|(_, pair)| !pair.is_of_nodes());
         let contacts = contacts.map(|(number, pair)| {
             let name = match n_drawn {
                 1 => "contact".to_owned(),

@@ -70,10 +70,10 @@ impl ContactReport {
     }
 }
 
-/// What a support carries at the end of a step.
+/// What a support, or an elastic foundation, carries at the end of a step.
 #[derive(Clone, Debug, Serialize)]
 pub struct SupportReport {
-    /// Its name or, where it has none, its boundary, set of nodes or point.
+    /// Its name or, where it has none, its boundary, set of nodes or point; "…, foundation" of a foundation.
     pub support: String,
     /// Resultant on the body along the axes, in N; a component that two supports hold counts for the first.
     pub force: Vec<f64>,
@@ -217,7 +217,7 @@ where
     contacts
 }
 
-/// What the supports carry: inner forces less all others at the nodes that they hold.
+/// What the supports carry: inner forces less all others at the nodes that they hold. Foundations follow, with what they resist with.
 pub(crate) fn support_reports<const D: usize>(
     of: &OfBodies<D>,
     solution: &StepSolution<D>,
@@ -261,6 +261,12 @@ where
             centre: centre.to_vec(),
         })
         .collect();
+    let mut carry = |node: u32, number: usize, force: [f64; D]| {
+        let support: &mut SupportReport = &mut supports[number];
+        add(&mut support.force, &force);
+        let arm = minus(elastic.mesh.nodes[node as usize], centres[number]);
+        add(&mut support.moment, &moment(elastic.plane, arm, force));
+    };
     for &(node, c, number) in &elastic.held {
         let rest = minus(inner[node as usize], outer[node as usize]);
         let mut force = [0.0; D];
@@ -268,10 +274,10 @@ where
             None => force[c] = rest[c],
             Some(frame) => force = frame[c].map(|way| dot(frame[c], rest) * way),
         }
-        let support = &mut supports[number];
-        add(&mut support.force, &force);
-        let arm = minus(elastic.mesh.nodes[node as usize], centres[number]);
-        add(&mut support.moment, &moment(elastic.plane, arm, force));
+        carry(node, number, force);
+    }
+    for (node, number, taken) in data.unknowns.bedding().forces(displacement) {
+        carry(node, number, taken.map(|f| -f));
     }
     supports
 }

@@ -238,7 +238,7 @@ const SMALLEST: f64 = 1e-70;
 /// See [`SMALLEST`].
 pub(crate) const LARGEST: f64 = 1e70;
 /// What no displacement and no force reaches that can be computed with: an infinite gap and an infinite slip bound become this.
-const BEYOND: f64 = LARGEST / SMALLEST;
+pub(crate) const UNREACHABLE: f64 = LARGEST / SMALLEST;
 
 /// What to do about others.
 pub(crate) const SIZES: &str = "what is not 0 has to be between 1e-70 and 1e70 in size, to be computed with: state it in other units";
@@ -472,13 +472,13 @@ fn bounded(name: &'static str, vector: &mut [f64], most: f64) -> Result<(), Prob
 
 /// d is as it should be, but for its sign.
 pub(super) fn gap(d: &mut [f64]) -> Result<(), ProblemError> {
-    bounded("the gap d", d, BEYOND)
+    bounded("the gap d", d, UNREACHABLE)
 }
 
 /// g is as it should be.
 pub(super) fn slip_bound(g: &mut [f64], m: usize) -> Result<(), ProblemError> {
     length("the slip bound g", g, m, PER_NODE)?;
-    bounded("the slip bound g", g, BEYOND)?;
+    bounded("the slip bound g", g, UNREACHABLE)?;
     match g.iter().position(|&v| v < 0.0) {
         Some(i) => Err(ProblemError::NegativeSlipBound {
             row: i + 1,

@@ -133,7 +133,9 @@ impl<const D: usize> Cones<D> {
             return cones;
         }
         let b = problem.contact_matrix();
-        let mut balance = Balance::new(floating, b, problem.load(), |_| 1.0);
+        let mut balance = Balance::new(floating, b, problem.load(), |i| {
+            f64::from(u8::from(!problem.is_out_of_reach(i)))
+        });
         let given = problem.slip_bound();
         let least = balance.least(|i, z: [f64; D]| lawful(given[i], cones.mu(i), z));
         if !least.balanced {

@@ -50,7 +50,12 @@ impl Start {
         }
         let law = &start.law;
         let b = problem.contact_matrix();
-        let mut balance = Balance::new(floating, b, problem.load(), |i| dual.factor(i));
+        let mut balance = Balance::new(floating, b, problem.load(), |i| {
+            match problem.is_out_of_reach(i) {
+                true => 0.0,
+                false => dual.factor(i),
+            }
+        });
         let least = balance.least(|i, z: [f64; D]| law.nearest(i, z));
         start.lambda = least.lambda;
         if !least.balanced {

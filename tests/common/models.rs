@@ -6,9 +6,10 @@ use signorini::elasticity::{Stress, internal_forces, stresses};
 use signorini::engine::{Device, Engine, Stiffness};
 use signorini::mesh::structured::{CellShape, join, rectangle};
 use signorini::mesh::{ElementKind, Mesh};
-use signorini::model::{Built, Model, StepData};
+use signorini::model::{Analysis, Built, Model, StepData};
+use signorini::output::{Report, StepReport, StepResults};
 use signorini::quasistatic::{self, State, StepSolution};
-use signorini::solve::SolveOptions;
+use signorini::solve::{SolveOptions, Solved};
 use signorini::ssnm::Status;
 use std::ops::ControlFlow;
 
@@ -126,6 +127,19 @@ where
     /// Displacement of every node.
     pub fn displacement(&self) -> Vec<[f64; D]> {
         self.data.unknowns.displacements(&self.solution.u)
+    }
+
+    /// What the report says of the last step.
+    pub fn report(&self) -> StepReport {
+        let mut report = Report::new("", &self.built);
+        let solved = Solved {
+            number: 1 + self.before.len(),
+            data: Some(&self.data),
+            solution: self.solution.clone(),
+            displaced: None,
+        };
+        report.add_step(&StepResults::new(Analysis::from(&self.built), &solved));
+        report.steps.remove(0)
     }
 
     /// Stresses at the nodes.

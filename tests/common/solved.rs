@@ -69,6 +69,18 @@ impl Solved {
     }
 }
 
+/// What is wrong with the text of a case, or with what it says of its mesh.
+pub fn refusal(text: &str) -> String {
+    let built = match Case::parse(Path::new("case.toml"), text.to_owned(), &[]) {
+        Ok(case) => case.build().map_err(|error| error.to_string()),
+        Err(error) => Err(error.to_string()),
+    };
+    match built {
+        Ok(_) => panic!("this was accepted:\n{text}"),
+        Err(error) => error,
+    }
+}
+
 /// Reads a case whose files lie beside the tests.
 pub fn case(text: &str) -> Case {
     Case::parse(Path::new("tests/case.toml"), text.to_owned(), &[]).or_panic()

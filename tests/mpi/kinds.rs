@@ -239,6 +239,56 @@ against = "floor"
 friction = { coulomb = 0.3 }
 "#;
 
+/// A block of second order on a foundation that leaves it free along one axis, where springs hold it, and another one that a spring and
+/// friction hold, and a tie from the second step on.
+const BED: &str = r#"
+title = "on a foundation and springs"
+[[mesh.part]]
+name = "low"
+box = { size = [2, 1, 0.5], cells = [6, 3, 2] }
+order = 2
+[[mesh.part]]
+name = "up"
+box = { origin = [0.5, 0, 0.5], size = [1, 1, 0.5], cells = [4, 4, 2] }
+[[material]]
+young = 1e9
+poisson = 0.3
+[[support]]
+boundary = ["low-front", "up-front"]
+y = 0
+[[foundation]]
+boundary = "low-bottom"
+stiffness = { normal = "2e8 * (1 + x)" }
+[[spring]]
+boundary = "low-left"
+direction = [1, 0, 0]
+stiffness = 3e6
+[[spring]]
+point = [0.5, 0.5, 1]
+to = { point = [0, 0.5, 0] }
+stiffness = 2e6
+[[traction]]
+boundary = "up-top"
+z = -1e6
+factors = [1, 1, 1]
+[[traction]]
+boundary = "up-right"
+x = 1e5
+factors = [0, 1, 1]
+[[contact]]
+boundary = "up-bottom"
+against = "low-top"
+friction = { coulomb = 0.3 }
+active = [1, 1, 0]
+friction_factors = [0, 1, 1]
+[[tie]]
+boundary = "up-bottom"
+against = "low-top"
+active = [0, 0, 1]
+[steps]
+factors = [1, 1, 1]
+"#;
+
 /// Two blocks of quadrilaterals, one above the other, with sets of nodes.
 fn blocks() -> String {
     let (mut nodes, mut elements) = ("*NODE\n".to_owned(), String::new());
@@ -292,7 +342,7 @@ fn blocks() -> String {
 
 pub fn kinds() {
     let place = tempfile::tempdir().expect("a directory");
-    for text in [TIED, WARM, NODAL, WAVE, PADS, ROUND, NODES] {
+    for text in [TIED, WARM, NODAL, WAVE, PADS, ROUND, NODES, BED] {
         compare(&case(text, place.path()), &[2, 3, 4]);
     }
 }

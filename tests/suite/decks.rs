@@ -724,26 +724,136 @@ fn files_that_a_deck_names_are_read() {
     assert!(error.contains("does one name itself?"), "{error}");
 }
 
+/// A bar with springs at its end, to the ground or to its other end: u = F/(E A/L + 2k).
+#[test]
+fn springs_hold_a_bar() {
+    let (k, force) = (15.0, 10.0);
+    let ground = "*NODE\n97,6,0\n98,6,1\n*BOUNDARY\n97,1,3\n98,1,3\n";
+    let of = |kind: &str, elements: &str, data: &str| {
+        format!(
+            "*ELEMENT,TYPE={kind},ELSET=Espring\n{elements}*SPRING,ELSET=Espring\n{data}{k:?}\n"
+        )
+    };
+    for springs in [
+        of("SPRING1", "21,5\n22,15\n", "1\n"),
+        ground.to_owned() + &of("SPRINGA", "21,5,97\n22,98,15\n", "\n"),
+        ground.to_owned() + &of("SPRING2", "21,5,97\n22,15,98\n", "1,1\n"),
+        of("SPRINGA", "21,1,5\n22,15,11\n", "\n"),
+        of("SPRING2", "21,5,1\n22,15,11\n", "1, 1\n"),
+    ] {
+        let text = strip(&format!(
+            "{springs}{STATIC}*CLOAD\nNright,1,5.\n*END STEP\n"
+        ));
+        let deck = read(&text, &[], &[]).or_panic();
+        assert_eq!(written(&deck).matches("[[spring]]").count(), 2);
+        for (x, u) in [0.0, 1.0, 2.0, 3.0, 4.0]
+            .into_iter()
+            .zip(&displacements(&built(&deck))[0])
+        {
+            let expected = force / (100.0 / 4.0 + 2.0 * k) * x / 4.0;
+            assert!((u[0] - expected).abs() < 1e-8, "{springs} {x}: {u:?}");
+        }
+    }
+    let loose = "*NODE\n97,6,0\n".to_owned();
+    for (springs, expected) in [
+        (
+            of("SPRING2", "21,5,1\n", "1,2\n"),
+            "both ends of a spring have one direction",
+        ),
+        (of("SPRING1", "21,5\n", "4\n"), "nodes have no rotations"),
+        (
+            of("SPRING1", "21,5\n", "3\n"),
+            "in the plane there is no direction 3",
+        ),
+        (
+            of("SPRING1", "21,5\n", ""),
+            "a spring with one node needs a direction",
+        ),
+        (
+            loose + &of("SPRINGA", "21,5,97\n", ""),
+            "is the ground: hold it at 0",
+        ),
+        (
+            "*ELEMENT,TYPE=SPRING1,ELSET=E\n21,5\n".to_owned(),
+            "but no *SPRING",
+        ),
+    ] {
+        let error = read(&strip(&format!("{springs}{STATIC}*END STEP\n")), &[], &[]);
+        let error = error.expect_err(expected);
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+/// Two squares, one pressed on the other by δ and then pushed along: without friction, with it, and with the pair taken away.
+#[test]
+fn contacts_and_friction_change_with_the_steps() {
+    let step = |rest: &str| format!("{STATIC}{rest}*END STEP\n");
+    let begin = squares([1.0; 2], "").replace("NAME=hard\n", "NAME=hard\n*FRICTION\n0.\n");
+    let begin = begin
+        .split(STATIC)
+        .next()
+        .expect("what is before the steps");
+    // The upper side moves down, and then along.
+    let begin = begin.replace("13,2\n14,1,2\n", "");
+    let press = "*BOUNDARY\n13,2,2,-0.01\n14,2,2,-0.01\n13,1,1,0.\n14,1,1,0.\n";
+    let change = "*CHANGE FRICTION, INTERACTION=hard\n*FRICTION\n0.5\n";
+    let push = "*BOUNDARY\n13,1,1,0.001\n14,1,1,0.001\n";
+    let remove = "*MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE\nSupper, Slower\n";
+    let text = [
+        begin,
+        step(press),
+        step(push),
+        step(&format!("{change}*BOUNDARY\n13,1,1,0.002\n14,1,1,0.002\n")),
+        step(remove),
+    ]
+    .concat();
+    let deck = read(&text, &[], &[]).or_panic();
+    let case = written(&deck);
+    assert!(
+        case.contains("friction_factors = [0.0, 0.0, 1.0, 1.0]"),
+        "{case}"
+    );
+    assert!(case.contains("active = [1.0, 1.0, 1.0, 0.0]"), "{case}");
+    let u = displacements(&built(&deck));
+    // Nodes 1 to 4 below, 11 to 14 above: E A δ/h of both; the upper square moves along as a whole until friction takes the lower one with it.
+    let pressed =
+        |of: &[[f64; 3]]| (of[2][1] + 0.005).abs() < 1e-9 && (of[4][1] + 0.005).abs() < 1e-9;
+    assert!((0..2).all(|step| pressed(&u[step])), "{u:?}");
+    assert!(
+        (u[1][4][0] - 0.001).abs() < 1e-9 && u[1][3][0].abs() < 1e-9,
+        "{:?}",
+        u[1]
+    );
+    // Where nodes 4 and 11 are apart by then they stay so.
+    assert!((u[2][3][0] - u[2][4][0] + 0.001).abs() < 1e-8, "{:?}", u[2]);
+    assert!(u[2][3][0] > 1e-4, "{:?}", u[2]);
+    // Without the pair nothing is pressed.
+    assert!(
+        u[3][2][1].abs() < 1e-9 && (u[3][4][1] + 0.01).abs() < 1e-9,
+        "{:?}",
+        u[3]
+    );
+}
+
 /// All that changes the result is refused in one message, by line and by what `--ignore` takes; the rest is passed over.
 #[test]
 fn what_is_not_understood_is_told_at_once() {
     let text = strip(
-        "*MATERIAL, NAME=other\n*PLASTIC\n1.,0.\n*ELEMENT,TYPE=SPRINGA,ELSET=Espring\n20,1,2\n*SPRING,ELSET=Espring\n\n3.\n\
+        "*MATERIAL, NAME=other\n*PLASTIC\n1.,0.\n*ELEMENT,TYPE=SPRINGA,ELSET=Espring\n20,1,2\n*SPRING,ELSET=Espring,NONLINEAR\n\n3.\n\
          *STEP, NLGEOM\n*STATIC\n*NODE PRINT,NSET=Nall\nU\n*CLOAD\n99,1,5.\n*END STEP\n*STEP, NLGEOM\n*STATIC\n*END STEP\n",
     );
     let error = read(&text, &[], &[]).expect_err("refusals");
-    let keys = "--ignore 'CLOAD,NLGEOM,PLASTIC,SPRING,SPRINGA'";
+    let keys = "--ignore 'CLOAD,NLGEOM,PLASTIC,SPRING'";
     assert!(error.contains(keys), "{error}");
     for line in [
         "\n  line 39: *PLASTIC: materials are linear-elastic",
-        "\n  line 41: elements of type SPRINGA are not supported",
-        "\n  line 43: *SPRING: there are no springs",
+        "\n  line 43: *SPRING, NONLINEAR: springs are linear",
         "\n  line 46, line 53: *STEP, NLGEOM: displacements and rotations are taken to be small",
         "\n  line 51: *CLOAD: a node that no element of a body has",
     ] {
         assert!(error.contains(line), "{line} is not in {error}");
     }
-    let ignored = ["nlgeom", "*Plastic", "SPRING", "SPRINGA", "CLOAD"];
+    let ignored = ["nlgeom", "*Plastic", "SPRING", "CLOAD"];
     let deck = read(&text, &[], &ignored).or_panic();
     let notes = deck.notes.join("\n");
     assert!(

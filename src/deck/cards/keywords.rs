@@ -47,13 +47,9 @@ pub(super) const PASSED_OVER: [&str; 42] = [
 ];
 
 /// Why keywords are refused that decks often have.
-pub(super) const REASONS: [(&str, &str); 38] = [
+pub(super) const REASONS: [(&str, &str); 35] = [
     ("BEAM SECTION", "there are no beams"),
     ("BUCKLE", "there is no buckling analysis"),
-    (
-        "CHANGE FRICTION",
-        "friction cannot change from step to step",
-    ),
     (
         "CHANGE SURFACE BEHAVIOR",
         "contact cannot change from step to step",
@@ -82,7 +78,6 @@ pub(super) const REASONS: [(&str, &str); 38] = [
     ),
     ("MEMBRANE SECTION", "there are no membranes"),
     ("MODAL DYNAMIC", "inertia is not taken into account"),
-    ("MODEL CHANGE", "contacts and elements cannot come and go"),
     (
         "MPC",
         "displacements of nodes cannot be made to depend on each other",
@@ -102,7 +97,6 @@ pub(super) const REASONS: [(&str, &str); 38] = [
         "there is no cyclic symmetry",
     ),
     ("SHELL SECTION", "there are no shells"),
-    ("SPRING", "there are no springs"),
     ("STEADY STATE DYNAMICS", "inertia is not taken into account"),
     ("SUBMODEL", "there are no submodels"),
     ("SUBSTRUCTURE GENERATE", "there are no substructures"),

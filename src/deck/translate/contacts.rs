@@ -1,8 +1,9 @@
 //! Contacts and ties.
 
-use super::{Result, Translation};
+use super::{Result, Translation, with_factors};
 use crate::deck::adjust::{Adjustment, Moved};
-use crate::deck::said::{Adjust, PairCard};
+use crate::deck::history::factors;
+use crate::deck::said::{Adjust, Interaction, PairCard};
 use crate::mesh::abaqus::keyword::key;
 use crate::model::Pair;
 
@@ -17,6 +18,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 let text = format!("there is no *SURFACE INTERACTION \"{}\"", pair.interaction);
                 return Err((pair.line, text));
             };
+            let active = self.active(pair);
             if interaction.tied {
                 if let Some([stiffness, _]) = interaction.springs.first() {
                     let place = (self.place)(pair.line);
@@ -24,7 +26,11 @@ impl<const D: usize> Translation<'_, '_, D> {
                         "{place}: a tie is rigid here: its stiffness of {stiffness:e} is passed over"
                     ));
                 }
+                let before = self.definition.ties.len();
                 self.tie(pair.line, None, [pair.slave, pair.master], None)?;
+                if let Some(tie) = self.definition.ties.get_mut(before) {
+                    *tie = with_factors(tie.clone(), active, Pair::active);
+                }
                 continue;
             }
             let slave = self.index.surface(pair.line, pair.slave)?;
@@ -41,7 +47,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 }
                 _ => false,
             };
-            let friction = interaction.friction.filter(|&mu| mu > 0.0);
+            let (friction, factors) = self.friction(interaction);
             let slope = interaction.stick_slope.filter(|_| friction.is_some());
             if slope.is_some() && interaction.springs.len() > 1 {
                 let text = "*FRICTION: there is no stick slope beside a table of pressures in several pieces";
@@ -82,7 +88,9 @@ impl<const D: usize> Translation<'_, '_, D> {
                 }
                 if let Some(coefficient) = friction {
                     contact = contact.coulomb(coefficient);
+                    contact = with_factors(contact, factors.clone(), Pair::friction_factors);
                 }
+                contact = with_factors(contact, active.clone(), Pair::active);
                 if let Some([stiffness, _]) = spring {
                     contact = contact.normal_stiffness(stiffness);
                 }
@@ -110,17 +118,51 @@ impl<const D: usize> Translation<'_, '_, D> {
                 moved,
             }));
         }
-        for clearance in &self.said.clearances {
-            let is_pair =
-                |pair: &PairCard| [pair.slave, pair.master].map(key) == clearance.surfaces;
+        let clearances = self.said.clearances.iter();
+        let clearances = clearances.map(|one| (one.line, &one.surfaces, "CLEARANCE"));
+        let changes = self.said.pair_changes.iter();
+        let changes = changes.map(|one| (one.line, &one.surfaces, "MODEL CHANGE"));
+        for (line, surfaces, keyword) in clearances.chain(changes) {
+            let is_pair = |pair: &PairCard| [pair.slave, pair.master].map(key) == *surfaces;
             if !self.said.pairs.iter().any(is_pair) {
-                return Err((
-                    clearance.line,
-                    "*CLEARANCE: there is no such *CONTACT PAIR".to_owned(),
-                ));
+                let text = format!("*{keyword}: there is no such *CONTACT PAIR");
+                return Err((line, text));
             }
         }
         Ok(())
+    }
+
+    /// What holds at the end of each load step, where a keyword may change it from a step on.
+    fn by_step(&self, first: f64, changes: &[(usize, f64)]) -> Vec<f64> {
+        let at = |&(step, _): &(usize, f64)| {
+            let last = changes.iter().rfind(|change| change.0 <= step);
+            last.map_or(first, |change| change.1)
+        };
+        self.times.ends.iter().map(at).collect()
+    }
+
+    /// In which load steps a pair acts, if not in all.
+    fn active(&self, pair: &PairCard) -> Option<Vec<f64>> {
+        let surfaces = [pair.slave, pair.master].map(key);
+        let changes = self.said.pair_changes.iter();
+        let changes: Vec<(usize, f64)> = changes
+            .filter(|change| change.surfaces == surfaces)
+            .map(|change| (change.step, f64::from(u8::from(change.acts))))
+            .collect();
+        let steps = self.by_step(1.0, &changes);
+        steps.contains(&0.0).then_some(steps)
+    }
+
+    /// The coefficient of an interaction where it is largest, and what it is multiplied by in each load step.
+    fn friction(&self, interaction: &Interaction) -> (Option<f64>, Option<Vec<f64>>) {
+        let changes = self.said.friction_changes.iter();
+        let changes: Vec<(usize, f64)> = changes
+            .filter(|change| self.said.interactions[change.interaction].name == interaction.name)
+            .map(|change| (change.step, change.friction))
+            .collect();
+        let values = self.by_step(interaction.friction.unwrap_or(0.0), &changes);
+        let (largest, of_steps) = factors(&values);
+        (Some(largest).filter(|&mu| mu > 0.0), of_steps)
     }
 
     fn tie(

@@ -409,7 +409,7 @@ impl<'a> Flat<'a> {
                 last.clone_from(&tags);
             }
             let nodes = &self.nodes_of_cells[begin..][..cell.n_nodes()];
-            // A mass at a node makes no set of nodes.
+            // A mass or a spring at a node makes no set of nodes.
             if cell != Cell::Point {
                 self.raw.push(cell, set, nodes);
             }

@@ -266,6 +266,16 @@ impl Index<'_> {
         self.flat.is_body(element as usize, self.is_solid)
     }
 
+    /// The nodes of an element, in its order.
+    pub fn ends(&self, element: u32) -> &[u32] {
+        self.flat.cell(element as usize).1
+    }
+
+    /// Where a node lies.
+    pub fn place(&self, node: u32) -> [f64; 3] {
+        self.flat.raw.nodes[node as usize]
+    }
+
     /// Whether an element has incompatible modes.
     pub fn has_modes(&self, element: u32) -> bool {
         let mut placed = self.flat.placed.iter();

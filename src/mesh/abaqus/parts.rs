@@ -186,7 +186,7 @@ impl<'a> Reader<'a> {
             }
             "ELEMENT" => {
                 let name = k.needed("TYPE")?;
-                match cell(name) {
+                match cell(name, self.collects) {
                     Ok(cell) => {
                         self.assembly.notes.extend(note(name, self.collects));
                         Block::Elements(cell, has_modes(name), option("ELSET"))

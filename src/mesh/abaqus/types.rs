@@ -77,9 +77,20 @@ const BOUNDS: [(&[&str], &[&str], Cell); 8] = [
     (&["MASS", "ROTARYI"], &[""], Cell::Point),
 ];
 
-/// The cell of a type of element; if there is none here, why not and what to do.
-pub(super) fn cell(name: &str) -> Result<Cell, String> {
+/// The cells of springs, whose stiffness a deck says.
+const SPRINGS: [(&str, Cell); 3] = [
+    ("SPRINGA", Cell::Link),
+    ("SPRING1", Cell::Point),
+    ("SPRING2", Cell::Link),
+];
+
+/// The cell of a type of element, of a `deck` or of a mesh alone; if there is none here, why not and what to do.
+pub(super) fn cell(name: &str, deck: bool) -> Result<Cell, String> {
     let name = name.to_uppercase();
+    let mut springs = SPRINGS.iter().filter(|_| deck);
+    if let Some(&(_, cell)) = springs.find(|known| known.0 == name) {
+        return Ok(cell);
+    }
     let is = |begin: &str, rest: &[&str]| {
         (name.strip_prefix(begin)).is_some_and(|end| rest.contains(&end))
     };
@@ -220,9 +231,10 @@ mod tests {
             ("S8R5", ElementKind::Quad8),
             ("STRI65", ElementKind::Triangle6),
         ] {
-            assert_eq!(cell(name), Ok(Cell::Element(expected)), "{name}");
+            assert_eq!(cell(name, true), Ok(Cell::Element(expected)), "{name}");
         }
-        assert_eq!(cell("T3D2"), Ok(Cell::Line));
+        assert_eq!(cell("T3D2", true), Ok(Cell::Line));
+        assert_eq!(cell("springa", true), Ok(Cell::Link));
         let taken = Some("C3D20RH is taken for C3D20, with full integration".to_owned());
         assert_eq!(note("c3d20rh", true), taken);
         for deck in [true, false] {
@@ -250,14 +262,14 @@ mod tests {
                 .iter()
                 .all(|name| !has_modes(name))
         );
-        assert_eq!(cell("B32R"), Ok(Cell::Line3));
+        assert_eq!(cell("B32R", true), Ok(Cell::Line3));
         for (name, expected) in [
             ("CGAX4R", "axisymmetric element that twists"),
             ("C3D15V", "are not supported: use CPE3"),
             ("SPRINGA", "are not supported: use CPE3"),
         ] {
             assert!(
-                cell(name).is_err_and(|text| text.contains(expected)),
+                cell(name, false).is_err_and(|text| text.contains(expected)),
                 "{name}"
             );
         }

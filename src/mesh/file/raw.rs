@@ -11,6 +11,8 @@ pub(in crate::mesh) enum Cell {
     Line,
     /// A line with a node in its middle.
     Line3,
+    /// Two nodes that a spring joins: no part of a mesh.
+    Link,
     Element(ElementKind),
 }
 
@@ -18,7 +20,7 @@ impl Cell {
     pub const fn n_nodes(self) -> usize {
         match self {
             Self::Point => 1,
-            Self::Line => 2,
+            Self::Line | Self::Link => 2,
             Self::Line3 => 3,
             Self::Element(kind) => kind.n_nodes(),
         }
@@ -28,7 +30,7 @@ impl Cell {
     pub const fn n_corners(self) -> usize {
         match self {
             Self::Point => 1,
-            Self::Line | Self::Line3 => 2,
+            Self::Line | Self::Line3 | Self::Link => 2,
             Self::Element(kind) => kind.n_corners(),
         }
     }
@@ -173,6 +175,7 @@ impl Raw {
     pub fn push(&mut self, cell: Cell, set: u32, nodes: &[u32]) {
         match cell {
             Cell::Point => self.points.push((set, nodes[0])),
+            Cell::Link => {}
             Cell::Line | Cell::Line3 => self.lines.push((set, facet::<2>(nodes))),
             Cell::Element(kind) if cell.is_surface() => {
                 self.faces.push(Element::new(kind, nodes, set));

@@ -1,0 +1,96 @@
+//! Elastic foundations under boundaries: what K gets beside the elements.
+//!
+//! A foundation resists with a force per area in proportion to the displacement, ∫ v·(k_ν ν νᵀ + k_τ (I − ν νᵀ)) u ds. Both nodes of
+//! each of its blocks are of one facet, and so of one element: K has an entry for them already.
+
+use crate::mesh::FacetPoint;
+use crate::mesh::vector::dot;
+use std::collections::BTreeMap;
+
+/// A block of a foundation: its row and its column, both nodes, and the number of the support that the foundation is.
+pub(crate) type Place = (u32, u32, usize);
+
+/// The stiffness of all foundations, in blocks of nodes.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Bedding<const D: usize> {
+    blocks: BTreeMap<Place, [[f64; D]; D]>,
+}
+
+impl<const D: usize> Bedding<D> {
+    /// Of blocks that are known.
+    #[cfg(feature = "mpi")]
+    pub fn of(blocks: impl Iterator<Item = (Place, [[f64; D]; D])>) -> Self {
+        let blocks = blocks.collect();
+        Self { blocks }
+    }
+
+    /// The blocks in the row of a node.
+    pub fn row(&self, node: u32) -> impl Iterator<Item = (&Place, &[[f64; D]; D])> {
+        self.blocks
+            .range((node, 0, 0)..=(node, u32::MAX, usize::MAX))
+    }
+
+    fn add(&mut self, place: Place, block: [[f64; D]; D]) {
+        let sum = self.blocks.entry(place).or_insert([[0.0; D]; D]);
+        let entries = sum.as_flattened_mut().iter_mut();
+        (entries.zip(block.as_flattened())).for_each(|(sum, more)| *sum += more);
+    }
+
+    /// Adds what a foundation with this stiffness per area, along the normal and across it, does at an integration point of a facet,
+    /// whose weight has its depth in it.
+    pub fn add_point(
+        &mut self,
+        support: usize,
+        nodes: &[u32],
+        point: &FacetPoint<D>,
+        weight: f64,
+        [normal, tangential]: [f64; 2],
+    ) {
+        let nu = point.normal;
+        let resists: [[f64; D]; D] = std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                let along = nu[i] * nu[j];
+                let across = f64::from(u8::from(i == j)) - along;
+                normal * along + tangential * across
+            })
+        });
+        for (&a, of_a) in nodes.iter().zip(point.shape) {
+            for (&b, of_b) in nodes.iter().zip(point.shape) {
+                let share = weight * (of_a * of_b);
+                let block = resists.map(|row| row.map(|entry| share * entry));
+                self.add((a, b, support), block);
+            }
+        }
+    }
+
+    /// The same on the nodes that others follow: `follows` has what each node is the mean of, or nothing where it is itself.
+    pub fn on_vertices(&self, follows: &[Vec<u32>]) -> Self {
+        let mut made = Self::default();
+        for (&(a, b, support), block) in &self.blocks {
+            let of = |node: u32| match &follows[node as usize][..] {
+                [] => vec![node],
+                some => some.to_vec(),
+            };
+            let (rows, columns) = (of(a), of(b));
+            let share = ((rows.len() * columns.len()) as f64).recip();
+            for &row in &rows {
+                for &column in &columns {
+                    let part = block.map(|row| row.map(|entry| share * entry));
+                    made.add((row, column, support), part);
+                }
+            }
+        }
+        made
+    }
+
+    /// The forces that displacements of the nodes take, in parts: node, number of the support, force.
+    pub fn forces<'b>(
+        &'b self,
+        displacement: &'b [[f64; D]],
+    ) -> impl Iterator<Item = (u32, usize, [f64; D])> + 'b {
+        self.blocks.iter().map(|(&(a, b, support), block)| {
+            let u = displacement[b as usize];
+            (a, support, block.map(|row| dot(row, u)))
+        })
+    }
+}
