@@ -16,7 +16,7 @@ fn without_device_selection() {
         .is_some_and(|path| path.as_encoded_bytes().starts_with(b"/"));
     let is_used = ["MESA_VK_DEVICE_SELECT", "NODEVICE_SELECT"].map(env::var_os);
     if !is_there && is_used.iter().all(Option::is_none) {
-        // SAFETY: there is no other thread yet that could read the environment.
+        // SAFETY: no other thread exists yet that could read the environment.
         unsafe { env::set_var("NODEVICE_SELECT", "1") };
     }
 }

@@ -1,14 +1,14 @@
-//! Load steps and Coulomb friction: what takes several contact problems (1)–(3) in a row.
+//! Load steps and Coulomb friction: sequences of contact problems (1)–(3).
 //!
-//! **Load steps.** In a quasi-static process friction acts on the slip since the last step. A step is a problem
-//! (1)–(3) in the whole displacement u under the whole load, with T(u − ū) in place of T u, ū the displacement
-//! before (of compliant contact less what it gives way by itself): the history is in the origin of slip alone, so that nothing of an earlier, larger load is left in
-//! the load or the gap of a small one.
+//! **Load steps.** In a quasi-static process friction acts on the slip since the last step. A step is a problem (1)–(3) in the
+//! whole displacement u under the whole load, with T(u − ū) instead of T u, where ū is the displacement before (for compliant
+//! contact minus the contact's own compression). Only the origin of slip carries the history, so an earlier, larger load leaves
+//! nothing in the load or the gap of a smaller one.
 //!
-//! **Coulomb friction** is part of the Newton steps (`ssnm`). As no function falls along them, they may fail.
-//! Then bodies that only contact holds are put on weak springs (`springs`), which show whether anything holds them, and
-//! rounds with frozen slip bounds (`rounds`) go on from the best point, and the monolithic step is tried once more where
-//! they converge. Whatever ends a step, its end is the best of all points met, and all that is said of it is about g = μλν.
+//! **Coulomb friction** is part of the Newton steps (`ssnm`). They minimise no function, so they may fail. Then bodies that only
+//! contact holds are put on weak springs (`springs`), which show whether anything holds them. Rounds with frozen slip bounds
+//! (`rounds`) continue from the best point, and the monolithic step is tried once more where they converge. A step always ends at
+//! the best of all points met, and everything reported about it is for g = μλν.
 
 mod rounds;
 mod springs;
@@ -32,11 +32,11 @@ use std::time::Instant;
 pub struct Load {
     /// f, as long as K has rows.
     pub force: Vec<f64>,
-    /// ‖f‖ without what prescribed displacements add to it: the forces that act.
+    /// ‖f‖ without the contribution of prescribed displacements: the acting forces.
     pub acting: f64,
-    /// d, length m: the initial gap less what prescribed displacements have closed of it.
+    /// d, length m: the initial gap minus the part that prescribed displacements have closed.
     pub gap: Vec<f64>,
-    /// What prescribed displacements add to T u, an entry per row of T.
+    /// The contribution of prescribed displacements to T u, an entry per row of T.
     pub slide: Vec<f64>,
 }
 
@@ -51,7 +51,7 @@ impl Load {
         }
     }
 
-    /// Whether it is one of this problem.
+    /// Checks that the sizes are those of this problem.
     fn check_for<const D: usize>(&self, system: &System<D>) -> Result<(), SettingsError> {
         let (n, m) = (system.n_rows(), system.m());
         SettingsError::unless_numbers(&self.force, n, "load.force")?;
@@ -81,7 +81,7 @@ impl State {
         }
     }
 
-    /// Where slip is counted from in a step to this load: T ū − Cτ λ̄τ, less what prescribed displacements slide meanwhile.
+    /// The origin of slip in a step to this load: T ū − Cτ λ̄τ, minus the sliding by prescribed displacements meanwhile.
     pub(crate) fn slip_origin<const D: usize>(&self, system: &System<D>, load: &Load) -> Vec<f64> {
         let (rows, m) = (system.tangential(), system.m());
         let mut origin = system.beyond_compliance(rows, m, &self.u, &self.lambda);
@@ -91,7 +91,7 @@ impl State {
         origin
     }
 
-    /// Whether it is one of this problem.
+    /// Checks that the sizes are those of this problem.
     fn check_for<const D: usize>(&self, system: &System<D>) -> Result<(), SettingsError> {
         let (n, m) = (system.n_rows(), system.m());
         SettingsError::unless_numbers(&self.u, n, "start.u")?;
@@ -120,10 +120,10 @@ impl StepSettings {
             .unwrap_or(ssnm::MET * self.ssnm.tolerance)
     }
 
-    /// Whether the numbers make sense for any problem: see [`ssnm::NewtonSettings::check`].
+    /// Checks that the numbers are valid for any problem: see [`ssnm::NewtonSettings::check`].
     ///
     /// # Errors
-    /// The first setting that does not.
+    /// The first invalid setting.
     pub fn check(&self) -> Result<(), SettingsError> {
         self.ssnm.check()?;
         self.friction_tolerance.map_or(Ok(()), |tolerance| {
@@ -149,7 +149,7 @@ impl Default for StepSettings {
 pub struct Round {
     /// From 1.
     pub round: usize,
-    /// Whether slip bounds were frozen under Coulomb's law, and for each solve anew.
+    /// Whether slip bounds were frozen under Coulomb's law, separately for each solve.
     pub frozen: bool,
     /// Whether bodies that only contact holds were on weak springs, under Coulomb's law.
     pub on_springs: bool,
@@ -161,11 +161,11 @@ pub struct Round {
     pub info: Info,
 }
 
-/// What is reported to an observer.
+/// The events that an observer receives.
 pub enum Event<'a> {
     /// An outer step of the Newton method.
     Newton(&'a Step),
-    /// A solve with frozen slip bounds has ended, or one whose monolithic steps have not got on.
+    /// A solve has ended that had frozen slip bounds, or whose monolithic steps made no progress.
     Round(&'a Round),
 }
 
@@ -202,16 +202,16 @@ pub struct StepSolution<const D: usize = 2> {
     pub rounds: Vec<Round>,
     /// The optimality conditions at the end.
     pub kkt: Kkt,
-    /// The bodies that nothing holds, where the status says so.
+    /// The bodies that are not held, if that is the status.
     pub not_held: Vec<NotHeld>,
 }
 
-/// A step that could not be finished, with what it had reached.
+/// A step that could not be finished, with its results so far.
 #[derive(Debug, thiserror::Error)]
 #[error("{}", error.cause)]
 #[non_exhaustive]
 pub struct StepError {
-    /// What went wrong in which solve; its λ is a start for another one.
+    /// The error and its solve; its λ can start another solve.
     pub error: Box<SolveError>,
     /// The solves that were finished before.
     pub rounds: Vec<Round>,
@@ -256,12 +256,12 @@ impl<const D: usize> StepSolution<D> {
 /// A body counts as pushed if this part of the largest imbalance is its own.
 const PUSHED: f64 = 1e-3;
 
-/// Solves one load step from `start`; the operator belongs to `problem`. `recycled` is what earlier steps with the same K,
-/// N and T have left, and empty before the first.
+/// Solves one load step from `start`; the operator belongs to `problem`. `recycled` has the pairs of earlier steps with
+/// the same K, N and T; it is empty before the first.
 ///
 /// # Errors
-/// If a setting makes no sense, if something else is of another size than the problem, or if the operator fails; the
-/// error keeps the rounds made, and of the last one λ and the steps.
+/// If a setting is invalid, a size differs from the problem's, or the operator fails; the error keeps the rounds made,
+/// with λ and the steps of the last one.
 pub fn solve_step<const D: usize, K>(
     problem: &ContactProblem<D, K>,
     load: &Load,
@@ -285,7 +285,8 @@ pub fn solve_step<const D: usize, K>(
     }
 }
 
-/// The problem of a step under its whole load: T u is counted from T ū, less what prescribed displacements slide meanwhile.
+/// The problem of a step under its whole load: the origin of slip is T ū, minus the sliding by prescribed displacements
+/// meanwhile.
 pub(crate) fn lawful<const D: usize>(
     whole: ContactProblem<D, Elsewhere>,
     load: &Load,
@@ -313,7 +314,7 @@ fn has_given_up(status: Status) -> bool {
 
 /// A step on its way.
 struct Process<'a, const D: usize, O: ?Sized, V> {
-    /// Under the whole load; T u is counted from T ū, less what prescribed displacements slide meanwhile.
+    /// Under the whole load; the origin of slip is T ū, minus the sliding by prescribed displacements meanwhile.
     lawful: ContactProblem<D, Elsewhere>,
     dual: &'a mut O,
     settings: &'a StepSettings,
@@ -332,7 +333,7 @@ struct Process<'a, const D: usize, O: ?Sized, V> {
 /// A point met under Coulomb's law.
 struct Met {
     lambda: Vec<f64>,
-    /// The largest violation of its conditions, as far as that is known.
+    /// The largest violation of its conditions, where known.
     off: f64,
 }
 
@@ -364,8 +365,7 @@ where
         }
     }
 
-    /// The step, with the bounds that were frozen for what it has ended with: monolithic Newton steps, and rounds where
-    /// those give up.
+    /// The step, with the frozen bounds of its result: monolithic Newton steps, and rounds where those fail.
     fn make(&mut self, start: &State) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
         let tolerance = self.settings.ssnm.tolerance;
         let has_coulomb = self.lawful.has_coulomb();
@@ -374,7 +374,7 @@ where
         let mut from = start.lambda.clone();
         let mut is_held = false;
         if monolithic || !has_coulomb {
-            // Where springs can be asked, that is cheaper than patience.
+            // Where springs can decide, they are cheaper than patience.
             let mut settings = self.settings.ssnm.clone();
             if is_free {
                 settings.numbers.patience = settings.numbers.fruitless;
@@ -410,7 +410,7 @@ where
         }
         let status = solution.status;
         if monolithic && status == Status::Converged {
-            // From where rounds have led, the monolithic step may get on.
+            // From the result of rounds, the monolithic step may make progress.
             let again = self.solve(None, &rounds.lambda, tolerance)?;
             if !has_given_up(again.status) {
                 return Ok((again, None));
@@ -454,7 +454,7 @@ where
         Ok((solution, None))
     }
 
-    /// max |μλν − g| / max μλν for what differs of the bounds.
+    /// max |μλν − g| / max μλν, for this difference of the bounds.
     fn relative(&self, lambda: &[f64], difference: &[f64]) -> f64 {
         let coefficients = self.lawful.friction_coefficient().iter().zip(lambda);
         let friction = coefficients.fold(0.0_f64, |max, (mu, l)| max.max(mu * l));
@@ -564,7 +564,7 @@ where
             norm(&floating.sizes(force)),
         );
         let stiffness = load * load / (WEAK * work);
-        // What nothing pushes does not move away.
+        // A body without a push does not move away.
         if !(load > BALANCED * acting && stiffness.is_normal()) {
             return Ok(Springs::Break);
         }

@@ -41,10 +41,10 @@ impl<T, F: FnMut() -> T> WithSimd for Vectorised<F> {
     }
 }
 
-/// Runs a block with the vector instructions of the processor; its sums keep the order that is written down.
+/// Runs a block with the vector instructions of the processor; its sums keep their order.
 ///
-/// A closure is compiled for them only where it becomes a part of the function that has them switched on: it has to be
-/// inlined, and no `FnOnce`, which would get a function of its own in between.
+/// A closure is compiled for them only inside the function that enables them: it has to be inlined, and must not be an
+/// `FnOnce`, which would get a separate function in between.
 macro_rules! vectorised {
     ($work:block) => {
         pulp::Arch::new().dispatch($crate::sparse::Vectorised(
@@ -333,9 +333,8 @@ impl<const R: usize, const C: usize> BlockCsr<R, C> {
         });
     }
 
-    /// Hands each block row of y, with the same rows of x (where there are such) and of M x, to `finish`;
-    /// returns the sum of what that returns, made in tasks of a fixed size so that the number of threads
-    /// does not change it.
+    /// Passes each block row of y, with the same rows of x (if given) and of M x, to `finish`; returns the sum of its
+    /// results, made in tasks of a fixed size so that the number of threads does not change it.
     ///
     /// # Panics
     /// If the lengths do not fit.

@@ -260,7 +260,7 @@ WRONG_TABLES = [
     ("traction", {"boundary": "top"}, "a traction needs"),
     ("traction", {"boundary": "top", "force": [1, 2, 3]}, "traction, force: expected 2 entries, found 3"),
     ("contact", {"boundary": "bottom"}, "either against"),
-    ("contact", {"boundary": "bottom", "obstacle": {"sphere": {"center": [0, 0, 0], "radius": 1}}}, "no obstacle in the plane"),
+    ("contact", {"boundary": "bottom", "obstacle": {"sphere": {"center": [0, 0, 0], "radius": 1}}}, "not an obstacle in the plane"),
     ("contact", {"boundary": "bottom", "obstacle": FLOOR, "friction": {"coulomb": 0.3, "tresca": 1.0}}, "contact, friction"),
     ("contact", {"boundary": "bottom", "obstacle": FLOOR, "friction": 0.3}, "a friction law is written as"),
     ("wheel", {"radius": 1}, "wheel: unknown field"),
@@ -354,7 +354,7 @@ def test_meshes_of_files(tmp_path: Path) -> None:
     (tmp_path / "wrong.msh").write_text("nonsense")
     with pytest.raises(signorini.ModelError, match="wrong.msh"):
         signorini.Mesh.read(tmp_path / "wrong.msh")
-    with pytest.raises(signorini.ModelError, match="order is that of the elements"):
+    with pytest.raises(signorini.ModelError, match="order is the order of the elements"):
         signorini.Mesh.read(EXAMPLES / "bracket.msh", order=3)
 
 

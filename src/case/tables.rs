@@ -1,5 +1,5 @@
-//! The tables of a case file that are no part of a model: where the mesh or the matrices come from, and how to solve.
-//! What is said of bodies are the types of `model` themselves.
+//! The tables of a case file that are not part of a model: the source of the mesh or the matrices, and the solver. The
+//! tables of bodies are the types of `model` themselves.
 
 use super::SolverTable;
 use crate::mesh::structured::{CellShape, SolidShape};
@@ -14,7 +14,7 @@ pub struct Tables {
     /// A title for the report.
     #[serde(default)]
     pub title: String,
-    /// What lengths and forces are called.
+    /// The names of lengths and forces.
     pub units: Option<Units>,
     /// The bodies, unless the case is algebraic.
     pub mesh: Option<MeshTable>,
@@ -52,7 +52,7 @@ pub struct MeshTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PartTable {
-    /// What its regions and boundaries begin with.
+    /// The prefix of its regions and boundaries.
     pub name: String,
     /// A file of Gmsh, Abaqus (`.inp`) or VTK (`.vtu`), relative to the case file.
     pub file: Option<PathBuf>,
@@ -65,7 +65,7 @@ pub struct PartTable {
     /// A structured box.
     #[serde(rename = "box")]
     pub block: Option<BoxTable>,
-    /// As in `[mesh]`, for this part alone.
+    /// As in `[mesh]`, only for this part.
     pub order: Option<usize>,
     /// A turn about an axis, after scaling.
     pub rotate: Option<RotateTable>,
@@ -148,7 +148,7 @@ pub struct AlgebraicTable {
     pub tangential: PathBuf,
     /// d, m.
     pub gap: PathBuf,
-    /// Whether entries of d below 0 are meant.
+    /// Whether entries of d below 0 are intended.
     #[serde(default)]
     pub interference: bool,
     /// g, m, or
@@ -161,8 +161,8 @@ pub struct AlgebraicTable {
     pub slip_origin: Option<PathBuf>,
     /// The diagonal of C, an entry per row of N, then one per row of T: compliant contact; zero if left out.
     pub compliance: Option<PathBuf>,
-    /// Whether rows of N and T may depend on each other, as those of bodies do where several parts of one lie under one facet
-    /// of another: forces on the bodies are unique even so, multipliers need not be.
+    /// Whether rows of N and T may depend on each other, as rows of bodies do where several parts of one are under one facet
+    /// of another: forces on the bodies are still unique, multipliers need not be.
     #[serde(default)]
     pub dependent_rows: bool,
     /// n/2 × 2; in space n/3 × 3.

@@ -4,7 +4,7 @@ use crate::model::{Definition, Support};
 
 const MESH: &str = "[mesh.rectangle]\nsize = [1, 1]\ncells = [1, 1]\n";
 
-/// Each kind of which there may be several, once.
+/// Each kind that may occur several times, once.
 const ONE_OF_EACH: &str = "\
     [[material]]\nyoung = 1\npoisson = 0\n\
     [[support]]\nboundary = \"left\"\nx = 0\n\
@@ -30,7 +30,7 @@ fn refusal(text: &str) -> String {
     }
 }
 
-/// What is read of a text and written again.
+/// A text after reading and writing.
 fn written<const D: usize>(text: &str) -> String {
     let read: Result<Definition<D>, _> = text::read(text);
     let mut document = toml_edit::DocumentMut::new();
@@ -42,7 +42,7 @@ fn written<const D: usize>(text: &str) -> String {
     }
 }
 
-/// Every key of every table that is read is written, with the value that it has in the text.
+/// Every key of every table that is read is written, with its value in the text.
 #[test]
 fn what_is_read_is_written() {
     let plane = r#"
@@ -269,12 +269,12 @@ fn a_list_in_single_brackets_is_told_of_the_double_ones() {
     }
     let said = refusal("[mesh.part]\nname = \"a\"\n");
     assert!(said.contains("write [[mesh.part]]"), "{said}");
-    // What is no table needs no brackets.
+    // Only tables need brackets.
     let said = refusal(&format!("{MESH}[steps]\nfactors = {{ a = 1 }}\n"));
     assert!(!said.contains("brackets"), "{said}");
 }
 
-/// The path of what is at fault leads to its line, to the first or the last of several, to what it would lie in, and to its words.
+/// The path of a fault leads to its line, to the first or the last of several, to its parent if it is missing, and to its words.
 #[test]
 fn paths_lead_to_lines_and_words() {
     let text = format!(
@@ -300,7 +300,7 @@ fn paths_lead_to_lines_and_words() {
     }
 }
 
-/// What is wrong with a deck is told of its own lines, in the dimension of its mesh.
+/// Faults of a deck are reported at its own lines, in the dimension of its mesh.
 #[test]
 fn tables_of_a_deck_have_its_lines() {
     let mesh = block(

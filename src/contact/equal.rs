@@ -1,7 +1,7 @@
 //! Nodes that move alike: each is tied to the first of its set, along some axes or all.
 //!
-//! u_i − u_1 = 0 along an axis is a row with a multiplier that is free, as those of ties are; along an axis that is left out the row is
-//! empty. The multiplier is the force that moves the node with the others, and the first node has all of them, the other way round.
+//! u_i − u_1 = 0 along an axis is a row with a free multiplier, as in ties; along other axes the row is empty. The multiplier is
+//! the force that moves the node with the others, and all of them act on the first node in the opposite direction.
 
 use super::nodes::shares;
 use super::{ContactPlace, SlipBound};

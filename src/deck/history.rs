@@ -1,4 +1,4 @@
-//! What loads and supports are at the end of each load step.
+//! The values of loads and supports at the end of each load step.
 
 use super::said::{Amplitude, Said};
 use std::collections::HashMap;
@@ -39,12 +39,12 @@ impl<'a> Times<'a> {
     }
 }
 
-/// What a deck says of something in one of its steps.
+/// An entry of a deck in one of its steps.
 #[derive(Clone, Copy)]
 struct Setting {
     step: usize,
     line: usize,
-    /// None: it is gone.
+    /// None: it is removed.
     value: Option<f64>,
     amplitude: Option<usize>,
 }
@@ -99,7 +99,7 @@ impl Track {
     }
 }
 
-/// What values over the load steps are multiples of, and the multiples: none where all are the same.
+/// The common value of which the values over the load steps are multiples, and the multiples: none where all are equal.
 pub(super) fn factors(values: &[f64]) -> (f64, Option<Vec<f64>>) {
     // Of values as large as each other the last.
     let largest = values
@@ -147,7 +147,7 @@ impl<K: Clone + Eq + Hash> Tracks<K> {
             Some(&number) => {
                 let track = &mut self.all[number].1;
                 track.origin = origin.to_owned();
-                // What is taken away and set again in one step has not been away.
+                // An entry that is removed and set again in one step was never removed.
                 (track.settings).pop_if(|last| last.value.is_none() && last.step == step);
                 track.settings.push(setting);
             }

@@ -55,7 +55,8 @@ where
         }
     }
 
-    /// The same where W is at hand as a matrix: few steps then solve what has many contacts that depend on each other.
+    /// The same where W is available as a matrix: few steps then solve problems with many contacts that depend on each
+    /// other.
     pub fn with_matrix(self, matrix: Csr) -> Self {
         Self {
             matrix: Some(matrix),
@@ -144,7 +145,7 @@ where
         Ok(u)
     }
 
-    /// Of what [`Self::displacement`] has made, K u is what it was made of: W has no inverse to ask.
+    /// For the result of [`Self::displacement`], K u is the vector it was made from: W has no inverse to apply.
     fn stiffness_times(&mut self, u: &[f64], _: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
         if u.iter().all(|&u| u == 0.0) {
             return Ok([vec![0.0; u.len()], vec![0.0; u.len()]]);

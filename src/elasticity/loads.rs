@@ -1,4 +1,4 @@
-//! Loads: nodal forces from what acts on boundaries and in bodies.
+//! Loads: nodal forces of loads on boundaries and in bodies.
 
 use super::{Body, Field, Temperature};
 use crate::mesh::{
@@ -96,7 +96,7 @@ where
     }
 }
 
-/// Adds what expands an element.
+/// Adds the forces of thermal expansion in an element.
 struct Expansion<'a, const D: usize>
 where
     ElementKind: Topology<D>,
@@ -154,7 +154,7 @@ where
     }
 }
 
-/// Adds what acts in an element.
+/// Adds the body force in an element.
 struct BodyForce<'a, const D: usize, F>
 where
     ElementKind: Topology<D>,

@@ -23,7 +23,7 @@ pub struct Stress {
 }
 
 impl Stress {
-    /// Takes a pressure away that acts along all axes; in plane stress, in the plane alone.
+    /// Subtracts a pressure that acts along all axes; in plane stress, only in the plane.
     fn relieve(&mut self, pressure: f64, in_plane_alone: bool) {
         self.xx -= pressure;
         self.yy -= pressure;

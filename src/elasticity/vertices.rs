@@ -16,7 +16,7 @@ where
 {
     let second = |element: &&Element<D>| element.kind().order() == 2;
     mesh.elements.iter().find(second)?;
-    // The corners that a node lies in the middle of; it may be a middle in many elements, and is the same in all.
+    // The corners on either side of a midside node; it may be in the middle of many elements, and is the same in all.
     let mut of_node: Vec<Vec<u32>> = vec![Vec::new(); mesh.nodes.len()];
     for element in mesh.elements.iter().filter(second) {
         let (kind, nodes) = (element.kind(), element.nodes());
@@ -54,7 +54,7 @@ where
                 continue;
             };
             let weight = 1.0 / of.len() as f64;
-            // What is free of the corner, and of that what is free of the node.
+            // The free part of the corner, and of that the free part of the node.
             let mut block = [[0.0; D]; D];
             for j in 0..D {
                 let free = unknowns.free_part(node, corners.free_part(corner, identity[j]));

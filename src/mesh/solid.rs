@@ -7,7 +7,7 @@ use super::shape::{
 use super::vector::{cross, length, minus, unit};
 use super::{ElementKind, Topology};
 
-/// Space: facets are faces; one with fewer than nine nodes names the last of them again.
+/// Space: facets are faces; one with fewer than nine nodes repeats the last of them.
 impl Topology<3> for ElementKind {
     type Nodes = [u32; 27];
     type Facet = [u32; 9];

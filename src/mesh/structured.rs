@@ -97,7 +97,7 @@ pub enum SolidShape {
     Wedge,
 }
 
-/// The corners of a cell, as the nodes of a hexahedron stand: steps along x, y and z.
+/// The corners of a cell, in the order of the nodes of a hexahedron: steps along x, y and z.
 const CELL: [[usize; 3]; 8] = [
     [0, 0, 0],
     [1, 0, 0],

@@ -5,10 +5,10 @@ use crate::mesh::vector::{cross, dot, length, minus, unit};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What the directions about an axis are called, in the order of a right-handed system.
+/// The names of the directions about an axis, in the order of a right-handed system.
 pub(super) const AROUND: [&str; 3] = ["radial", "hoop", "axial"];
 
-/// An axis in space; in the plane a point, through which the axis stands upright.
+/// An axis in space; in the plane a point, where the axis is perpendicular to the plane.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(
     deny_unknown_fields,
@@ -53,7 +53,7 @@ impl<const D: usize> Axis<D> {
         self.direction.unwrap_or([0.0, 0.0, 1.0])
     }
 
-    /// What cannot be meant.
+    /// Its inconsistency.
     pub(crate) fn fault(&self) -> Option<&'static str> {
         if D == 3 && self.direction.is_none() {
             return Some(
@@ -101,7 +101,7 @@ impl<const D: usize> Axis<D> {
         Some([outwards, cross(along, outwards), along].map(flat))
     }
 
-    /// Such unit vectors where the first is any across the axis.
+    /// Such unit vectors, where the first is any vector perpendicular to the axis.
     pub(super) fn any_directions(&self) -> [[f64; D]; 3] {
         let along = unit(self.direction());
         let least = |a: &usize, b: &usize| along[*a].abs().total_cmp(&along[*b].abs());
@@ -127,7 +127,7 @@ fn spatial<const D: usize>(v: [f64; D]) -> [f64; 3] {
     std::array::from_fn(|c| v.get(c).copied().unwrap_or(0.0))
 }
 
-/// What of a vector lies in D dimensions.
+/// The components of a vector in D dimensions.
 fn flat<const D: usize>(v: [f64; 3]) -> [f64; D] {
     std::array::from_fn(|c| v[c])
 }

@@ -220,21 +220,21 @@ fn errors_name_what_is_at_fault() {
         ),
         (
             sound().thickness(1e-310),
-            "thickness: thickness is 1e-310: what is not 0 has to be between 1e-70 and 1e70",
+            "thickness: thickness is 1e-310: nonzero values must be between 1e-70 and 1e70",
         ),
         (
             Model::on(blocks()).material(Material {
                 young: 1e-310,
                 ..STEEL
             }),
-            "material 1: young is 1e-310: what is not 0 has to be",
+            "material 1: young is 1e-310: nonzero values must be",
         ),
         (
             Model::on(blocks()).material(Material {
                 young: 1e300,
                 ..STEEL
             }),
-            "material 1: young is 1e300: what is not 0 has to be",
+            "material 1: young is 1e300: nonzero values must be",
         ),
         (
             sound().traction(Traction::on("up-left").x(1e-310)),
@@ -298,11 +298,11 @@ fn errors_name_what_is_at_fault() {
         ),
         (
             sound().contact(Pair::new("low-top", "up-bottom")),
-            "contact 2 on \"low-top\": this contact stands above",
+            "contact 2 on \"low-top\": this pair is already listed above",
         ),
         (
             sound().contact(Pair::new("up-left", ["up-top", "up-left"])),
-            "contact 2 on \"up-left\": a boundary stands on both sides",
+            "contact 2 on \"up-left\": a boundary is on both sides",
         ),
         (
             sound().contact(Pair::obstacle("up-left", floor([0.0; 2]))),
@@ -326,7 +326,7 @@ fn errors_name_what_is_at_fault() {
         ),
         (
             sound().support(Support::on("low-left").x(0.0).factors([1.0, 2.0])),
-            "support 3 on \"low-left\": factors belong to load steps",
+            "support 3 on \"low-left\": factors apply to load steps",
         ),
         (
             sound()

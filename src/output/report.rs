@@ -78,7 +78,7 @@ pub struct NotHeldReport {
     pub body: String,
     /// Which way the loads push it.
     pub motion: String,
-    /// Whether that is proven: [`crate::quasistatic::NotHeld::proven`].
+    /// Whether this is proven: [`crate::quasistatic::NotHeld::proven`].
     pub proven: bool,
 }
 
@@ -89,7 +89,7 @@ pub struct StepReport {
     pub factor: f64,
     /// How it ended.
     pub status: Status,
-    /// Solves in it: more than one where monolithic steps did not get on under Coulomb's law.
+    /// Solves in it: more than one if monolithic steps made no progress under Coulomb's law.
     pub rounds: usize,
     /// max |μλν − g| / max μλν of the last solve; 0 where no slip bounds were frozen.
     pub friction_change: f64,
@@ -125,7 +125,7 @@ pub struct HistoryRow {
     /// Whether slip bounds were frozen in it.
     #[serde(skip)]
     pub frozen: bool,
-    /// What was done in it, and how far it has come.
+    /// The work in it, and its end.
     #[serde(flatten)]
     pub step: ssnm::Step,
 }
@@ -135,14 +135,14 @@ pub struct HistoryRow {
 pub struct Report {
     /// That of the case.
     pub title: String,
-    /// What lengths, forces and stresses are called.
+    /// The names of lengths, forces and stresses.
     pub units: Units,
     /// That of the last step made; None, and "error" in the file, if an error has ended the run.
     #[serde(serialize_with = "or_error")]
     pub status: Option<Status>,
     /// The error that has ended the run; the steps before it are complete.
     pub error: Option<String>,
-    /// What the figures suggest to look at.
+    /// The hints.
     pub hints: Vec<String>,
     /// How many elements the mesh has of each kind, under the [short names](ElementKind::name); none in an algebraic case.
     pub elements: BTreeMap<&'static str, usize>,
@@ -181,7 +181,7 @@ pub struct Report {
     pub kkt: Kkt,
     /// The load steps made.
     pub steps: Vec<StepReport>,
-    /// Where the time has gone.
+    /// The times of the phases.
     pub timings: Timings,
     /// The largest resident size of the process, where the system reports it; of several processes the largest.
     pub peak_memory_mib: Option<f64>,
@@ -193,8 +193,8 @@ pub struct Report {
     pub version: &'static str,
     /// The outer steps of all solves.
     pub history: Vec<HistoryRow>,
-    /// Products with A so far and the change of the slip bounds, after each round with frozen ones; a pair of NaN where a
-    /// load step begins that has such rounds.
+    /// Products with A so far and the change of the slip bounds, after each round with frozen ones; a pair of NaN at the
+    /// beginning of a load step with such rounds.
     #[serde(skip)]
     pub friction_history: Vec<(f64, f64)>,
     /// The diagonal of the box around the mesh; 0 in an algebraic case.
@@ -214,7 +214,7 @@ fn or_error<S: serde::Serializer>(status: &Option<Status>, to: S) -> Result<S::O
 }
 
 impl Report {
-    /// Of what is to be solved, before its first step.
+    /// For the problem to be solved, before its first step.
     pub fn new<'a, const D: usize>(title: &str, analysis: impl Into<Analysis<'a, D>>) -> Self
     where
         ElementKind: Topology<D>,
@@ -280,7 +280,7 @@ impl Report {
         }
     }
 
-    /// Says how long its engine has taken to be made.
+    /// Sets the time of making its engine.
     pub fn set_up(&mut self, engine: &Engine, seconds: f64) {
         self.timings.factor = seconds;
         self.timings.linear_reference =
@@ -311,7 +311,7 @@ impl Report {
         }
     }
 
-    /// What the contacts of a step carry, and what that suggests; their sides have moved against each other by up to `apart`.
+    /// The forces of the contacts of a step, and hints on them; their sides have moved against each other by up to `apart`.
     pub(crate) fn contacts<const D: usize>(
         &mut self,
         of: &OfBodies<D>,
@@ -327,7 +327,7 @@ impl Report {
         contacts
     }
 
-    /// Adds a step of which all is known.
+    /// Adds a complete step.
     pub(crate) fn push<const D: usize>(
         &mut self,
         solution: &StepSolution<D>,
@@ -395,13 +395,13 @@ impl Report {
         }
     }
 
-    /// Says that an error has ended the run.
+    /// Records that an error has ended the run.
     pub fn fail(&mut self, error: &str) {
         self.status = None;
         self.error = Some(error.to_owned());
     }
 
-    /// Adds what has made it.
+    /// Adds the path of the solve.
     pub fn set_path(&mut self, path: EnginePath) {
         self.v_cycles = path.costs.map(|costs| costs.solves.iterations);
         self.v_cycles_linear = path.v_cycles_linear;

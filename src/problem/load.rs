@@ -1,10 +1,10 @@
-//! What changes from load step to load step.
+//! The data that change from load step to load step.
 
 use crate::sparse::norm;
 use std::sync::Arc;
 
-/// The load of a contact problem, and where gap and slip are counted from: a small value beside a
-/// [`System`](super::System), handed to the dual operator with each request.
+/// The load of a contact problem, and the origins of gap and slip: a small value beside a [`System`](super::System),
+/// passed to the dual operator with each request.
 #[derive(Clone, Debug)]
 pub struct LoadCase {
     /// f.
@@ -19,17 +19,17 @@ pub struct LoadCase {
     pub(crate) friction: Arc<Vec<f64>>,
     /// It is given everywhere, whatever the coefficients of friction.
     pub(crate) frozen: bool,
-    /// ‖forces that act on the bodies‖: ‖f‖, but for what prescribed displacements add to f.
+    /// ‖forces that act on the bodies‖: ‖f‖ without the contribution of prescribed displacements.
     pub(crate) acting: f64,
-    /// The largest displacement before this load step of the body that each unknown is of: what comes out as a difference is
-    /// rounded accordingly. None at rest, on all ranks.
+    /// For each unknown the largest displacement of its body before this load step, which determines the rounding of
+    /// differences. None at rest, on all ranks.
     pub(crate) travelled: Option<Arc<Vec<f64>>>,
     /// λ before this load step, which the origin of slip has its errors from; empty at rest.
     pub(crate) before: Vec<f64>,
 }
 
 impl LoadCase {
-    /// From rest; f may be larger than the forces that act, by what prescribed displacements add to it.
+    /// From rest; f may be larger than the acting forces, by the contribution of prescribed displacements.
     pub(crate) fn new(
         force: Vec<f64>,
         gap: Vec<f64>,
@@ -49,7 +49,7 @@ impl LoadCase {
         }
     }
 
-    /// f, as long as K has rows. A load case that is cloned shares it.
+    /// f, with an entry per row of K. Clones of a load case share it.
     pub fn force(&self) -> &Arc<Vec<f64>> {
         &self.force
     }

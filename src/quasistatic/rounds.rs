@@ -2,12 +2,12 @@
 //!
 //! The bounds are a fixed point of g ↦ μλν(g), where λν(g) solves the problem with the given bounds g (Tresca), which
 //! is a minimisation and has a safeguard: successive approximation as in Nečas, Jarušek and Haslinger (1980),
-//! warm-started. Where monolithic steps give up, rounds mostly end with a certificate that nothing holds a body.
+//! warm-started. Where monolithic steps fail, rounds mostly end with a certificate that nothing holds a body.
 //!
-//! **Bodies that only contact holds** have to be balanced by the forces of each round. The bounds of a round are
-//! those of forces on or inside Coulomb's cones that balance the bodies, so that the round can; the forces
-//! found so far are projected there. If there are no such forces, no contact can hold the bodies, and the
-//! projection tells which way they are pushed.
+//! **Bodies that only contact holds** have to be balanced by the forces of each round. Its bounds come from forces on
+//! or inside Coulomb's cones that balance the bodies, so that the round can balance them too; these are the projection
+//! of the forces found so far. If there are no such forces, no contact can hold the bodies, and the projection gives
+//! the direction of the push.
 
 use super::{Event, Process, changes};
 use crate::constraint::{Disc, lawful};
@@ -115,9 +115,9 @@ type Unbalanced = (Vec<f64>, Vec<f64>);
 /// The slip bounds under which forces can balance the bodies that only contact holds.
 struct Cones<const D: usize> {
     problem: ContactProblem<D, Elsewhere>,
-    /// Where there are such bodies and Coulomb friction.
+    /// If there are such bodies and Coulomb friction.
     balance: Option<Balance>,
-    /// What no forces on the cones can balance, and the motion that it drives; empty where all is well.
+    /// The load that no forces on the cones can balance, and the motion that it drives; empty if there is none.
     unbalanced: Unbalanced,
 }
 
@@ -152,7 +152,7 @@ impl<const D: usize> Cones<D> {
         balance.nearest(lambda, |i, z: [f64; D]| lawful(given[i], self.mu(i), z))
     }
 
-    /// What forces within the given bounds cannot balance; empty where they can.
+    /// The load that forces within the given bounds cannot balance; empty if they can.
     fn unbalanced_within(&self, bounds: &[f64], lambda: &[f64]) -> Unbalanced {
         let Some(balance) = &self.balance else {
             return Unbalanced::default();

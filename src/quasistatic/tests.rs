@@ -1,4 +1,4 @@
-//! Tests of load steps: what is handed over, errors that keep what was reached.
+//! Tests of load steps: data passed between them, errors that keep results so far.
 
 use super::*;
 use crate::control::{Accuracy, Stop};
@@ -227,7 +227,7 @@ fn a_block_on_springs() {
     let u = dense::solve(k.clone(), &forces);
     b.mul(&u, &mut expected);
     close(&found, &expected);
-    // K u of what it finds are the forces again.
+    // K u of the result gives the forces again.
     let product = on_springs.stiffness_times(&u, &u);
     close(
         &product.unwrap_or_else(|error| panic!("{error}"))[0],

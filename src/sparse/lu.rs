@@ -7,7 +7,7 @@ use faer::{Conj, Mat, Par};
 
 const PAR: Par = Par::Seq;
 
-/// What all matrices with a pattern have in common.
+/// The common structure of all matrices with a pattern.
 pub(crate) struct Pattern {
     n: usize,
     /// Where columns begin, and their rows, sorted.

@@ -1,13 +1,13 @@
-//! The contact problem where A is at hand as a matrix: Newton's method in z, as many unknowns as there are multipliers.
+//! The contact problem where A is available as a matrix: Newton's method in z, with one unknown per multiplier.
 //!
-//! λ = P(z) solves the problem on A + τI next to λᵏ, (rᵏ + (A + τI)(λ − λᵏ)) taking the place of Aλ − b, where
+//! λ = P(z) solves the problem on A + τI next to λᵏ, with rᵏ + (A + τI)(λ − λᵏ) instead of Aλ − b, where
 //!
 //! b(z − P(z)) + rᵏ + (A + τI)(P(z) − λᵏ) = 0,
 //!
-//! P the solution of a node ([`Law::solve`]) on bI. With τ = 0 that is the problem itself. Where contacts depend on each other,
-//! as those of rigid bodies do, A is singular on the sets of the solution, and forces are not unique: τ, a small part of b,
-//! takes those next to λᵏ, and λᵏ⁺¹ is a step of the proximal point method (Rockafellar 1976; Acary, Brémond and Huber compare it
-//! with others for such contacts, On solving contact problems with Coulomb friction: formulations and numerical comparisons, 2018).
+//! and P is the solution of a node ([`Law::solve`]) on bI. With τ = 0 that is the problem itself. If contacts depend on each other,
+//! like those of rigid bodies, A is singular on the sets of the solution, and forces are not unique: τ, a small part of b, selects
+//! those nearest to λᵏ, and λᵏ⁺¹ is a step of the proximal point method (Rockafellar 1976; Acary, Brémond and Huber compare it with
+//! others for such contacts, On solving contact problems with Coulomb friction: formulations and numerical comparisons, 2018).
 
 use super::Numbers;
 use super::law::Law;
@@ -19,7 +19,7 @@ use crate::sparse::lu::Pattern;
 use crate::sparse::{BlockCsr, Csr, add_times, difference, norm};
 use std::array::from_fn;
 
-/// Iterations for the λ of one node in a sweep at most: the next sweep goes on where these end.
+/// The most iterations for the λ of one node in a sweep: the next sweep continues after them.
 const LOCAL: usize = 100;
 
 /// A, node by node.
@@ -36,7 +36,7 @@ pub(super) struct Known<const D: usize> {
 }
 
 impl<const D: usize> Known<D> {
-    /// Takes A apart; None where it is zero, or there is no memory for it.
+    /// Splits A; None if it is zero, or there is no memory for it.
     pub fn new(matrix: &Csr, proximal: f64) -> Option<Self> {
         let (n, m) = (matrix.n_rows(), matrix.n_rows() / D);
         let place = |row: usize| match row.checked_sub(m) {
@@ -107,7 +107,8 @@ impl<const D: usize> Known<D> {
                     let more: f64 = (0..D).map(|c| own[a][c] * (now[c] - before[c])).sum();
                     slope[a] + more
                 });
-                // What slides is to be lifted off by μ times its slip: then λ is the nearest point of the cone (De Saxcé and Feng 1998).
+                // A sliding node is to lift off by μ times its slip: then λ is the nearest point of the cone (De Saxcé and Feng
+                // 1998).
                 moved[0] += law.mu(i) * tangential(moved);
                 let next = law.nearest::<D>(i, from_fn(|a| now[a] - moved[a] / b)).0;
                 if std::mem::replace(&mut now, next) == next {
@@ -147,7 +148,7 @@ fn from_nodes<const D: usize>(by_node: &[f64]) -> Vec<f64> {
     x
 }
 
-/// What is to be solved.
+/// The problem to solve.
 pub(super) struct OnMatrix<'a, const D: usize> {
     pub known: &'a Known<D>,
     pub law: &'a Law,
@@ -163,8 +164,8 @@ impl<const D: usize> OnMatrix<'_, D> {
         self.known.proximal * self.known.mean
     }
 
-    /// Solves the problem from λᵏ, to a merit of `target`; λᵏ itself where that comes to nothing. Also returns the number of Newton
-    /// steps, and whether it is solved.
+    /// Solves the problem from λᵏ, to a merit of `target`; λᵏ itself if that fails. Also returns the number of Newton steps, and
+    /// whether it is solved.
     pub fn solve(&self, target: f64) -> (Vec<f64>, usize, bool) {
         let mut start = self.from.lambda.clone();
         add_times(-1.0 / self.known.mean, &self.from.r, &mut start);

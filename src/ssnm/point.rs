@@ -24,8 +24,8 @@ impl Point {
         0.5 * sum
     }
 
-    /// What of [`Point::q_change`] is rounding of the multipliers: on a circle, where r does not vanish, it hides changes
-    /// below about the square root of the rounding unit of f64.
+    /// The part of [`Point::q_change`] that is rounding of the multipliers: on a circle, where r does not vanish, it
+    /// hides changes below about the square root of the rounding unit of f64.
     pub fn q_rounding(&self, to: &Self) -> f64 {
         let mut sum = 0.0;
         for i in 0..self.r.len() {
@@ -82,7 +82,8 @@ pub(super) struct GradientStep {
     pub start: Point,
 }
 
-/// That of length ρ from a point, under the bounds g. What α nothing moves stays that of the point.
+/// That of length ρ from a point, under the bounds g. Components of α that nothing moves keep their values of the
+/// point.
 pub(super) fn gradient_step<const D: usize>(
     point: &Point,
     rho: f64,
@@ -109,7 +110,7 @@ pub(super) fn gradient_step<const D: usize>(
         (near.lambda, norm_max(&forces))
     };
     let (mut end, forces) = once();
-    // What is found as the difference of larger forces is found once more from where they have led.
+    // A result that is a difference of larger forces is computed once more from its own position.
     if !(forces <= norm_max(&end)) {
         end = once().0;
     }

@@ -358,7 +358,7 @@ fn launchers() {
             let (code, said) = started(command, &[(rank, "0"), (size, "4")]);
             assert_eq!(code, Some(1), "{said}");
             assert_eq!(said.matches("error: ").count(), 1, "{said}");
-            assert!(said.contains("4 programs were started"), "{said}");
+            assert!(said.contains("4 processes were started"), "{said}");
             let (code, said) = started(command, &[(rank, "3"), (size, "4")]);
             assert_eq!((code, said.as_str()), (Some(1), ""));
             let (code, said) = started(command, &[(rank, "0"), (size, "1")]);

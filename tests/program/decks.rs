@@ -125,7 +125,7 @@ fn what_a_deck_says_beyond_is_refused_or_ignored() {
     );
     write(&place.path().join("case.toml"), "");
     let run = signorini_in(place.path(), &["check", "case.toml", "--ignore", "NLGEOM"]);
-    assert!(text(&run.stderr).contains("--ignore belongs to a deck"));
+    assert!(text(&run.stderr).contains("--ignore applies only to decks"));
 }
 
 /// A mesh alone is listed; of a case that cannot be solved, so is its mesh.

@@ -172,7 +172,7 @@ fn the_first_signal_ends_a_run_that_waits_for_a_pipe() {
         send(signal, &run);
         let (code, errors) = ended(run);
         assert_eq!(code, Some(3), "{signal}: {errors}");
-        assert!(errors.contains("while the case was read"), "{errors}");
+        assert!(errors.contains("while reading the case"), "{errors}");
     }
 }
 
@@ -225,7 +225,7 @@ fn links_among_the_results_stay() {
     let (code, errors) = ended(started(&at("case.toml")));
     assert_eq!(code, Some(1), "{errors}");
     assert!(
-        errors.contains("contact-001.csv: this run reads it"),
+        errors.contains("contact-001.csv: this run reads this file"),
         "{errors}"
     );
     let read = |name: &str| std::fs::read_to_string(at(name)).or_panic();

@@ -320,7 +320,7 @@ fn matrices_of_neither_dimension_are_refused() {
     );
     let text = told();
     assert!(
-        text.contains("T has 1 rows like N: there it has two for each contact node, 2 in all"),
+        text.contains("T has 1 rows like N: in space T needs two for each contact node, 2 in all"),
         "{text}"
     );
 }
@@ -449,7 +449,7 @@ fn an_input_file_is_converted_and_solved() {
     for (arguments, expected) in [
         (
             vec!["convert", "cube.inp", "cube.vtu"],
-            "only files of Gmsh and, of a deck, case files are written: call it .msh or .toml",
+            "only Gmsh meshes and, from a deck, case files are written: name the file .msh or .toml",
         ),
         (
             vec!["convert", "none.inp", "cube.msh"],
@@ -461,7 +461,7 @@ fn an_input_file_is_converted_and_solved() {
         ),
         (
             vec!["convert", "cube.inp", "cube.msh", "--cell-data", "a"],
-            "--cell-data belongs to a .vtu file",
+            "--cell-data applies only to .vtu files",
         ),
     ] {
         let output = signorini_in(directory.path(), &arguments);
@@ -479,7 +479,7 @@ fn an_input_file_is_converted_and_solved() {
     let output = signorini_in(directory.path(), &["check", "bad.toml"]);
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(
-        told.contains("bad.toml, line 1: cell_data belongs to a .vtu file"),
+        told.contains("bad.toml, line 1: cell_data applies only to .vtu files"),
         "{told}"
     );
     let held = case("cube.inp", "") + "[[traction]]\nboundary = \"corner\"\nx = 1\n";

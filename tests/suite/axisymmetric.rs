@@ -403,7 +403,7 @@ fn what_cannot_be_said_of_a_ring_is_refused() {
         ),
         (
             refused("", "[\"x - 0.5\", \"y\"]", ""),
-            "lies beyond the axis of revolution",
+            "is beyond the axis of revolution",
         ),
         (
             refused(

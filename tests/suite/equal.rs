@@ -188,7 +188,7 @@ fn case_files_say_it() {
     for (equal, expected) in [
         (
             "sets = \"top\"\ndirections = \"z\"",
-            "case.toml, line 20: \"z\" is none of the directions \"x\", \"y\"",
+            "case.toml, line 20: \"z\" is not one of the directions \"x\", \"y\"",
         ),
         ("sets = \"one\"", "the set of nodes \"one\" has one node"),
         ("sets = \"tip\"", "there is no set of nodes \"tip\""),

@@ -173,7 +173,7 @@ fn what_is_wrong_with_sets_is_told() {
         ),
         (
             "name = \"pull\"\nnodes = \"nowhere\"\nx = 1",
-            "line 12: force 1 \"pull\" on the nodes \"nowhere\": the set of nodes \"nowhere\" is empty, or no element has its",
+            "line 12: force 1 \"pull\" on the nodes \"nowhere\": the set of nodes \"nowhere\" is empty, or its nodes belong",
         ),
         ("nodes = []\nx = 1", "line 12: a list of node sets is empty"),
         ("nodes = \"left\"", "line 12: a force needs x or y"),
@@ -188,12 +188,14 @@ fn what_is_wrong_with_sets_is_told() {
         ),
         (
             "nodes = \"left\"\nx = 1\nfactors = [1, 2]",
-            "factors belong to load steps",
+            "factors apply to load steps",
         ),
     ] {
         let text = of_force(rest);
         assert!(text.contains(expected), "{rest}: {text}");
     }
     let both = case("[[support]]\nnodes = \"left\"\nsymmetry = true\n");
-    assert!(both.is_err_and(|text| text.contains("symmetry stands alone with a boundary")));
+    assert!(
+        both.is_err_and(|text| { text.contains("symmetry takes a boundary and nothing else") })
+    );
 }

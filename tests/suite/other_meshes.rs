@@ -183,12 +183,12 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
     let cases = [
         (
             flat.replace("C3D4", "C3D10"),
-            "a.inp, line 7: an element of this type has 10 nodes, here are 4",
+            "a.inp, line 7: an element of this type has 10 nodes, but 4 are given",
         ),
         (
             flat.replace("C3D4", "C3D10")
                 .replace("2, 3, 4\n", "2, 3, 4, 0, 0, 0, 0, 0, 0\n"),
-            "a.inp, line 7: an element of second order without some of its midsides",
+            "a.inp, line 7: this element of second order lacks some midside nodes",
         ),
         (
             flat.replace("C3D4", "C3D15V"),
@@ -196,7 +196,7 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
         ),
         (
             flat.replace("C3D4", "CGAX3"),
-            "line 6: CGAX3 is an axisymmetric element that twists",
+            "line 6: CGAX3 is an axisymmetric element with twist",
         ),
         (
             flat.replace("C3D4", "SPRINGA"),
@@ -208,7 +208,7 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
         ),
         (
             flat.replace("2, 3, 4", "2, 3"),
-            "line 7: an element of this type has 4 nodes, here are 3",
+            "line 7: an element of this type has 4 nodes, but 3 are given",
         ),
         (
             flat.replace("2, 3, 4", "2, 3, 9"),
@@ -237,15 +237,15 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
         ),
         (
             flat.to_owned() + "*SURFACE, NAME=a\nbody, S5\n",
-            "line 9: surface \"a\": S5 is no face of such an element",
+            "line 9: surface \"a\": S5 is not a face of this element",
         ),
         (
             flat.replace("2, 3, 4", "2, 3, 4, 5"),
-            "line 7: an element of this type has 4 nodes, here are 5",
+            "line 7: an element of this type has 4 nodes, but 5 are given",
         ),
         (
             flat.replace("2, 3, 4", "2, 3,\n4, 5"),
-            "line 8: an element of this type has 4 nodes, here are 5",
+            "line 8: an element of this type has 4 nodes, but 5 are given",
         ),
         (
             flat.to_owned() + "*INCLUDE, INPUT=b.inp\n",
@@ -253,15 +253,15 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
         ),
         (
             flat.to_owned() + "*ELEMENT, TYPE=C3D4,\nINPUT=\n",
-            "a.inp, line 8: *ELEMENT: INPUT= has to name a file",
+            "a.inp, line 8: *ELEMENT: INPUT= must name a file",
         ),
         (
             flat.to_owned() + "*INCLUDE, INPUT=a.inp\n",
-            "does one name itself?",
+            "does one include itself?",
         ),
         (
             flat.to_owned() + "*NGEN\n1, 9, 1\n",
-            "line 8: *NGEN: nodes and elements have to be written out",
+            "line 8: *NGEN: nodes and elements must be listed one by one",
         ),
         (
             CAE.replace("part=Brick\n          5.", "part=Prick\n          5."),
@@ -269,11 +269,11 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
         ),
         (
             CAE.replace("5.,           0.,           4.,          90.", "90."),
-            "an instance has a line with its shift",
+            "an instance takes one line with its shift",
         ),
         (
             "*NODE\n1, 0, 0\n".to_owned(),
-            "a.inp: there are no elements of a body in it: write CPE3",
+            "a.inp: it contains no elements of a body: write CPE3",
         ),
         (
             "solid cube\n".to_owned(),
@@ -342,7 +342,7 @@ fn data_may_stand_in_other_files() {
         (
             "mesh/second.txt",
             "2, 2, 3, 4, 5, 1\n",
-            "second.txt, line 1: an element of this type has 4 nodes, here are 5",
+            "second.txt, line 1: an element of this type has 4 nodes, but 5 are given",
         ),
         (
             "mesh/rest.inp",

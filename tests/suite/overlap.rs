@@ -50,7 +50,7 @@ fn an_overlap_is_refused_with_three_ways_out() {
     let twice = stack(base().overlap_as_interference().gap(0.0))
         .build()
         .unwrap_err();
-    assert!(twice.to_string().contains("state no gap"), "{twice}");
+    assert!(twice.to_string().contains("leave out gap"), "{twice}");
 }
 
 /// Two blocks, each 1 high, that overlap by δ between fixed plates: the pressure is δ/2 of the modulus. Against a floor all of δ.

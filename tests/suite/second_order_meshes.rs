@@ -807,7 +807,8 @@ fn neighbours_of_two_orders_are_told_apart() {
     );
     let text = told.to_string();
     assert!(
-        text.contains("element 1 has a node in the middle of the edge near (5.000000e-1, 5.000000e-1), and its neighbour 0 has none"),
+        text.contains("element 1 has a midside node on the edge near (5.000000e-1, 5.000000e-1), but its neighbour 0 \
+                       has none"),
         "{text}"
     );
     // A node each in one place.
@@ -1058,7 +1059,8 @@ fn pyramids_are_read_and_not_raised() {
     every_format(straight);
     let told = mesh.raised().map(drop).unwrap_err().to_string();
     assert!(
-        told.contains("element 0 near (0.000000e0, 0.000000e0, 0.000000e0) is a pyramid, of which there are none of second order"),
+        told.contains("element 0 near (0.000000e0, 0.000000e0, 0.000000e0) is a pyramid, and pyramids of second order \
+                       are not supported"),
         "{told}"
     );
 }
@@ -1140,11 +1142,11 @@ fn the_order_of_a_case_is_that_of_its_mesh() {
     for (text, told) in [
         (
             ring.replace("ORDER", "3").replace("CELLS", "2"),
-            "order is that of the elements: 1 or 2",
+            "order is the order of the elements: 1 or 2",
         ),
         (
             single.replace("curved", "pyramid") + "order = 2\n",
-            "is a pyramid, of which there are none of second order",
+            "is a pyramid, and pyramids of second order are not supported",
         ),
     ] {
         let error = of_case(&text, &[]).map(drop).unwrap_err();

@@ -27,7 +27,7 @@ struct Piece {
 /// Files go into files no deeper than this: Abaqus itself allows for five.
 const DEEPEST: usize = 10;
 
-/// The keywords whose data are read for a mesh, so that they may stand in another file.
+/// The keywords whose data a mesh needs, and which may therefore be in another file.
 const READ: [&str; 5] = ["NODE", "ELEMENT", "NSET", "ELSET", "SURFACE"];
 
 impl Text {
@@ -35,7 +35,7 @@ impl Text {
     /// of any keyword.
     ///
     /// # Errors
-    /// If one of these cannot be read: with the line that names it.
+    /// If one of these cannot be read: with the line that includes it.
     pub fn new(path: &Path, text: &str, whole: bool) -> Result<Self, FileError> {
         let mut all = Self {
             whole,
@@ -53,7 +53,7 @@ impl Text {
         (path, number - before[0] + before[1])
     }
 
-    /// What is wrong, with the file and the line of it where it is.
+    /// The error, with its file and the line there.
     pub fn locate(&self, failure: Failure) -> FileError {
         match failure {
             Failure::Line { number, message } => {
@@ -64,7 +64,7 @@ impl Text {
         }
     }
 
-    /// Adds a file; those that it names are in the folder `place`.
+    /// Adds a file; its included files are in the folder `place`.
     fn add(
         &mut self,
         path: &Path,
@@ -97,24 +97,24 @@ impl Text {
                 Failure::line(line, format!("*{}: {message}", keyword.name)).of(path)
             };
             let Some(name) = input.filter(|name| !name.is_empty()) else {
-                return Err(failed("INPUT= has to name a file".to_owned()));
+                return Err(failed("INPUT= must name a file".to_owned()));
             };
             if is_include {
-                // The text of the file stands in its place.
+                // The text of the file replaces the keyword.
                 self.text.truncate(before.0);
                 self.lines = before.1;
             }
             let inside = |part| matches!(part, Component::Normal(_) | Component::CurDir);
             if !Path::new(name).components().all(inside) {
                 return Err(failed(format!(
-                    "{name} has to lie in the folder of the first file, or below: name it from there"
+                    "{name} must be in the folder of the first file, or below it: give its path from there"
                 )));
             }
             let file = place.join(name);
             let shown = file.display();
             if depth == DEEPEST {
                 return Err(failed(format!(
-                    "{DEEPEST} files name each other up to {shown}: does one name itself?"
+                    "{DEEPEST} files include each other down to {shown}: does one include itself?"
                 )));
             }
             let left = input::data_limit().saturating_sub(self.text.len());
@@ -126,7 +126,7 @@ impl Text {
         Ok(())
     }
 
-    /// What comes now is from `path`, after so many of its lines.
+    /// The following lines are from `path`, after so many of its lines.
     fn begin(&mut self, path: &Path, line: usize) {
         self.pieces.push(Piece {
             path: path.to_owned(),

@@ -6,7 +6,7 @@ pub(super) use scale::{Scale, nice};
 
 use super::svg::{Svg, escape, patch, places};
 
-/// Colours of series and zones that are told apart without colour vision as well (after Okabe and Ito 2008).
+/// Colours of series and zones that can also be distinguished without colour vision (after Okabe and Ito 2008).
 pub mod colour {
     /// Of a series.
     pub const BLUE: &str = "#0072b2";
@@ -29,7 +29,7 @@ pub mod colour {
 /// An axis of a chart.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// What it measures.
+    /// The measured quantity.
     pub label: String,
     /// The unit, to which a power of ten is added where numbers are large or small; may be empty.
     pub unit: String,
@@ -147,7 +147,7 @@ const HEIGHT: f64 = 400.0;
 /// Where the axes begin.
 const LEFT: f64 = 78.0;
 const TOP: f64 = 44.0;
-/// What lies behind their ends.
+/// The margin beyond their ends.
 const BESIDE: f64 = 20.0;
 const BELOW: f64 = 84.0;
 impl Chart {
@@ -269,7 +269,7 @@ impl Drawing<'_> {
         }
     }
 
-    /// What the axes measure.
+    /// The labels of the axes.
     fn labels(&mut self) {
         let x = escape(&self.xs.label(&self.chart.x));
         let y = escape(&self.ys.label(&self.chart.y));

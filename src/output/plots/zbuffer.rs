@@ -1,4 +1,4 @@
-//! Pictures of surfaces in space, with what is hidden left out: samples that keep what is nearest to the viewer.
+//! Pictures of surfaces in space without hidden parts: each sample keeps the surface nearest to the viewer.
 
 use super::raster::{area, each_in, mean, png, viridis};
 use rayon::prelude::*;
@@ -7,7 +7,7 @@ use rayon::prelude::*;
 const SAMPLES: usize = 2;
 /// A point is hidden where all samples around it are nearer to the viewer by more than this many samples.
 const BEHIND: f32 = 2.0;
-/// The grey of what only lies around the bodies, how much of it shows in front of them and beside them.
+/// The grey of obstacles around the bodies, and its opacity in front of them and beside them.
 const VEIL: [f32; 3] = [205.0, 208.0, 212.0];
 const IN_FRONT: f32 = 0.22;
 const BESIDE: f32 = 0.62;
@@ -17,14 +17,14 @@ const DARK: f32 = 0.33;
 /// Colours between the first and the last: neighbouring ones differ by less than the step of a byte.
 const LEVELS: usize = 1000;
 
-/// What is seen at a sample.
+/// The surface at a sample.
 #[derive(Clone, Copy)]
 struct Sample {
     /// Towards the viewer.
     depth: f32,
     value: f32,
     shade: f32,
-    /// The depth of what only veils the bodies.
+    /// The depth of the obstacle that veils the bodies.
     veil: f32,
 }
 
@@ -61,8 +61,8 @@ impl ZBuffer {
         }
     }
 
-    /// A triangle of a body, its corners to the left around what is outside: of what is turned away, something nearer
-    /// hides all.
+    /// A triangle of a body, with its corners counter-clockwise seen from outside: triangles turned away are always
+    /// hidden by something nearer.
     pub fn triangle(&mut self, corners: [Corner; 3]) {
         if area(corners.map(|corner| [corner.at[0], corner.at[1]])) > 0.0 {
             return;
@@ -136,7 +136,7 @@ impl ZBuffer {
     pub fn png(&self, top: f64) -> Vec<u8> {
         png([self.width, self.height], &self.pixels(top), |encoder| {
             encoder.set_color(png::ColorType::Rgba);
-            // Half as large again, in a third of the time, which is most of what a picture takes.
+            // The file is half as large again, in a third of the time, which is most of the time of a picture.
             encoder.set_compression(png::Compression::Fast);
         })
     }
@@ -152,7 +152,7 @@ impl Sample {
         }
         let level = f64::from(self.value) / top * LEVELS as f64 + 0.5;
         let full = colours[(level as usize).min(LEVELS)];
-        // What touches the bodies does not veil them.
+        // An obstacle that touches the bodies does not veil them.
         let is_veiled = self.veil > self.depth + BEHIND / SAMPLES as f32;
         let veiled = if is_veiled { IN_FRONT } else { 0.0 };
         // Towards white or black, so that dark colours are lit, too.

@@ -1,5 +1,5 @@
-//! Bodies that can move as a whole where their nodes are on several ranks: what tells how they move is a few numbers, from which
-//! each rank makes the motions of its own nodes.
+//! Bodies that can move as a whole where their nodes are on several ranks: a few numbers define their motions, from which each
+//! rank makes those of its own nodes.
 
 use super::find::{STIFFLESS, orthogonal};
 use super::{FloatingBodies, FloatingBody};
@@ -19,7 +19,7 @@ pub(crate) struct Motions {
     size: f64,
     /// As [`FloatingBody::motions`].
     motions: Vec<Vec<f64>>,
-    /// What they are divided by, for columns of R of length one.
+    /// The divisor for columns of R of length one.
     unit: f64,
 }
 
@@ -42,8 +42,8 @@ impl Motions {
         }
     }
 
-    /// The body on some of its nodes, which lie at `points` (of all nodes here); `moves` says which of its components a node
-    /// moves in.
+    /// The body on some of its nodes, at `points` (of all nodes here); `moves` tells in which of its components a node
+    /// moves.
     pub fn body<const D: usize>(
         &self,
         nodes: Vec<u32>,
@@ -79,7 +79,7 @@ fn left_among<const D: usize, const M: usize>(
     held: &[([f64; D], [f64; D])],
 ) -> Option<Motions> {
     let frame = Frame::of_box(points, |edges| 0.5 * length(&edges));
-    // A basis of the rows so far: as many rows as there are motions say what all of them do.
+    // A basis of the rows so far: as many rows as there are motions define all of them.
     let mut basis: Vec<[f64; M]> = Vec::new();
     let mut left = Mat::from_fn(M, M, |a, b| f64::from(u8::from(a == b)));
     let mut free = M;
@@ -141,7 +141,7 @@ impl<const D: usize> FloatingBody<D> {
 }
 
 impl<const D: usize> FloatingBodies<D> {
-    /// What these ranks have of bodies.
+    /// The bodies of these ranks.
     pub(crate) fn of_ranks(bodies: Vec<FloatingBody<D>>, ranks: &Ranks) -> Self {
         debug_assert!(
             bodies

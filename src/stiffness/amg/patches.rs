@@ -1,4 +1,4 @@
-//! The inverse of what the smoother takes for A: blocks of nodes, or of patches of a few nodes that hold each other.
+//! The approximate inverse of A in the smoother: blocks of nodes, or of patches of a few nodes that hold each other.
 
 use super::aggregation::{Graph, Groups, NONE, ROW};
 use super::coarse::SHIFT;
@@ -74,7 +74,7 @@ pub(super) fn patches(ties: &Graph, strong: &Graph) -> Option<Groups> {
 }
 
 /// The inverses of the diagonal blocks of the patches, as a matrix. The nodes of a patch whose block is not positive
-/// definite keep those of their own.
+/// definite keep their own.
 pub(super) fn inverse<const B: usize>(
     a: &BlockCsr<B>,
     inverse_diagonal: &[[[f64; B]; B]],

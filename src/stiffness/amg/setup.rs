@@ -25,7 +25,7 @@ const COARSE_DEGREE: usize = 16;
 /// Its α.
 const COARSE_ALPHA: f64 = 300.0;
 
-/// What stays of a hierarchy where K gets other values.
+/// The parts of a hierarchy that stay when K gets other values.
 #[derive(Clone, Debug)]
 pub(super) struct Skeleton {
     settings: AmgSettings,
@@ -37,7 +37,7 @@ pub(super) struct Skeleton {
     shapes: Vec<Arc<Shape>>,
 }
 
-/// What is found out about the matrix of a level.
+/// The analysis of the matrix of a level.
 #[derive(Debug)]
 enum Shape {
     /// It is inverted.
@@ -52,7 +52,7 @@ enum Shape {
 impl Skeleton {
     /// Without shapes, which the first hierarchy finds.
     pub fn new<const D: usize>(k: &BlockCsr<D>, settings: &AmgSettings) -> Self {
-        // Unknowns of which an inverse has as many entries as it may.
+        // The most unknowns whose inverse is within the limit of entries.
         let entries = (D * D * k.n_blocks()) as f64;
         let most = (settings.dense_part * entries).sqrt() as usize;
         Self {
@@ -119,7 +119,7 @@ struct Making {
     scale: f64,
     /// θ of the first level and of those below.
     theta: [f64; 2],
-    /// Whose shape is asked for next.
+    /// The level whose shape is needed next.
     level: usize,
 }
 
@@ -283,8 +283,8 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
         return Err(AmgError::Singular);
     }
     hold_missing(&mut matrix, &tentative.coarse, 1.0 / scale);
-    // What is not needed any more goes before more is stored, and A is stored last: memory is short while the coarser
-    // levels are made.
+    // Data that is no longer needed is dropped before more is stored, and A is stored last: memory is short while the
+    // coarser levels are made.
     let prolongation = BlockMatrix::new(&p, 1.0);
     drop(p);
     let restriction = BlockMatrix::new(&r, 1.0);

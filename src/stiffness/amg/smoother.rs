@@ -9,8 +9,7 @@ use rayon::prelude::*;
 /// Steps of the estimate of the spectral radius.
 const LANCZOS_STEPS: usize = 10;
 
-/// The inverses of the diagonal blocks; the number of the first that is not positive definite, if one
-/// is not.
+/// The inverses of the diagonal blocks; or the number of the first one that is not positive definite.
 pub(crate) fn inverse_diagonal<const B: usize>(
     a: &BlockCsr<B>,
 ) -> Result<Vec<[[f64; B]; B]>, usize> {
@@ -143,7 +142,7 @@ fn inner<const B: usize, S: Real>(x: &[S; B], y: &[S; B]) -> f64 {
     (0..B).map(|c| x[c].to_f64() * y[c].to_f64()).sum()
 }
 
-/// The sum of what parallel tasks give, in the order of the tasks.
+/// The sum of the results of parallel tasks, in the order of the tasks.
 fn ordered_sum(parts: impl IndexedParallelIterator<Item = f64>) -> f64 {
     parts.collect::<Vec<f64>>().into_iter().sum()
 }

@@ -70,7 +70,7 @@ fn what_a_run_reads_is_no_result_of_it() {
         let run = signorini(&["solve", &case, "--output", &out]);
         let said = text(&run.stderr);
         assert_eq!(run.status.code(), Some(1), "{said}");
-        let expected = format!("cannot write {}: this run reads it", input.display());
+        let expected = format!("cannot write {}: this run reads this file", input.display());
         assert!(said.contains(&expected), "{expected}\n{said}");
         assert_eq!((names(place.path()), read(&input)), before);
     };
@@ -245,7 +245,7 @@ fn hints_name_what_looks_wrong() {
     let edge = hints(punch, &[]);
     assert!(edge.contains("the mesh does not resolve it"), "{edge}");
     let hard = hints(punch, &["support.1.y=-0.9"]);
-    assert!(hard.contains("above E of the softest material"), "{hard}");
+    assert!(hard.contains("exceeds E of the softest material"), "{hard}");
     let far = hints(
         punch,
         &["support.1.y=-0.3", "contact.0.search_distance=0.1"],
