@@ -365,7 +365,7 @@ mod tests {
 
     /// (4) and (5) and the sets of Step 2 as they are printed.
     #[test]
-    fn in_the_plane_it_is_what_the_paper_says() {
+    fn in_the_plane_it_agrees_with_the_paper() {
         let printed = |t: f64, g: f64| 0.0_f64.max(t + g) - 0.0_f64.max(t - g) - g;
         for seed in 0..200 {
             let z = arbitrary::<2>(seed);
@@ -423,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn slip_goes_on_in_its_direction_until_it_turns_back() {
+    fn slip_continues_in_its_direction_until_it_reverses() {
         let disc = Disc { g: 2.0 };
         let on_circle = [1.0, 2.0 * 0.6, 2.0 * 0.8];
         let slip = |lambda: [f64; 3], z: [f64; 3]| {

@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn decompositions_are_what_they_say() {
+    fn decompositions_multiply_back() {
         for n in [1, 2, 5, 40, 150] {
             let m = arbitrary(n + 3, n);
             let gram = transposed_product(&m, &m);

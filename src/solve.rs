@@ -433,7 +433,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_first() {
+    fn faults_are_reported_first() {
         let mut options = SolveOptions::default();
         options.settings.ssnm.beta = -1.0;
         let failed = block(&[1.0]).solve(&options).err();

@@ -19,7 +19,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// What has come of a solve.
+/// The result of a solve.
 struct Made {
     impulses: Vec<f64>,
     velocities: Vec<f64>,

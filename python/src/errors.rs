@@ -16,13 +16,13 @@ pyo3::create_exception!(
     signorini,
     ModelError,
     PyValueError,
-    "A mesh, a model or a case cannot be meant as it was stated; the text says what to do."
+    "A mesh, a model or a case is inconsistent; the text gives the remedy."
 );
 pyo3::create_exception!(
     signorini,
     SolveError,
     PyRuntimeError,
-    "A problem could not be solved: K is singular, say, or a GPU failed."
+    "A problem could not be solved: K is singular, for example, or a GPU failed."
 );
 
 /// A bad argument, by its name.

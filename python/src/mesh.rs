@@ -85,7 +85,7 @@ impl Mesh {
         for (name, nodes) in &cells {
             let kind = (ElementKind::ALL.into_iter())
                 .find(|kind| kind.name() == name)
-                .ok_or_else(|| argument("cells", format!("no elements are called \"{name}\"")))?;
+                .ok_or_else(|| argument("cells", format!("there are no elements \"{name}\"")))?;
             let (found, needed) = (nodes.shape()[1], kind.n_nodes());
             if found != needed {
                 let text =
@@ -142,7 +142,7 @@ impl Mesh {
                     AnyMesh::Space(structured::join(a, b))
                 }
                 _ => {
-                    let text = "meshes of the plane and of space do not go together";
+                    let text = "meshes of the plane and of space cannot be joined";
                     return Err(ModelError::new_err(text));
                 }
             });
@@ -261,7 +261,7 @@ impl Mesh {
         either!(self, mesh => mesh.notes.clone())
     }
 
-    /// How many bodies there are: parts that share no node.
+    /// The number of bodies: parts that share no node.
     #[getter]
     fn n_bodies(&self) -> usize {
         either!(self, mesh => mesh.bodies().0)
@@ -297,7 +297,7 @@ where
 fn numbers(name: &str, all: &[i64]) -> PyResult<Vec<u32>> {
     let one = |&number: &i64| {
         u32::try_from(number)
-            .map_err(|_| argument(name, format!("{number} is no number of a node")))
+            .map_err(|_| argument(name, format!("{number} is not the number of a node")))
     };
     all.iter().map(one).collect()
 }
@@ -325,7 +325,7 @@ impl Parts {
             let solid = is_solid(*kind);
             if solid != (D == 3) {
                 return Err(format!(
-                    "cells: {} are no elements of a mesh whose points have {D} coordinates",
+                    "cells: {} are not elements of a mesh whose points have {D} coordinates",
                     kind.name()
                 ));
             }
@@ -376,7 +376,7 @@ impl Parts {
             mesh.node_sets.remove(&name);
             if !mesh.boundaries.contains_key(&name) {
                 return Err(format!(
-                    "boundaries: \"{name}\" is a set of nodes that has all corners of no outer facet; give nodes of a contact or \
+                    "boundaries: \"{name}\" is a set of nodes that contains all corners of no outer facet; give nodes of a contact or \
                      a support as node_sets"
                 ));
             }

@@ -268,7 +268,7 @@ impl Problem {
                     made.map(AnyProblem::Space)
                 })?
             }
-            _ => return Err(argument("dim", format!("it is 2 or 3, not {dim}"))),
+            _ => return Err(argument("dim", format!("must be 2 or 3, not {dim}"))),
         };
         let problem = problem.map_err(PyValueError::new_err)?;
         Ok(Self::new(
@@ -457,13 +457,13 @@ impl Problem {
         let (run, failed) = made.map_err(|failure| match failure {
             Failure::Before => argument(
                 "after",
-                "it is the solution of a problem of another dimension",
+                "that is the solution of a problem in another dimension",
             ),
             Failure::Empty => argument("after", "no load step was made in it"),
             Failure::Problem(error) => wrong(error),
             Failure::Engine(error) => of_engine(error),
             Failure::Large => SolveError::new_err(
-                "large displacements are solved by the program (signorini solve case.toml) and from Rust, not from Python yet: leave out \
+                "large displacements are available in the program (signorini solve case.toml) and in Rust, not in Python yet: leave out \
                  geometry = \"large\" here",
             ),
             Failure::Fork(what) => SolveError::new_err(format!("{what}: {}", fork::REMEDY)),

@@ -23,7 +23,7 @@ fn word<T: Copy>(name: &str, value: &Bound<PyAny>, words: &[(&str, T)]) -> PyRes
         let shown = value
             .repr()
             .map_or(String::new(), |repr| format!(", not {repr}"));
-        argument(name, format!("it is one of {}{shown}", known.join(", ")))
+        argument(name, format!("must be one of {}{shown}", known.join(", ")))
     })
 }
 
@@ -123,7 +123,7 @@ pub fn apply(
                 let seconds: f64 = number(name, &value)?;
                 let limit = Duration::try_from_secs_f64(seconds);
                 ssnm.time_limit = Some(limit.map_err(|_| {
-                    argument(name, format!("it is a number of seconds, not {seconds}"))
+                    argument(name, format!("must be a number of seconds, not {seconds}"))
                 })?);
             }
             _ => return Err(argument(name, "no solve has such a setting")),

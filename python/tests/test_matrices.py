@@ -197,7 +197,7 @@ WRONG = [
     ("coordinates", [[0.0]], "coordinates"),
     ("coordinates", [0.0, 0.0], "coordinates: expected an array of two dimensions"),
     ("coordinates", [[NAN, 0.0]], "coordinates"),
-    ("dim", 4, "dim: it is 2 or 3"),
+    ("dim", 4, "dim: must be 2 or 3"),
     ("dim", 3, "T"),
     ("areas", [0.0], "area"),
     ("areas", [1.0, 1.0], "areas: expected 1 entries"),
@@ -215,7 +215,7 @@ WRONG = [
     ("time_limit", -1.0, "time_limit: it is a number of seconds"),
     ("max_iterations", -1, "max_iterations"),
     ("colour", "red", "colour: no solve has such a setting"),
-    ("callback", 3, "callback: expected something to call"),
+    ("callback", 3, "callback: expected a callable"),
 ]
 
 

@@ -167,7 +167,7 @@ def test_friction_of_a_model_may_change() -> None:
         with pytest.raises(ValueError, match=text):
             problem.solve(friction=wrong)
     for name in ("f", "gap", "slip_bound", "slip_origin"):
-        with pytest.raises(ValueError, match=f"{name}: what acts on a model"):
+        with pytest.raises(ValueError, match=f"{name}: a model states its own loads"):
             problem.solve(**{name: 1.0})
 
 
@@ -255,7 +255,7 @@ WRONG_TABLES = [
     ("support", {"boundary": "left", "x": lambda points: points[:, 0].astype(str)}, "instead of real numbers"),
     ("support", {"boundary": "left", "z": 0.0}, "support, z: z has no meaning"),
     ("support", {"boundary": 3, "x": 0}, "support, boundary: .*expected the name of a boundary"),
-    ("support", {"boundary": "left", "y": 1 + 2j}, "y: complex is no value"),
+    ("support", {"boundary": "left", "y": 1 + 2j}, "y: complex is not a type"),
     ("support", {"boundary": "left", "xx": 0}, "did you mean"),
     ("traction", {"boundary": "top"}, "a traction needs"),
     ("traction", {"boundary": "top", "force": [1, 2, 3]}, "traction, force: expected 2 entries, found 3"),
@@ -272,7 +272,7 @@ def test_what_is_wrong_with_a_table_is_told_at_once(table: str, entries: dict[st
     model = signorini.Model(signorini.rectangle([3, 1], [12, 4]))
     with pytest.raises(ValueError, match=text):
         model.add(table, **entries)
-    assert "nothing said yet" in repr(model)
+    assert "nothing stated yet" in repr(model)
 
 
 def test_what_is_wrong_with_a_model_is_told_when_it_is_built() -> None:
@@ -320,11 +320,11 @@ WRONG_MESHES = [
     ({"points": [[0], [1], [2]]}, "points: expected 2 or 3 columns, found 1"),
     ({"points": [["a", "b"]]}, "points: expected real numbers"),
     ({"cells": {"triangle": [[0, 1, 7]]}}, "names node 7"),
-    ({"cells": {"triangle": [[0, 1, -2]]}}, "-2 is no number of a node"),
+    ({"cells": {"triangle": [[0, 1, -2]]}}, "-2 is not the number of a node"),
     ({"cells": {"triangle": [[0, 1]]}}, "a tri3 has 3 nodes, and the array has 2 columns"),
     ({"cells": {"triangle": [0, 1, 2]}}, "a row for each element"),
     ({"cells": {"triangle": [[0.0, 1.0, 2.0]]}}, "cells: expected integers"),
-    ({"cells": {"hexagon": [[0, 1, 2]]}}, "no elements are called 'hexagon'"),
+    ({"cells": {"hexagon": [[0, 1, 2]]}}, "there are no elements 'hexagon'"),
     ({"cells": {"tetra": [[0, 1, 2, 0]]}}, "tet4 are no elements of a mesh whose points have 2"),
     ({"cells": {}}, "the mesh has no elements"),
     ({"cells": {"triangle": [[0, 1, 1]]}}, "element 0"),

@@ -44,7 +44,7 @@ fn written<const D: usize>(text: &str) -> String {
 
 /// Every key of every table that is read is written, with its value in the text.
 #[test]
-fn what_is_read_is_written() {
+fn entries_read_are_written() {
     let plane = r#"
 [units]
 length = "mm"
@@ -219,7 +219,7 @@ fn a_function_of_a_program_is_not_written() {
 /// A model would accept a kind without checks if the kind had a key but no entry in `parts`. Nobody would find a kind without
 /// documentation or without a method in Python.
 #[test]
-fn every_kind_is_a_part_and_is_told_of() {
+fn every_kind_is_a_part_and_documented() {
     let definition: Definition = match text::read(ONE_OF_EACH) {
         Ok(definition) => definition,
         Err(error) => panic!("{error}"),
@@ -261,7 +261,7 @@ fn a_case_of_matrices_has_no_table_of_a_model() {
 }
 
 #[test]
-fn a_list_in_single_brackets_is_told_of_the_double_ones() {
+fn a_list_in_single_brackets_is_pointed_to_double_ones() {
     for key in lists() {
         let said = refusal(&format!("{MESH}[{key}]\n"));
         let expected = format!("write [[{key}]], with double brackets");

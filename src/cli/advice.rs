@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_flag_helps_with_is_told_as_it_is() {
+    fn errors_without_a_flag_are_reported_as_they_are() {
         let lost = BackendError::Lost {
             adapter: "a GPU".to_owned(),
             reason: "unplugged".to_owned(),

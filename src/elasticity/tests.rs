@@ -87,7 +87,7 @@ fn shape_functions_are_those_of_linear_fields() {
 }
 
 #[test]
-fn a_quadrilateral_extrapolates_what_is_bilinear() {
+fn a_quadrilateral_extrapolates_bilinear_fields() {
     struct Corners;
     impl Visit<2> for Corners {
         type Output = ();

@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_mesh_is_told() {
+    fn files_without_a_mesh_are_reported() {
         let told = |text: String, groups: Option<&str>| {
             let failure = parse(text.as_bytes(), groups).err();
             let failure = failure.unwrap_or_else(|| panic!("accepted:\n{text}"));

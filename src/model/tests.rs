@@ -90,7 +90,7 @@ const BLOCKS: &str = "[[mesh.part]]\nname = \"low\"\nrectangle = { size = [3, 1]
     rectangle = { origin = [0.5, 1], size = [2, 1], cells = [7, 4], shape = \"triangle\" }\n";
 
 #[test]
-fn a_model_is_what_its_case_file_is() {
+fn a_model_equals_its_case_file() {
     let model = Model::on(blocks())
         .material_in("low", STEEL)
         .material_in("up", RUBBER)
@@ -184,7 +184,7 @@ fn a_body_without_supports_is_found_and_needs_a_contact() {
 }
 
 #[test]
-fn errors_name_what_is_at_fault() {
+fn errors_name_the_part_at_fault() {
     let sound = || {
         Model::on(blocks())
             .material(STEEL)
@@ -368,7 +368,7 @@ fn errors_name_what_is_at_fault() {
 }
 
 #[test]
-fn a_case_says_which_line() {
+fn a_case_names_the_line() {
     let error = |text: &str| match Case::parse(Path::new("c.toml"), text.to_owned(), &[]) {
         Err(error) => error.to_string(),
         Ok(case) => match case.build() {

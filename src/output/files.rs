@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_directory_that_cannot_be_is_told_at_once() {
+    fn an_impossible_directory_is_reported_at_once() {
         let place = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
         let file = place.path().join("file");
         std::fs::write(&file, b"").unwrap_or_else(|error| panic!("{error}"));

@@ -205,7 +205,7 @@ const U: [f64; 6] = [0.06, 0.08, -0.1, 0.0, 0.0, -0.2];
 const LAMBDA: [f64; 6] = [10.0, 4.0, 3.0, 4.0, -1.5, 0.5];
 
 #[test]
-fn conditions_in_space_hold_for_a_solution_and_for_nothing_else() {
+fn conditions_in_space_hold_only_for_a_solution() {
     let problem = ContactProblem::new(two_nodes(U, LAMBDA)).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!((problem.n(), problem.m()), (6, 2));
     assert_eq!(problem.contact_matrix().n_rows(), 6);

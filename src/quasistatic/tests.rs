@@ -122,7 +122,7 @@ fn an_error_keeps_the_rounds_made() {
 }
 
 #[test]
-fn what_does_not_fit_is_an_error() {
+fn misfits_are_errors() {
     let (problem, other) = (springs(1), springs(2));
     let good = StepSettings::default();
     let load = Load::of(&problem);

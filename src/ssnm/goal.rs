@@ -251,7 +251,7 @@ mod tests {
     /// (B D⁻¹ Bᵀ) has the blocks 1 + J/under, J all ones: (1 + 2/under)⁻¹ for equal forces on both nodes of a pair, and
     /// 1 for opposite ones, however soft the other side is.
     #[test]
-    fn what_the_other_side_does_not_see_is_closed_by_the_own_one() {
+    fn a_side_unseen_by_the_other_closes_by_itself() {
         let problem = four_on_two(1e-3);
         let closed = |missing: [f64; 4]| close_alone(&problem, &[missing, [0.0; 4]].concat(), 10);
         let found = closed([1.0, 1.0, 1.0, -1.0]);

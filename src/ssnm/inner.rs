@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gradient_vanishes_on_what_is_free_and_nothing_else_moves() {
+    fn the_gradient_vanishes_on_free_multipliers_and_the_rest_stays() {
         // Two nodes stick; the third is apart, with its tangent at the bound.
         let law = Law::with(3, 0.5, 0.0);
         let (point, iterations) = solved(&law, [1.0, 1.0, -1.0, 0.1, -0.2, 9.0], [0.0; 6]);
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn it_ends_where_nothing_resists_and_where_it_is_told_to() {
+    fn it_ends_without_resistance_and_on_request() {
         let law = Law::with(1, 1.0, 0.0);
         let face = || {
             Face::new(

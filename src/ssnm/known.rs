@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn newton_and_sweeps_solve_what_depends_on_each_other() {
+    fn newton_and_sweeps_solve_dependent_contacts() {
         for (m, motions) in [(1, 1), (3, 4), (8, 11)] {
             for mu in [0.0, 0.3] {
                 for [newton, sweeps] in [

@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn settings_say_what_is_wrong_with_them() {
+    fn invalid_settings_explain_their_fault() {
         let good = NewtonSettings::default();
         assert_eq!(good.check(), Ok(()));
         for value in [0.0, 1.0, -0.5, f64::NAN, f64::INFINITY] {

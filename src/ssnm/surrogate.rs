@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_known_is_reproduced_and_the_rest_is_positive() {
+    fn known_pairs_are_reproduced_and_the_rest_is_positive() {
         let len = 40;
         let (surrogate, directions) = filled(len, 12);
         assert_eq!(surrogate.len(), 12);
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_known_badly_makes_room_and_nothing_else_does() {
+    fn only_inaccurate_pairs_make_room() {
         let len = 40;
         let numbers = scatter(len * 6);
         let directions: Vec<&[f64]> = numbers.chunks(len).collect();
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_that_tell_nothing_do_not_enter_and_old_ones_make_room() {
+    fn pairs_without_information_do_not_enter_and_old_ones_make_room() {
         let (mut surrogate, directions) = filled(40, 5);
         let base = surrogate.base();
         let sum: Vec<f64> = (0..40)

@@ -149,7 +149,7 @@ fn wrong_products_are_found_out() {
 
 /// No step can repair a u that is not in equilibrium.
 #[test]
-fn what_k_denies_is_no_solution() {
+fn a_point_that_k_refutes_is_not_a_solution() {
     let problem = row_of_nodes(&[1.0, 2.0, 0.5], 0.7);
     for (displaced, expected) in [(1e-7, Status::Converged), (1e-4, Status::Stagnated)] {
         let mut off = Off {

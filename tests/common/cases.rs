@@ -12,7 +12,7 @@ use std::path::Path;
 
 pub use bodies::{one_body, stack};
 
-/// What random cases are drawn from.
+/// The choices of random cases.
 #[derive(Clone, Copy)]
 pub struct Range {
     /// Decades of Young's modulus, and of the size of a body.
@@ -30,7 +30,7 @@ pub enum Laws {
     Coulomb,
     /// As often none or Tresca's.
     Any,
-    /// None or Tresca's, whose answers are the only ones.
+    /// None or Tresca's, which make answers unique.
     Given,
 }
 
@@ -48,7 +48,7 @@ impl Range {
 
 /// A problem with its load steps.
 pub struct Trial<const D: usize = 2> {
-    /// What it is, in a few words.
+    /// A short description.
     pub name: String,
     /// All of it, for whoever looks for an error.
     pub text: String,
@@ -183,7 +183,7 @@ pub fn list(values: &[f64]) -> String {
     format!("[{}]", values.join(", "))
 }
 
-/// Factors of what presses: positive; and of what shears or moves: up, down, reversed.
+/// Factors of pressing loads: positive; and of shearing or moving ones: up, down, reversed.
 pub struct Factors {
     pub press: Vec<f64>,
     pub shear: Vec<f64>,
@@ -217,7 +217,7 @@ impl Factors {
     }
 }
 
-/// Cells such that there are few unknowns, and not too slender.
+/// Cells, few enough for few unknowns, and not too slender.
 pub fn cells(random: &mut Random, [w, h]: [f64; 2], nodes: usize) -> [usize; 2] {
     let across = 1 + (random.unit().powi(2) * 30.0) as usize;
     let up = (across as f64 * h / w * decade(random, -0.3, 0.3)).round();
@@ -255,7 +255,7 @@ impl Stuff {
     }
 }
 
-/// A traction with the direction of a frame that is turned.
+/// A traction with directions of a rotated frame.
 pub fn traction(boundary: &str, force: [f64; 2], factors: &[f64]) -> String {
     let [x, y] = force;
     format!(

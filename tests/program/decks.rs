@@ -31,7 +31,7 @@ fn a_deck_is_solved_and_converted() {
         "{said}"
     );
     assert!(said.contains("pressure up to 2.0000e0\n"), "{said}");
-    // Nobody has told what its numbers are in.
+    // The units of its numbers are unknown.
     assert!(!said.contains(" Pa") && !said.contains(" N,"), "{said}");
     let told = [
         "solve",
@@ -85,9 +85,9 @@ fn a_deck_is_solved_and_converted() {
     );
 }
 
-/// Elements with reduced integration are taken for others, and each run says so; those with incompatible modes are what they are.
+/// Elements with reduced integration are read as others, and each run reports it; those with incompatible modes are kept.
 #[test]
-fn elements_that_are_taken_for_others_are_told() {
+fn elements_read_as_others_are_reported() {
     let place = directory();
     for (kind, told) in [("C3D8R", true), ("C3D8I", false), ("C3D8", false)] {
         write(
@@ -102,7 +102,7 @@ fn elements_that_are_taken_for_others_are_told() {
 }
 
 #[test]
-fn what_a_deck_says_beyond_is_refused_or_ignored() {
+fn unsupported_entries_of_a_deck_are_refused_or_ignored() {
     let place = directory();
     let large = PRESSED.replace("*STEP\n", "*STEP,NLGEOM\n").replace(
         "*ELASTIC\n100.,0.\n",

@@ -129,7 +129,7 @@ fn case_c_by_pcg_costs_few_linear_solves() {
             }
             made
         });
-        // Twice what each of them may be off by.
+        // Twice the permitted error of each.
         assert!(distance(&found.u, &exact.u) < 2e-3);
         assert!(found.sets.differences(&exact.sets) <= problem.m() / 50);
     }

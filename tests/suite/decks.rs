@@ -1,5 +1,5 @@
-//! Whole decks: against closed forms, against the case files that they become, and what is refused. An ignored test compares
-//! with CalculiX itself.
+//! Whole decks: against closed forms, against the case files that they become, and refusals. An ignored test compares with
+//! CalculiX itself.
 
 use crate::common::or_panic::OrPanic as _;
 use signorini::case::{Case, CaseProblem};
@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::process::Command;
 
-/// What comes of a text; other files may lie beside it.
+/// The result of a text; other files may be beside it.
 fn read(text: &str, beside: &[(&str, &str)], ignored: &[&str]) -> Result<Deck, String> {
     let place = tempfile::tempdir().or_panic();
     for (name, text) in beside.iter().chain(&[("deck.inp", text)]) {
@@ -28,7 +28,7 @@ fn read(text: &str, beside: &[(&str, &str)], ignored: &[&str]) -> Result<Deck, S
     read.map_err(shown)
 }
 
-/// The case file that says the same.
+/// The equivalent case file.
 fn written(deck: &Deck) -> String {
     let case = Case::of_deck(deck.clone(), &[]).or_panic();
     case.text().to_owned()
@@ -170,8 +170,8 @@ fn prescribed_displacements_follow_the_steps() {
     );
 }
 
-/// Supports that a step clears and states again are those of before; of others the line is told that changes them, and no
-/// `--ignore` that would leave none.
+/// Supports that a step clears and states again are those of before; for others the line that changes them is reported,
+/// without an `--ignore` that would leave none.
 #[test]
 fn supports_may_be_stated_again() {
     let step = |held: &str, force: f64| {
@@ -202,7 +202,7 @@ fn supports_may_be_stated_again() {
     );
 }
 
-/// Elements with incompatible modes are what they are; those of a section that has others, too, apart.
+/// Elements with incompatible modes are kept; in a section with other elements, separately.
 #[test]
 fn incompatible_modes_are_those_of_the_elements() {
     let bent = format!("{STATIC}*CLOAD\n5,1,-2.\n15,1,2.\n*END STEP\n");
@@ -229,7 +229,7 @@ fn incompatible_modes_are_those_of_the_elements() {
     );
 }
 
-/// What `--set` says of the mesh of a deck: its order and its size, and nothing else.
+/// `--set` changes the order and the size of the mesh of a deck, and nothing else.
 #[test]
 fn the_mesh_of_a_deck_has_an_order_and_a_size() {
     let pulled = read(
@@ -426,10 +426,10 @@ fn squares(low: [f64; 2], pair: &str) -> String {
     )
 }
 
-/// ADJUST= moves nodes of the slave surface onto the master surface: those within a distance, those of a set; what overlaps without it is
-/// pressed apart, as a press fit is: p = E δ / (the height of both).
+/// ADJUST= moves nodes of the slave surface onto the master surface: those within a distance, those of a set; an overlap without it
+/// is pressed apart, as in a press fit: p = E δ / (the height of both).
 #[test]
-fn nodes_are_adjusted_as_the_deck_says() {
+fn nodes_are_adjusted_as_in_the_deck() {
     for (low, pair, expected) in [
         ([1.01, 1.03], ", ADJUST=0.02", [1.0, 1.03]),
         ([1.01, 1.03], ", ADJUST=0.05", [1.0, 1.0]),
@@ -612,7 +612,7 @@ fn transforms_turn_forces() {
             "*TRANSFORM, NSET=Nright, TYPE=R\n3,4,0,-1,1,0\n",
             "Nright,1,3.\nNright,2,-4.\n",
         ),
-        // From the axis at (4, 2) both nodes lie below, and around it is along x there.
+        // From the axis at (4, 2) both nodes are below, and the hoop direction is along x there.
         (
             "*TRANSFORM, NSET=Nright, TYPE=C\n4,2,0,4,2,1\n",
             "Nright,2,5.\n",
@@ -724,9 +724,10 @@ fn files_that_a_deck_names_are_read() {
     assert!(error.contains("does one include itself?"), "{error}");
 }
 
-/// All that changes the result is refused in one message, by line and by what `--ignore` takes; the rest is passed over.
+/// All entries that change the result are refused in one message, by line and by their names for `--ignore`; the others
+/// are skipped.
 #[test]
-fn what_is_not_understood_is_told_at_once() {
+fn unsupported_entries_are_reported_at_once() {
     let text = strip(
         "*MATERIAL, NAME=other\n*PLASTIC\n1.,0.\n*ELEMENT,TYPE=SPRINGA,ELSET=Espring\n20,1,2\n*SPRING,ELSET=Espring\n\n3.\n\
          *STEP, NLGEOM\n*STATIC\n*NODE PRINT,NSET=Nall\nU\n*CLOAD\n99,1,5.\n*END STEP\n*STEP, NLGEOM\n*STATIC\n*END STEP\n",
@@ -754,7 +755,7 @@ fn what_is_not_understood_is_told_at_once() {
         notes.contains("line 46: *NLGEOM (ignored) is passed over"),
         "{notes}"
     );
-    // What makes no sense is no matter of understanding.
+    // Invalid entries cannot be ignored.
     for (rest, expected) in [
         (
             "*STEP\n*STATIC\n*CLOAD\nNowhere,1,5.\n*END STEP\n",
@@ -779,7 +780,7 @@ fn what_is_not_understood_is_told_at_once() {
     }
 }
 
-/// An error about what a deck says names its line, as if the case had been written by hand.
+/// An error about an entry of a deck names its line, as if the case had been written by hand.
 #[test]
 fn errors_of_the_case_name_lines_of_the_deck() {
     let text = strip("*STEP\n*STATIC\n*CLOAD\nNright,1,1e80\n*END STEP\n");
@@ -893,8 +894,8 @@ const DECKS: &[&str] = &[
     "hueeber4",
 ];
 
-/// Those of them whose contact pressures are compared, too: with hard contact, or nearly, and no border of it within a facet, where CalculiX
-/// shows nodes what it extrapolates from points.
+/// Those of them whose contact pressures are compared, too: with hard contact, or nearly, and without a border of it within a
+/// facet, where CalculiX extrapolates to nodes from points.
 const PRESSED: &[&str] = &["contactenergy", "cubespring", "hueeber3"];
 
 /// The values of a field of the last step in an .frd file, by the numbers of nodes.
@@ -921,7 +922,7 @@ fn last<const N: usize>(frd: &str, field: &str) -> HashMap<u64, [f64; N]> {
     all
 }
 
-/// A deck that writes displacements alone, with elements of second order that are fully integrated, as those here are.
+/// A deck that writes only displacements, with fully integrated elements of second order, as here.
 fn for_ccx(text: &str) -> String {
     let pair = text.to_uppercase().contains("*CONTACT PAIR");
     let mut kept = String::new();

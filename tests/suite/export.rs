@@ -135,7 +135,7 @@ fn an_algebraic_case_is_written_as_it_is() {
     }
 }
 
-/// What contact gives way by and what is tied are part of the matrices; and the keys of case files mean what they say.
+/// Compliance of contact and ties are part of the matrices; and the keys of case files have their documented meaning.
 #[test]
 fn compliant_contact_and_ties() {
     let text = format!(

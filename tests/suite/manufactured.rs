@@ -1,5 +1,5 @@
 //! Problems whose solution was chosen first (validation by construction), in the plane and in space: any sets, nodes on
-//! the verge of slip, and none of what makes a problem easy.
+//! the verge of slip, and no simplifying properties.
 
 use crate::common::manufactured::{Friction, Node, manufactured};
 use crate::common::or_panic::OrPanic as _;
@@ -30,7 +30,7 @@ fn node() -> impl Strategy<Value = Node> {
     })
 }
 
-/// Makes a problem and solves it on both paths, which have to come to what was chosen.
+/// Makes a problem and solves it on both paths, which have to find the chosen solution.
 fn check<const D: usize>(
     n: usize,
     nodes: &[Node],
@@ -39,7 +39,7 @@ fn check<const D: usize>(
     settings: &NewtonSettings,
 ) {
     let made = manufactured::<D>(n, nodes, general, random);
-    // Without any force there is nothing that rounding, which is all there is then, could be accurate beside.
+    // Without any force only rounding is left, and nothing to compare it with.
     if made.lambda.iter().all(|&l| l == 0.0) {
         return;
     }
@@ -134,7 +134,7 @@ fn one_node_all_separated_all_sticking_odd_sizes() {
             uniform(17, false, 0),
             uniform(17, false, 1),
         ] {
-            // n = D m leaves no unknown free of contact; what is no multiple of D is padded inside.
+            // n = D m leaves no unknown free of contact; an n that is not a multiple of D is padded inside.
             for n in [2 * nodes.len(), 2 * nodes.len() + 1, 77] {
                 check::<2>(n, &nodes, general, &mut random, &settings);
             }

@@ -59,7 +59,7 @@ fn forces_on_nodes_pull_as_a_traction_does() {
     }
 }
 
-/// A new node between nodes of a set is one of the set: the end stays straight.
+/// A new node between nodes of a set joins the set: the end stays straight.
 #[test]
 fn raised_sets_hold_the_middles_too() {
     let mesh = strip(2);
@@ -74,7 +74,7 @@ fn raised_sets_hold_the_middles_too() {
     }
 }
 
-/// A force at a point is on its node alone, one on a boundary on each of its nodes; factors count.
+/// A force at a point acts only on its node, one on a boundary on each of its nodes; factors count.
 #[test]
 fn forces_at_points_and_on_boundaries_add_up() {
     let built = pulled(strip(1), |model| {
@@ -158,7 +158,7 @@ fn node_sets_of_input_files_are_named_by_cases() {
 }
 
 #[test]
-fn what_is_wrong_with_sets_is_told() {
+fn faults_of_sets_are_reported() {
     let of_force = |rest: &str| {
         case(&format!(
             "[[support]]\nnodes = \"left\"\nx = 0\ny = 0\n[[force]]\n{rest}\n"

@@ -111,7 +111,7 @@ fn nodes_against_faces() {
     }
 }
 
-/// Against an obstacle nodes are what their facets are: the same rows, the same areas.
+/// Against an obstacle, nodes give the same rows and the same areas as their facets.
 #[test]
 fn nodes_against_an_obstacle() {
     let mut mesh = rectangle([0.0, 0.0], [2.0, 1.0], [8, 4], CellShape::Quad, "body", "");
@@ -159,7 +159,7 @@ fn mesh_error(error: &str, name: &str) {
 }
 
 #[test]
-fn nodes_that_make_up_no_face_are_told_so() {
+fn nodes_without_a_face_are_reported() {
     let mut mesh = stack([2, 2], SolidShape::Hexahedron);
     let foot = mesh.node_sets["foot"].clone();
     mesh.node_sets.insert("one".to_owned(), foot[..1].to_vec());

@@ -12,7 +12,7 @@ fn at(name: &str) -> PathBuf {
         .join(name)
 }
 
-/// What comes of a text under this name.
+/// The result of a text under this name.
 fn parsed(name: &str, text: &str, cell_data: Option<&str>) -> Result<AnyMesh, String> {
     let place = tempfile::tempdir().or_panic();
     let path = place.path().join(name);
@@ -78,7 +78,7 @@ const CAE: &str = "*Heading\n** Job name: job Model name: Model-1\n*Preprint, ec
     *Material, name=Steel\n*Elastic\n 2.1e11, 0.3\n*Step, name=Load\n*Static\n*End Step\n";
 
 #[test]
-fn an_assembly_stands_where_its_instances_are() {
+fn an_assembly_is_placed_by_its_instances() {
     let mesh = solid(parsed("cae.inp", CAE, None));
     assert_eq!((mesh.nodes.len(), mesh.elements.len()), (24, 4));
     assert_eq!(mesh.bodies().0, 2);
@@ -177,7 +177,7 @@ fn a_flat_file_of_the_plane() {
 }
 
 #[test]
-fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
+fn faults_of_an_input_file_are_reported_with_their_line() {
     let flat = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, 1\n*ELEMENT, TYPE=C3D4, ELSET=body\n1, 1, 2, 3, 4\n";
     assert!(parsed("a.inp", flat, None).is_ok());
     let cases = [
@@ -292,7 +292,7 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
 
 /// Nodes, elements and sets in files of their own, as `INPUT=` names them, are those of one file.
 #[test]
-fn data_may_stand_in_other_files() {
+fn data_may_be_in_other_files() {
     let place = tempfile::tempdir().or_panic();
     let file = |name: &str, text: &str| {
         let path = place.path().join(name);
@@ -332,7 +332,7 @@ fn data_may_stand_in_other_files() {
     assert_eq!(mesh.elements.len(), 2);
     assert!(near(volume(&mesh), volume(&expected)));
     assert_eq!(mesh.boundaries, expected.boundaries);
-    // What is wrong is told with the file it is in, and the line there.
+    // A fault is reported with its file, and the line there.
     for (name, text, expected) in [
         (
             "low.txt",
@@ -407,7 +407,7 @@ fn sorted<F: Ord>(mut boundaries: BTreeMap<String, Vec<F>>) -> BTreeMap<String, 
 
 /// A file of Gmsh written from a mesh is read as the same mesh.
 #[test]
-fn what_is_written_for_gmsh_is_read_back() {
+fn files_written_for_gmsh_are_read_back() {
     let solids = join(
         block(
             [0.0; 3],

@@ -460,7 +460,7 @@ mod tests {
 
     /// A buffer bound twice in a dispatch is only read, and no kernel uses more buffers than an adapter must have.
     #[test]
-    fn bindings_are_what_the_host_takes_them_for() {
+    fn bindings_agree_with_the_host() {
         for kernel in all() {
             let (module, _) = parsed(kernel, Precision::F64);
             let mut storage: Vec<(u32, String, bool)> = Vec::new();

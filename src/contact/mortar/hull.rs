@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hull_leaves_out_what_lies_inside_or_on_a_line() {
+    fn a_hull_leaves_out_points_inside_or_on_a_line() {
         let points = vec![
             [0.0, 0.0],
             [1.0, 0.0],

@@ -150,7 +150,7 @@ fn flat_faces_hand_on_a_uniform_pressure() {
 /// A face that covers a part of the other, whatever the part, from either side: the areas add up to it, and forces act
 /// on it or on its border, never beyond, at the mean of their partners; a uniform pressure is transferred exactly.
 #[test]
-fn what_is_covered_in_part_counts_in_part() {
+fn partly_covered_facets_count_in_part() {
     // Corners of the upper face, with overlaps from a half down to a needle on one facet.
     let uppers = [
         ([0.77, 0.41], [0.83, 2.0]),
@@ -294,7 +294,7 @@ fn edges_and_planes_of_symmetry_have_their_normals() {
 
 /// A boundary that is opposite, but behind something nearer, is reported.
 #[test]
-fn what_is_not_met_is_told() {
+fn unmet_facets_are_reported() {
     let lower = part("low", [0.0; 3], [2.0, 1.0, 1.0], [5, 3, 1], Hexahedron);
     let plate = |name: &str, z: f64, length: f64| {
         part(
@@ -387,7 +387,7 @@ fn the_nearer_of_two_faces_counts() {
 }
 
 #[test]
-fn interference_stands_instead_of_the_distance() {
+fn interference_replaces_the_distance() {
     let mesh = blocks(
         PAIRS[1][0],
         PAIRS[1][1],

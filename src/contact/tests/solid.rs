@@ -127,7 +127,7 @@ fn bounds_add_up_over_a_face() {
 }
 
 #[test]
-fn faults_are_told_in_the_words_of_space() {
+fn faults_are_reported_in_the_words_of_space() {
     let mesh = cube(SolidShape::Wedge);
     let message = |boundary: &str, obstacle: Obstacle<3>| {
         let body = body(&mesh);

@@ -92,7 +92,7 @@ fn a_gentle_slope_without_friction_holds() {
 }
 
 #[test]
-fn what_cannot_be_balanced_is_told() {
+fn an_imbalance_is_reported() {
     let m = 7;
     let g = block(m);
     // Friction carries 0.3 · 5 at most; the block is pushed along x.

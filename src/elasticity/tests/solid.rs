@@ -101,7 +101,7 @@ fn shape_functions_in_space_are_those_of_linear_fields() {
 
 /// Whether the stresses at the corners are those of a field that the points determine.
 #[test]
-fn solids_extrapolate_what_is_linear_along_each_axis() {
+fn solids_extrapolate_fields_linear_along_each_axis() {
     struct Corners;
     impl Visit<3> for Corners {
         type Output = ();
@@ -200,7 +200,7 @@ fn von_mises_of_simple_states() {
 }
 
 #[test]
-fn rigid_motions_in_space_take_no_force_and_nothing_else_does() {
+fn only_rigid_motions_in_space_take_no_force() {
     for mesh in solids() {
         let motions: [fn([f64; 3]) -> [f64; 3]; 6] = [
             |_| [1.0, 0.0, 0.0],

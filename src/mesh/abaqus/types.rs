@@ -287,7 +287,7 @@ mod tests {
 
     /// The nodes of a C3D27: 21 in the middle, 22 to 27 in that of faces 1 to 6.
     #[test]
-    fn middles_of_faces_stand_in_the_order_of_faces() {
+    fn middles_of_faces_follow_the_order_of_faces() {
         let cell = Cell::Element(ElementKind::Hexahedron27);
         let order = order(cell).expect("another order");
         let middles = ElementKind::Hexahedron27.middles();

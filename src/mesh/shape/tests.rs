@@ -80,7 +80,7 @@ impl<const D: usize> Visit<D> for Definition {
 }
 
 #[test]
-fn shape_functions_are_what_they_are_by_definition() {
+fn shape_functions_satisfy_their_definition() {
     PLANE
         .iter()
         .for_each(|&kind| Topology::<2>::with(kind, Definition(kind)));
@@ -391,7 +391,7 @@ fn gmsh_lists_the_middles_in_its_own_order() {
 /// Areas and volumes of curved elements: a sector of a ring and a quarter of a tube tend to their closed forms with the
 /// fourth power of the size.
 #[test]
-fn curved_elements_have_the_measure_of_what_they_stand_for() {
+fn curved_elements_have_the_measure_of_their_shape() {
     let ring = |cells: usize| {
         let angle = std::f64::consts::FRAC_PI_2 / cells as f64;
         let place = |[s, t]: [f64; 2]| {

@@ -202,7 +202,7 @@ fn a_sector_of_a_ring_is_a_ring() {
 
 /// A round bar under a torque: the fixed end carries exactly that, and the angle is M l / (G J).
 #[test]
-fn a_torque_is_what_the_other_end_holds() {
+fn a_torque_is_held_by_the_other_end() {
     let (radius, long, torque) = (0.5_f64, 3.0, 400.0);
     let mut mesh = block(
         [-1.0, -1.0, 0.0],
@@ -281,7 +281,7 @@ fn a_torque_is_what_the_other_end_holds() {
 /// Supports that meet at a node in different directions are combined where they agree, and an error where not; a node
 /// on the axis has no radial direction.
 #[test]
-fn directions_that_meet_agree_or_are_told() {
+fn directions_that_meet_agree_or_are_reported() {
     let mesh = || sector([2, 3, 2], [1.0, 2.0], 0.0, PI / 2.0, 1.0);
     let axis = Axis::new([0.0; 3], [0.0, 0.0, 1.0]);
     let model = || {

@@ -33,7 +33,7 @@ fn error(text: &str) -> String {
 }
 
 #[test]
-fn a_model_is_what_its_case_file_is() {
+fn a_model_equals_its_case_file() {
     let model = Model::on(cube(SolidShape::Wedge))
         .material(STEEL)
         .gravity([0.0, 1.0, -9.81])

@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cameras_stand_upright() {
+    fn cameras_are_upright() {
         let camera = Camera::from([1.0, -1.0, 0.5]);
         let [right, up] = camera.flat([0.0, 0.0, 1.0]);
         assert!(right.abs() < 1e-15 && up > 0.0);

@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_nearer_hides_what_is_behind_in_any_order() {
+    fn nearer_surfaces_hide_farther_ones_in_any_order() {
         let left = [[0.0, 0.0], [0.0, 4.0], [4.0, 0.0]];
         let all = [[-9.0, -9.0], [-9.0, 20.0], [20.0, -9.0]];
         let [near, far] = [flat(left, 9.0, 1.0), flat(all, 1.0, 0.0)];

@@ -668,7 +668,7 @@ fn a_stalled_hierarchy_ends_with_smoothing() {
 }
 
 #[test]
-fn what_cannot_be_solved_is_refused() {
+fn unsolvable_cases_are_refused() {
     let refused = |k: &BlockCsr<2>, points: Option<&[[f64; 2]]>| {
         Hierarchy::<f32>::new(k, points, &AmgSettings::default()).map(|m| m.to_string())
     };

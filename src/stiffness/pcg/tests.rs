@@ -233,7 +233,7 @@ fn an_ill_conditioned_matrix_is_solved() {
 /// A body without supports, pulled: block-Jacobi does not notice when it is set up, and must not go on for
 /// ever.
 #[test]
-fn a_load_that_nothing_balances_ends_soon() {
+fn an_unbalanced_load_ends_soon() {
     for cells in [[2, 1], [10, 4], [60, 20], [180, 60]] {
         let body = Bodies::new(&[(cells, [3.0, 1.0], 2e11, Held::Free)]);
         let n = body.k.n_rows();
@@ -254,7 +254,7 @@ fn a_load_that_nothing_balances_ends_soon() {
 
 /// A goal that rounding keeps out of reach: the run ends, and its result so far is available.
 #[test]
-fn what_a_stalled_run_has_reached_is_kept() {
+fn a_stalled_run_keeps_its_result() {
     let body = Bodies::new(&[([60, 20], [3.0, 1.0], 2e11, Held::Left)]);
     let n = body.k.n_rows();
     let b = load(n, n, 1);

@@ -3,8 +3,8 @@
 use super::length;
 use super::sums::Sum;
 
-/// The rest b − A x with 0 ≤ x ≤ limits that is shortest; and the same without what rounding has left of it along the
-/// columns whose factors are inside.
+/// The shortest rest b − A x with 0 ≤ x ≤ limits; and the same without its rounding along the columns whose factors are
+/// inside.
 pub fn bounded_least_squares(columns: &[(Vec<f64>, f64)], b: &[f64]) -> (Vec<f64>, Vec<f64>) {
     #[derive(Clone, Copy, PartialEq)]
     enum Place {

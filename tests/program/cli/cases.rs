@@ -1,4 +1,4 @@
-//! Case files: what is said of a broken one, and settings on the command line.
+//! Case files: errors of broken ones, and settings on the command line.
 
 use crate::or_panic::OrPanic as _;
 use signorini::case::Case;

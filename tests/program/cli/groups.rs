@@ -1,4 +1,4 @@
-//! What `check` says of a mesh with elements in several groups and curves between them.
+//! `check` on a mesh with elements in several groups and curves between them.
 
 use crate::run::{directory, signorini_in, text, write};
 

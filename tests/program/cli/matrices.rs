@@ -1,4 +1,4 @@
-//! Matrices of one's own: a case from files, and what is said of broken ones.
+//! Matrices of one's own: a case from files, and errors of broken ones.
 
 use crate::or_panic::OrPanic as _;
 use crate::run::{directory, report, signorini, text, write};
@@ -47,7 +47,7 @@ fn algebraic_case_from_files() {
     let case = algebraic(place.path()).to_string_lossy().into_owned();
     let run = signorini(&["solve", &case]);
     assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
-    // The default output lies beside the case.
+    // The default output is beside the case.
     let out = place.path().join("springs-out");
     assert_eq!(report(&out)["status"], "converged");
     let vector = |name: &str| {

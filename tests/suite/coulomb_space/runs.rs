@@ -1,4 +1,4 @@
-//! Their runs: products to given errors, beside those of the same steps with the slip bounds given.
+//! Their runs: products to given errors, compared with those of the same steps with the slip bounds given.
 
 use crate::common::or_panic::OrPanic as _;
 use crate::common::oracle::Oracle;
@@ -200,7 +200,7 @@ pub fn priced(name: &str, model: Model<3>) -> [Vec<usize>; 2] {
     costs
 }
 
-/// At most 60 | 80 products, and 1.3 times what the Tresca problem with its bounds takes.
+/// At most 60 | 80 products, and 1.3 times those of the Tresca problem with its bounds.
 pub fn few_products(
     all: impl IntoIterator<Item = (String, Model<3>)>,
     most: [usize; 2],

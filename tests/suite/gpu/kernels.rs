@@ -1,4 +1,4 @@
-//! Each kernel, beside the same method in Rust.
+//! Each kernel, compared with the same method in Rust.
 
 use super::{PRECISIONS, context, one_body};
 use crate::common::Random;
@@ -30,7 +30,7 @@ pub fn numbers(random: &mut Random, len: usize) -> Vec<f64> {
     (0..len).map(|_| number(random)).collect()
 }
 
-/// What the kernels work on, in blocks of D.
+/// The data for the kernels, in blocks of D.
 pub struct Data<const D: usize> {
     pub k: Arc<BlockCsr<D>>,
     /// Blocks of D⁻¹.

@@ -81,7 +81,7 @@ fn free_bodies_are_solved() {
         let gpu = Gpu::new(&context(precision, None)).or_panic();
         let found = solved(gpu, &k, &points, &b);
         println!("{found} iterations in {precision}, {on_cpu} on the CPU");
-        // Corrections in f32 start anew.
+        // Corrections in f32 restart.
         let limit = match precision {
             Precision::F64 => on_cpu + 1,
             Precision::F32 => 2 * on_cpu,
@@ -277,7 +277,7 @@ fn corners(mesh: &Mesh<3>) -> Option<Vertices<3>> {
     vertices(&body, &Unknowns::new(mesh.nodes.iter().map(held).collect()))
 }
 
-/// Multigrid whose vectors exceed a binding gives what it gives in one piece, with patches as well.
+/// Multigrid whose vectors exceed a binding gives the same result as in one piece, with patches as well.
 #[test]
 fn multigrid_on_vectors_in_pieces() {
     let even = rectangle([0.0; 2], [3.0, 1.0], [45, 15], CellShape::Quad, "body", "");
@@ -397,7 +397,7 @@ fn a_body_in_space_is_solved() {
     }
 }
 
-/// Where there is room for K and not for its hierarchy, PCG goes on with block-Jacobi and says so.
+/// If there is memory for K but not for its hierarchy, PCG continues with block-Jacobi and reports it.
 #[test]
 fn without_room_for_multigrid_there_is_block_jacobi() {
     let problem = one_body(1);

@@ -1,4 +1,4 @@
-//! Contact problems on every path, and what they cost in launches.
+//! Contact problems on every path, and their costs in launches.
 
 use super::{context, one_body};
 use crate::common::Random;
@@ -90,8 +90,8 @@ fn every_path_solves_the_table() {
             assert!(iter <= expected.info.iter + 6, "{what}: {iter}");
             assert!(n_a <= 2 * expected.info.n_a, "{what}: {n_a}");
 
-            // Both are that far from the solution; how far from each other is a matter of chance, and so is
-            // on which side of a bound a multiplier lies that is hardly off it.
+            // Both are that far from the solution; their distance from each other is a matter of chance, and so is the
+            // side of a bound for a multiplier that is hardly off it.
             let close = |f: usize, e: usize| f.abs_diff(e) <= 2;
             let sizes = |found: &Solution| found.sets.sizes(|i| problem.has_friction(i));
             let (f, e) = (sizes(&found), sizes(&expected));
@@ -175,7 +175,8 @@ fn six_dispatches_per_iteration_of_block_jacobi_and_few_read_backs() {
         let iterations = after.solves.iterations - before.solves.iterations;
         let dispatches = after.device.dispatches - before.device.dispatches;
         let readbacks = after.device.readbacks - before.device.readbacks;
-        // Beside the iterations: Bᵀp, the start of CG in two, z and p in three, and Bx with each look at the progress.
+        // In addition to the iterations: Bᵀp, the start of CG in two, z and p in three, and Bx with each look at the
+        // progress.
         assert_eq!((dispatches - 6 - readbacks) % 6, 0);
         let issued = (dispatches - 6 - readbacks) / 6;
         assert!(
@@ -263,7 +264,7 @@ fn a_singular_matrix_is_an_error_of_the_problem() {
 
 /// Matrices and preconditioner of another K, and other rows, come to the device.
 #[test]
-fn an_engine_goes_on_with_another_problem_there() {
+fn an_engine_switches_to_another_problem_there() {
     use crate::updated::{check, plane, space};
     for (path, options) in paths().into_iter().filter(|(path, _)| path.contains("GPU")) {
         println!("{path}");

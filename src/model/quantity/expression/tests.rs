@@ -8,7 +8,7 @@ fn value(text: &str, x: f64, y: f64) -> f64 {
 }
 
 #[test]
-fn expressions_mean_what_they_say() {
+fn expressions_evaluate_correctly() {
     assert_eq!(value("-x^2", 3.0, 0.0), -9.0);
     assert_eq!(value("2*(-x^2)", 3.0, 0.0), -18.0);
     assert_eq!(value("2*-x", 3.0, 0.0), -6.0);
