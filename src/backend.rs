@@ -1,9 +1,9 @@
-//! Where the work of size n is done: on the CPU, or on a GPU through wgpu.
+//! The place of the work of size n: the CPU, or a GPU through wgpu.
 //!
-//! [`Backend`] is cut at the size of a kernel: each method is one fused pass over the data, and the
-//! scalars of an iteration stay where the vectors are. The algorithms ([`crate::stiffness::pcg`]) are
-//! written once over it; [`cpu::Cpu`] is the reference and the fallback, `gpu::Gpu` runs the WGSL
-//! kernels in `shaders/`. Nothing here knows the dimension of space: the shape of a block is a number.
+//! [`Backend`] is cut at the size of a kernel: each method is one fused pass over the data, and the scalars of an
+//! iteration stay where the vectors are. The algorithms ([`crate::stiffness::pcg`]) are written once over it;
+//! [`cpu::Cpu`] is the reference and the fallback, `gpu::Gpu` runs the WGSL kernels in `shaders/`. No code here knows
+//! the dimension of space: the shape of a block is a number.
 
 pub mod cpu;
 #[cfg(feature = "gpu")]
@@ -37,7 +37,7 @@ pub enum BackendError {
         what: &'static str,
         /// The device.
         adapter: String,
-        /// All that would be allocated then.
+        /// The total allocation then.
         needed_mib: u64,
         /// The limit.
         offered_mib: u64,
@@ -125,7 +125,7 @@ pub struct GpuOptions {
     pub hardware_only: bool,
 }
 
-/// How far a CG run has come.
+/// The progress of a CG run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
     /// Finished iterations.
@@ -141,7 +141,7 @@ pub struct Progress {
     /// The part of it that the last iterations brought: up to the ninth iteration the last one; from the tenth on at
     /// least the last fifth of all iterations.
     pub recent: f64,
-    /// How many these were.
+    /// The number of these iterations.
     pub recent_terms: usize,
     /// The run is over: the goal is reached, or the run broke down, or a number is not finite.
     pub done: bool,
@@ -149,7 +149,7 @@ pub struct Progress {
     pub broken: bool,
 }
 
-/// Where a CG run starts and when it ends: at the first goal that it reaches.
+/// The start and the end of a CG run: it ends at the first goal that it reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run {
     /// Whether to start from the given x, with r = b − Kx on entry; otherwise from x = 0.
@@ -250,7 +250,7 @@ pub trait Backend {
     fn state(&mut self, k: &Self::Matrix, like: &Self::Vector)
     -> Result<Self::State, BackendError>;
 
-    /// Copies numbers of the host into a vector; fewer than its length leave the rest as it is.
+    /// Copies numbers of the host into a vector; if they are fewer than its length, the rest is unchanged.
     fn upload(&mut self, from: &[f64], to: &mut Self::Vector);
     /// Copies a vector to the host.
     fn download(&mut self, from: &Self::Vector, to: &mut [f64]) -> Result<(), BackendError>;
@@ -260,7 +260,7 @@ pub trait Backend {
     fn clear(&mut self, x: &mut Self::Vector);
     /// y += a x; `a` is rounded to f32.
     fn add(&mut self, a: f64, x: &Self::Vector, y: &mut Self::Vector);
-    /// y = M x on the rows of M that have entries; y is left as it is elsewhere.
+    /// y = M x on the rows of M that have entries; elsewhere y is unchanged.
     fn multiply_rows(&mut self, m: &Self::Rows, x: &Self::Vector, y: &mut Self::Vector);
     /// y −= K x.
     fn subtract_product(&mut self, k: &Self::Matrix, x: &Self::Vector, y: &mut Self::Vector);

@@ -46,7 +46,7 @@ pub enum BenchError {
 /// Speeds of a backend at simple work of one size.
 #[derive(Clone, Debug, Serialize)]
 pub struct Speeds {
-    /// Where.
+    /// The path.
     pub path: String,
     /// Unknowns.
     pub n: usize,
@@ -71,7 +71,7 @@ pub struct Speeds {
 /// A contact problem solved on one path.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Where and how.
+    /// The path.
     pub path: String,
     /// Refinement of the mesh: k of the plane, cells per metre in space.
     pub k: usize,
@@ -79,7 +79,7 @@ pub struct Row {
     pub n: usize,
     /// Contact nodes.
     pub m: usize,
-    /// How it ended.
+    /// Its end.
     pub status: Status,
     /// Seconds for the factor, or for the hierarchy and moving it.
     pub set_up: f64,

@@ -42,7 +42,7 @@ pub enum CaseError {
     Io {
         /// The case file.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         source: std::io::Error,
     },
     /// It is not TOML, or has keys or values that no case file has.
@@ -53,7 +53,7 @@ pub enum CaseError {
         /// The fault, with the line and its text.
         message: String,
     },
-    /// Its content makes no sense.
+    /// Its content is invalid.
     #[error("{}, line {line}: {message}", path.display())]
     Invalid {
         /// The case file.
@@ -63,7 +63,7 @@ pub enum CaseError {
         /// The fault.
         message: String,
     },
-    /// A table that a program states, without any file, makes no sense.
+    /// A table that a program states, without any file, is invalid.
     #[error("{place}: {message}")]
     Stated {
         /// The table and its key, such as `support 2, x`.
@@ -81,10 +81,10 @@ pub enum CaseError {
     },
 }
 
-/// A case file, read and checked as far as it goes without its mesh or matrices.
+/// A case file, read and checked as far as possible without its mesh or matrices.
 #[derive(Debug)]
 pub struct Case {
-    /// Where it was read from.
+    /// Its path.
     pub path: PathBuf,
     /// Its tables.
     pub tables: Tables,
@@ -94,7 +94,7 @@ pub struct Case {
     given: Option<AnyMesh>,
     /// The definition of the model, where it is given and does not have to be read from the text.
     definition: Option<AnyDefinition>,
-    /// Of a deck, with that of its mesh first.
+    /// For a deck; the origin of its mesh comes first.
     origins: Vec<Origin>,
     /// Without a file, errors name tables and keys instead of lines.
     stated: bool,
@@ -238,7 +238,7 @@ impl Case {
         }
     }
 
-    /// Those of its tables that a type has keys for, as this type.
+    /// Its tables for which a type has keys, as this type.
     fn said<T: DeserializeOwned>(&self) -> Result<T, CaseError> {
         self.heard(text::read(&self.text))
     }

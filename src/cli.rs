@@ -185,11 +185,11 @@ struct BenchArguments {
     json: Option<PathBuf>,
 }
 
-/// How a deck is read.
+/// Reading of decks.
 #[derive(clap::Args)]
 struct DeckArguments {
-    /// Of a deck (.inp): go on without these keywords, options or types of elements though they change the result, e.g.
-    /// --ignore NLGEOM,PLASTIC
+    /// For a deck (.inp): continue without these keywords, options or types of elements though they change the result,
+    /// e.g. --ignore NLGEOM,PLASTIC
     #[arg(long, value_delimiter = ',', value_name = "KEYWORD,…")]
     ignore: Vec<String>,
 }
@@ -210,7 +210,7 @@ struct EngineArguments {
     gpu: GpuArguments,
 }
 
-/// Which GPU, and how.
+/// The choice of GPU and its precision.
 #[derive(clap::Args)]
 struct GpuArguments {
     /// Arithmetic of the GPU's kernels; answers are accurate to f64 in any case, and the CPU is not concerned
@@ -282,7 +282,7 @@ enum Stiffness {
     /// The sparse factor where it is predicted to fit into half of the memory and not to take much longer than PCG; PCG
     /// otherwise, and with --backend gpu
     Auto,
-    /// The sparse Cholesky factor, on the CPU, whatever it takes; not with --backend gpu
+    /// The sparse Cholesky factor, on the CPU, whatever its size; not with --backend gpu
     Cholesky,
     /// Conjugate gradients with the --preconditioner, on the CPU or a GPU
     Pcg,
@@ -454,8 +454,8 @@ fn print(text: &str) -> Result<(), String> {
     }
 }
 
-/// Lets a file that grows beyond a limit of the system (`ulimit -f`) be an error like a full disc: unheard, the signal
-/// would end the program in the middle of it.
+/// Turns a file that grows beyond a limit of the system (`ulimit -f`) into an error like a full disc: otherwise the
+/// signal would end the program in the middle of the file.
 fn hear_file_limits() {
     #[cfg(unix)]
     {

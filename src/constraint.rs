@@ -89,13 +89,13 @@ impl<const D: usize> NodeSets<D> {
         x
     }
 
-    /// How many multipliers are free.
+    /// The number of free multipliers.
     pub fn n_free(&self) -> usize {
         usize::from(self.contact) + self.tangents().count()
     }
 
-    /// In how many of the two sets, 𝒜ν or ℐν and 𝒜τ or ℐτ, it differs; slip the other way is another set, slip in a
-    /// direction that has turned is not.
+    /// The number of differences in the two sets, 𝒜ν or ℐν and 𝒜τ or ℐτ; slip in the opposite direction is another set,
+    /// slip in a direction that has turned is not.
     pub fn differences(&self, other: &Self) -> usize {
         let slips = match (self.slip, other.slip) {
             (None, None) => true,

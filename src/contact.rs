@@ -56,7 +56,7 @@ impl<const D: usize> Friction<'_, D> {
     }
 }
 
-/// How the slip bound of a contact node comes about.
+/// The source of the slip bound of a contact node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SlipBound {
     /// A given force (Tresca; 0 without friction).
@@ -90,7 +90,7 @@ pub struct PairOptions<'a, const D: usize = 2> {
     /// pressure / stiffness, and slip begins after traction / stiffness. None: hard.
     pub stiffness: [Option<Field<'a, D>>; 2],
     /// Between bodies: edges sharper than this angle between the normals of neighbouring facets, in degrees, cut a
-    /// boundary into parts with contact forces and normals of their own.
+    /// boundary into parts with their own contact forces and normals.
     pub edge_angle: f64,
     /// For nodes on planes of symmetry, the normals of those planes. The averaged normals of a boundary are in these
     /// planes.
@@ -131,7 +131,7 @@ impl<const D: usize> PairOptions<'_, D> {
         (if counts { 0.0 } else { gap }) + self.offset
     }
 
-    /// How far a place gives way per force, normal and along its tangents: 1/(k a).
+    /// The compliance of a place, normal and along its tangents: 1/(k a).
     fn compliance_at(&self, x: [f64; D], area: f64) -> Result<[f64; 2], ContactError> {
         let mut compliance = [0.0; 2];
         for (compliance, stiffness) in compliance.iter_mut().zip(self.stiffness) {
@@ -323,15 +323,15 @@ pub enum ContactError {
     Overlap {
         /// The node.
         place: Location,
-        /// How deep.
+        /// The depth.
         depth: f64,
     },
     /// Two bodies overlap.
     #[error("the boundaries overlap by {depth:.3e} at {place}: move the bodies apart, {OVERLAPS}")]
     BodiesOverlap {
-        /// Where they do so most.
+        /// The place of the largest overlap.
         place: Location,
-        /// How deep.
+        /// The depth.
         depth: f64,
     },
     /// A node meets several rigid obstacles whose normal rows depend on each other.
@@ -352,7 +352,7 @@ pub enum ContactError {
     Driven {
         /// The node.
         place: Location,
-        /// How deep.
+        /// The depth.
         depth: f64,
     },
     /// Prescribed displacements make a node slide in one direction, while it is free in another one.
@@ -429,7 +429,7 @@ pub enum ContactError {
     Apart {
         /// The search distance.
         distance: f64,
-        /// How far the boxes around their facets are apart at least.
+        /// The least distance of the boxes around their facets.
         nearest: f64,
     },
     /// An invalid stiffness of contact.
@@ -437,7 +437,7 @@ pub enum ContactError {
         "the contact stiffness is {value} at {place}: it must be a finite number > 0; leave it out where contact is hard"
     )]
     Stiffness {
-        /// Where.
+        /// The place.
         place: Location,
         /// The value there.
         value: f64,
@@ -445,7 +445,7 @@ pub enum ContactError {
     /// A stiffness of contact so small or so large that nothing can be computed with it.
     #[error("the compliance of the contact is {value:e} at {place}: {SIZES}")]
     Compliance {
-        /// Where.
+        /// The place.
         place: Location,
         /// 1 / (stiffness · area).
         value: f64,
@@ -455,7 +455,7 @@ pub enum ContactError {
     NotPositive {
         /// The quantity at fault.
         what: &'static str,
-        /// Where.
+        /// The place.
         place: Location,
         /// The value there.
         value: f64,

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// Why a computation was stopped from outside.
+/// The reason why a computation was stopped from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Stopped {
     /// Time is up.
@@ -39,7 +39,7 @@ impl Stop<'_> {
     }
 }
 
-/// How accurately a system K x = b is solved; e is the error of x.
+/// The accuracy of the solution of a system K x = b; e is the error of x.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Accuracy {
     /// ‖b − Kx‖ ≤ τ‖b‖.
@@ -60,7 +60,7 @@ pub enum Accuracy {
     },
 }
 
-/// How a u that follows λ has come closer to K⁻¹(f − Bᵀλ), in the norm √(vᵀKv).
+/// The progress of a u that follows λ towards K⁻¹(f − Bᵀλ), in the norm √(vᵀKv).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Correction {
     /// The change of the solution.

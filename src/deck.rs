@@ -58,7 +58,7 @@ impl AnyDefinition {
     }
 }
 
-/// Where a table of a case comes from in a deck.
+/// The origin of a table of a case in a deck.
 #[derive(Clone, Debug)]
 pub struct Origin {
     /// The path of the table, such as `support[0]`.
@@ -72,7 +72,7 @@ pub struct Origin {
 /// The reasons why a deck is not a case.
 #[derive(Debug, thiserror::Error)]
 pub enum DeckError {
-    /// A file could not be read, or a line makes no sense.
+    /// A file could not be read, or a line is invalid.
     #[error(transparent)]
     File(#[from] FileError),
     /// It has entries that change the result and that a case cannot express.

@@ -1,4 +1,4 @@
-//! The dual operator A = B K⁻¹ Bᵀ and what belongs to it.
+//! The dual operator A = B K⁻¹ Bᵀ and its parts.
 
 pub(crate) mod balance;
 mod delassus;
@@ -22,7 +22,7 @@ use faer::Mat;
 /// From this relative residual on, PCG has made no progress.
 const HARDLY_MOVED: f64 = 0.1;
 
-/// Why a product with A could not be made.
+/// The reason why a product with A could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum DualError {
     /// Not an error of the problem: somebody asked to stop.

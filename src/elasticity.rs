@@ -124,7 +124,7 @@ impl Plane {
     }
 }
 
-/// How far bodies reach perpendicular to the plane.
+/// The extent of bodies perpendicular to the plane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Depth {
     /// Everywhere as far; 1 in space.
@@ -199,7 +199,7 @@ impl Material {
     }
 }
 
-/// How much warmer bodies are than when they were free of stress, in K, as a function of the region and the place.
+/// The temperature of bodies above their stress-free state, in K, as a function of the region and the place.
 pub type Temperature<'a, const D: usize = 2> = &'a (dyn Fn(u32, [f64; D]) -> f64 + Sync);
 
 /// A scalar as a function of the place, e.g. one component of a traction.
@@ -236,7 +236,7 @@ impl<const D: usize> Body<'_, D>
 where
     ElementKind: Topology<D>,
 {
-    /// How far it reaches perpendicular to the plane.
+    /// The extent perpendicular to the plane.
     pub(crate) fn depth(&self) -> Depth {
         match self.plane {
             Plane::Axisymmetric => Depth::Ring,

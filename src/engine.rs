@@ -1,5 +1,4 @@
-//! Which arithmetic solves a problem: the choice between CPU and GPU, Cholesky and PCG, and the way back
-//! to the CPU where a GPU fails.
+//! The choice between CPU and GPU, Cholesky and PCG for a problem, and the way back to the CPU if a GPU fails.
 
 use crate::backend::cpu::Cpu;
 #[cfg(feature = "gpu")]
@@ -15,7 +14,7 @@ use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::{PcgError, Preconditioner};
 use std::sync::Arc;
 
-/// Where to compute.
+/// The device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Device {
     /// On a real GPU where that gains time, on the CPU otherwise, and on the CPU if the GPU fails.
@@ -27,7 +26,7 @@ pub enum Device {
     Gpu,
 }
 
-/// How to apply K⁻¹.
+/// The way to apply K⁻¹.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stiffness {
     /// The sparse factor where it is predicted to fit into half of the memory and not to take much longer
@@ -43,13 +42,13 @@ pub enum Stiffness {
 /// Options for an [`Engine`].
 #[derive(Clone, Debug, Default)]
 pub struct EngineOptions {
-    /// Where to compute.
+    /// The device.
     pub place: Device,
-    /// How to apply K⁻¹.
+    /// The way to apply K⁻¹.
     pub stiffness: Stiffness,
     /// Inside PCG.
     pub preconditioner: Preconditioner,
-    /// Adapter and precision, where a GPU is used.
+    /// Adapter and precision, if a GPU is used.
     pub gpu: GpuOptions,
 }
 
@@ -183,7 +182,8 @@ type Again = dyn Fn(bool, &EngineOptions, &mut dyn FnMut(&str)) -> Result<Path, 
 pub struct Engine {
     /// [`again`] for the problem, hiding its dimension from the engine.
     again: Box<Again>,
-    /// Where K and B of the problem are, which it keeps: by these its problems are known. None after an update that failed.
+    /// The addresses of K and B of the problem, which it keeps: they identify its problems. None after an update that
+    /// failed.
     matrices: Option<[usize; 2]>,
     set_ups: SetUps,
     path: Path,
@@ -290,7 +290,7 @@ impl Engine {
         if self.fits(problem) {
             return Ok(());
         }
-        // As long as this is under way, and after an error.
+        // During an update, and after an error.
         let before = self.matrices.take();
         self.recycled = RecycledSubspace::default();
         let kept = problem.clone();
@@ -473,7 +473,7 @@ pub fn factor_bytes<const D: usize>(problem: &ContactProblem<D>) -> Result<usize
     plan(problem).map(|plan| plan.bytes())
 }
 
-/// Where K and B of a problem are.
+/// The addresses of K and B of a problem.
 fn addresses<const D: usize>(problem: &ContactProblem<D>) -> [usize; 2] {
     [
         Arc::as_ptr(problem.stiffness()).addr(),

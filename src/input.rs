@@ -5,7 +5,7 @@ use std::io::{Error, ErrorKind, Read as _, Result};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How many files are being read.
+/// The number of files being read.
 static OPEN: AtomicUsize = AtomicUsize::new(0);
 
 /// Whether a thread of this program waits for a case, a mesh or a matrix. That may be a pipe that nobody fills, so
@@ -63,7 +63,7 @@ pub(crate) fn whole(path: &Path, limit: usize) -> Result<Vec<u8>> {
         return Err(too_large());
     }
     let mut bytes = Vec::new();
-    // Of a pipe the system knows no length.
+    // The system does not know the length of a pipe.
     bytes.try_reserve_exact(length)?;
     file.take((limit as u64).saturating_add(1))
         .read_to_end(&mut bytes)?;

@@ -146,8 +146,8 @@ impl Matrix {
 
 /// Reads a file, on all threads.
 ///
-/// The order of the entries is that of the file, whatever the number of threads. Memory is taken for what the file
-/// holds, not for what its header announces.
+/// The entries keep the order of the file, whatever the number of threads. Memory is allocated for the contents of the
+/// file, not for the sizes in its header.
 pub fn read(path: &Path) -> Result<Matrix, MatrixMarketError> {
     let text = input::whole(path, input::data_limit()).map_err(|source| MatrixMarketError::Io {
         path: path.to_owned(),

@@ -56,9 +56,9 @@ where
     /// The regions behind each name: every region under its own name, and groups of them that may overlap.
     pub groups: BTreeMap<String, Vec<u32>>,
     /// Named boundaries: in the plane edges (from, to) with the body on the left, so that the outward normal points
-    /// right; in space faces whose corners go round counter-clockwise as seen from outside. Those listed in
-    /// [`Self::faults`] also hold facets between elements, which have no outward normal: [`Mesh::outer_facets`] and
-    /// [`Mesh::facets`] check for them.
+    /// right; in space faces with corners counter-clockwise as seen from outside. Those listed in [`Self::faults`] also
+    /// hold facets between elements, which have no outward normal: [`Mesh::outer_facets`] and [`Mesh::facets`] check
+    /// for them.
     pub boundaries: BTreeMap<String, Vec<Facet<D>>>,
     /// Named sets of nodes, each sorted and without repeats, whether or not they make up facets: node sets of an Abaqus input
     /// file, physical points of a Gmsh file.
@@ -148,7 +148,7 @@ impl<const D: usize> fmt::Display for FacetFault<D> {
     }
 }
 
-/// Where something is wrong, in any dimension: for messages.
+/// The location of a fault, in any dimension, for messages.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Location(
     /// The coordinates.
@@ -199,7 +199,7 @@ pub enum MeshError {
         element: usize,
         /// The number that it names.
         node: u32,
-        /// How many nodes there are.
+        /// The number of nodes.
         n_nodes: usize,
     },
     /// A coordinate is infinite or NaN.
@@ -289,7 +289,7 @@ pub enum MeshError {
         element: usize,
         /// The number that it names.
         region: u32,
-        /// How many regions there are.
+        /// The number of regions.
         n_regions: usize,
     },
     /// A boundary names a node that does not exist.
@@ -299,7 +299,7 @@ pub enum MeshError {
         name: String,
         /// The number that it names.
         node: u32,
-        /// How many nodes there are.
+        /// The number of nodes.
         n_nodes: usize,
     },
     /// A set of nodes names one that does not exist.
@@ -309,7 +309,7 @@ pub enum MeshError {
         name: String,
         /// The number that it names.
         node: u32,
-        /// How many nodes there are.
+        /// The number of nodes.
         n_nodes: usize,
     },
 }
@@ -519,7 +519,7 @@ where
         std::array::from_fn(|a| self.nodes[nodes[a] as usize])
     }
 
-    /// Area (volume) of an element; negative where its nodes go round the wrong way.
+    /// Area (volume) of an element; negative if its nodes have the wrong orientation.
     pub(crate) fn measure(&self, element: &Element<D>) -> f64 {
         element.kind().with(Measure(self, element))
     }
@@ -533,7 +533,7 @@ where
         measures
     }
 
-    /// How many elements it has of each kind that there are any of.
+    /// The number of elements of each kind that occurs.
     pub fn kinds(&self) -> Vec<(ElementKind, usize)> {
         let count = |kind| self.elements.iter().filter(|e| e.kind() == kind).count();
         let all = ElementKind::ALL.map(|kind| (kind, count(kind)));
@@ -589,7 +589,7 @@ where
             };
             total += determinant;
         };
-        // In a triangle or a tetrahedron with straight sides there is but one.
+        // A triangle or a tetrahedron with straight sides has only one.
         E::stiffness_rule().into_iter().for_each(|(xi, _)| at(xi));
         if N > D + 1 {
             E::NODES.into_iter().for_each(&mut at);

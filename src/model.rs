@@ -148,7 +148,7 @@ pub(crate) struct Whole<const D: usize = 2> {
     geometry: Geometry,
 }
 
-/// How large displacements may be.
+/// The size of displacements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Geometry {

@@ -81,7 +81,7 @@ fn share_cores(universe: &Universe) {
     let world = universe.world();
     let here = world.split_shared(world.rank()).size() as usize;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    // Where there are threads already they stay.
+    // Existing threads stay.
     let _ = rayon::ThreadPoolBuilder::new()
         .num_threads((cores / here).max(1))
         .build_global();

@@ -73,7 +73,7 @@ pub struct ContactData<const D: usize = 2> {
     pub coordinates: Option<Vec<[f64; D]>>,
 }
 
-/// How many directions a contact node slides in, in D dimensions.
+/// The number of sliding directions of a contact node in D dimensions.
 pub(crate) const fn tangents<const D: usize>() -> usize {
     D - 1
 }
@@ -427,7 +427,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         &self.case
     }
 
-    /// f, as long as K has rows.
+    /// f, an entry per row of K.
     pub fn load(&self) -> &[f64] {
         &self.case.force
     }

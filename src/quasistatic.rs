@@ -30,7 +30,7 @@ use std::time::Instant;
 /// The load at the end of a step: totals, not increments.
 #[derive(Clone, Debug)]
 pub struct Load {
-    /// f, as long as K has rows.
+    /// f, an entry per row of K.
     pub force: Vec<f64>,
     /// ‖f‖ without the contribution of prescribed displacements: the acting forces.
     pub acting: f64,
@@ -41,7 +41,7 @@ pub struct Load {
 }
 
 impl Load {
-    /// That of the problem itself.
+    /// The load of the problem itself.
     pub fn of<const D: usize, K>(problem: &ContactProblem<D, K>) -> Self {
         Self {
             force: problem.load().to_vec(),
@@ -60,10 +60,10 @@ impl Load {
     }
 }
 
-/// Where a step starts from.
+/// The start of a step.
 #[derive(Clone, Debug)]
 pub struct State {
-    /// u, as long as K has rows.
+    /// u, an entry per row of K.
     pub u: Vec<f64>,
     /// λ, length D m.
     pub lambda: Vec<f64>,
@@ -103,7 +103,7 @@ impl State {
 /// Settings of a step.
 #[derive(Clone, Debug)]
 pub struct StepSettings {
-    /// Those of the method.
+    /// The settings of the method.
     pub ssnm: ssnm::NewtonSettings,
     /// Under Coulomb's law: whether the bounds are part of the Newton steps. If not, there are only rounds.
     pub monolithic: bool,
@@ -157,7 +157,7 @@ pub struct Round {
     pub friction_change: f64,
     /// The tolerance of the solve.
     pub tolerance: f64,
-    /// How it went.
+    /// Its course.
     pub info: Info,
 }
 
@@ -175,7 +175,7 @@ pub enum Event<'a> {
 pub struct NotHeld {
     /// Its number among [`System::floating_bodies`].
     pub body: usize,
-    /// Which way the loads push it, in words.
+    /// The direction in which the loads push it, in words.
     pub motion: String,
     /// No forces within the friction law balance it. Otherwise some do, but contact and friction do not come to them: on
     /// springs, however weak, it moves away, or converged slip bounds do not hold it.
@@ -186,9 +186,9 @@ pub struct NotHeld {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct StepSolution<const D: usize = 2> {
-    /// How it ended.
+    /// Its end.
     pub status: Status,
-    /// u in all, as long as K has rows.
+    /// The whole u, an entry per row of K.
     pub u: Vec<f64>,
     /// λ = (λν, λτ), length D m.
     pub lambda: Vec<f64>,
@@ -228,7 +228,7 @@ impl<C: Into<Cause>> From<C> for StepError {
 }
 
 impl<const D: usize> StepSolution<D> {
-    /// Where the next step starts from.
+    /// The start of the next step.
     pub fn state(&self, load: &Load) -> State {
         State {
             u: self.u.clone(),
@@ -619,7 +619,7 @@ where
     }
 }
 
-/// How bounds have changed; those of ties stay infinite.
+/// The change of bounds; those of ties stay infinite.
 fn changes(now: &[f64], before: &[f64]) -> Vec<f64> {
     let each = now.iter().zip(before);
     each.map(|(now, before)| if now == before { 0.0 } else { now - before })

@@ -15,7 +15,7 @@ const TURNS: [(usize, usize); 3] = [(1, 2), (2, 0), (0, 1)];
 /// The origin and scale of rigid-body motions.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame<const D: usize> {
-    /// Where rotations leave a point in its place.
+    /// The fixed point of rotations.
     pub centre: [f64; D],
     /// The distance at which a rotation moves by as much as a translation; above 0.
     pub size: f64,

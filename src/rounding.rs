@@ -1,4 +1,4 @@
-//! How accurate sums, small decompositions and directions are in f64: the limits that algorithms share.
+//! The accuracy of sums, small decompositions and directions in f64: limits shared by algorithms.
 
 /// Rounding of a sum relative to its terms.
 pub(crate) const ROUNDING: f64 = 32.0 * f64::EPSILON;

@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How to solve a problem.
+/// The options of a solve.
 #[derive(Clone, Debug, Default)]
 pub struct SolveOptions {
     /// The device, and the way to apply K⁻¹.
@@ -26,7 +26,7 @@ pub struct SolveOptions {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A setting makes no sense.
+    /// A setting is invalid.
     #[error(transparent)]
     Settings(#[from] SettingsError),
     /// No engine could be made: K is singular, for example, or the requested GPU does not exist.
@@ -87,7 +87,7 @@ where
     pub data: Option<&'a StepData<D>>,
     /// Its result.
     pub solution: StepSolution<D>,
-    /// Where displacements are large, the bodies where they are, with the contact problem there.
+    /// With large displacements, the bodies at their final positions, with the contact problem there.
     pub displaced: Option<Arc<Built<D>>>,
 }
 
@@ -314,12 +314,12 @@ macro_rules! of_either {
 }
 
 impl AnySolution {
-    /// How it ended.
+    /// Its end.
     pub fn status(&self) -> Status {
         of_either!(self, solution => solution.status)
     }
 
-    /// u in all, as long as K has rows.
+    /// The whole u, an entry per row of K.
     pub fn u(&self) -> &[f64] {
         of_either!(self, solution => &solution.u)
     }

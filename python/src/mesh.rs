@@ -56,8 +56,8 @@ impl Mesh {
     }
 
     /// From arrays: points, elements by kind, the region of each element, the names of regions, groups of these by name,
-    /// facets of boundaries by name (an array for each number of nodes), sets of nodes, those among them that stand for
-    /// boundaries alone, and notes.
+    /// facets of boundaries by name (an array for each number of nodes), sets of nodes, those among them that are only
+    /// boundaries, and notes.
     #[staticmethod]
     #[expect(clippy::too_many_arguments, reason = "one for each part")]
     fn of_arrays(
@@ -128,7 +128,7 @@ impl Mesh {
         mesh.map(Self::new).map_err(ModelError::new_err)
     }
 
-    /// Meshes side by side, none of whose regions and boundaries have the same name.
+    /// Meshes side by side; their regions and boundaries have different names.
     #[staticmethod]
     fn joined(parts: Vec<PyRef<Mesh>>) -> PyResult<Self> {
         let mut whole: Option<AnyMesh> = None;
@@ -256,7 +256,7 @@ impl Mesh {
         })
     }
 
-    /// What is to be said of it.
+    /// Remarks on it.
     fn notes(&self) -> Vec<String> {
         either!(self, mesh => mesh.notes.clone())
     }
@@ -302,7 +302,7 @@ fn numbers(name: &str, all: &[i64]) -> PyResult<Vec<u32>> {
     all.iter().map(one).collect()
 }
 
-/// What a mesh is made of, with the numbers of nodes of each kind of element one behind the other.
+/// The parts of a mesh, with the numbers of nodes of each kind of element one after the other.
 struct Parts {
     kinds: Vec<(ElementKind, Vec<u32>)>,
     region_of: Vec<i64>,
@@ -310,7 +310,7 @@ struct Parts {
     groups: BTreeMap<String, Vec<u32>>,
     facets: BTreeMap<String, Vec<Vec<u32>>>,
     node_sets: BTreeMap<String, Vec<u32>>,
-    /// Which of the sets stand for boundaries alone.
+    /// The sets that are only boundaries.
     by_nodes: Vec<String>,
     notes: Vec<String>,
 }
@@ -367,7 +367,7 @@ impl Parts {
             notes: self.notes,
         });
         let mut mesh = mesh.map_err(|error| error.to_string())?;
-        // Sets of nodes are boundaries, too, as far as these have outer facets: as those of Abaqus input files.
+        // Sets of nodes are also boundaries, with their outer facets, as in Abaqus input files.
         let sets = (mesh.node_sets.iter()).filter(|(name, _)| !mesh.boundaries.contains_key(*name));
         let facets = sets.map(|(name, set)| (name.clone(), mesh.outer_facets_at(set, true)));
         let facets: Vec<_> = facets.filter(|(_, facets)| !facets.is_empty()).collect();
@@ -385,7 +385,7 @@ impl Parts {
     }
 }
 
-/// Whether a kind is one of space.
+/// Whether a kind belongs to space.
 fn is_solid(kind: ElementKind) -> bool {
     !matches!(kind.linear(), ElementKind::Triangle | ElementKind::Quad)
 }

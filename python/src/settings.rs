@@ -27,7 +27,7 @@ fn word<T: Copy>(name: &str, value: &Bound<PyAny>, words: &[(&str, T)]) -> PyRes
     })
 }
 
-/// A number, with its name if it is none.
+/// A number, or an error with its name.
 fn number<'py, T: for<'a> FromPyObject<'a, 'py>>(
     name: &str,
     value: &Bound<'py, PyAny>,
@@ -38,7 +38,7 @@ fn number<'py, T: for<'a> FromPyObject<'a, 'py>>(
     })
 }
 
-/// What a solve is made on, and how, of the keywords that are about that; what is left out stays as it is.
+/// Applies the keywords for the engine and the settings of a solve; others stay as they are.
 pub fn apply(
     keywords: &Bound<PyDict>,
     engine: &mut EngineOptions,

@@ -1,4 +1,4 @@
-"""Problems of which the Delassus operator is known, and files of FCLIB."""
+"""Problems with a given Delassus operator, and files of FCLIB."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def check(W: Any, q: Any, mu: float, solution: signorini.DelassusSolution, accur
     assert np.abs(r[:, 0] * u[:, 0]).max() <= accuracy * size * speed
     force, slid = np.linalg.norm(r[:, 1:], axis=1), np.linalg.norm(u[:, 1:], axis=1)
     assert (force - mu * r[:, 0]).max() <= accuracy * size
-    # What slides is held back with all that there is, against the way that it goes.
+    # Sliding contacts have their full friction, against the direction of sliding.
     power = np.sum(r[:, 1:] * u[:, 1:], axis=1)
     assert np.abs(power + mu * r[:, 0] * slid).max() <= accuracy * size * speed
 

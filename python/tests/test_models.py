@@ -47,7 +47,7 @@ def test_forces_balance() -> None:
 
 
 @pytest.mark.parametrize("key", ["pressure", "y"])
-def test_quantities_say_the_same(key: str) -> None:
+def test_quantities_agree(key: str) -> None:
     """A linear load as an expression, as a function, as values at nodes: shape functions interpolate it exactly."""
     sign = 1.0 if key == "pressure" else -1.0
     mesh = block().mesh
@@ -98,7 +98,7 @@ def test_quantities_everywhere() -> None:
 
 
 def test_values_of_bodies_that_touch_are_their_own() -> None:
-    """Two blocks of which each has its own value at nodes that lie in one place; the mortar side has its own friction."""
+    """Two blocks, each with its own value at coincident nodes; the mortar side has its own friction."""
     low, high = (signorini.rectangle([2, 1], [8, 4]) for _ in range(2))
     mesh = signorini.Mesh.join({"low": low, "high": high}, shift={"high": [0, 1]})
     upper = np.arange(len(mesh.points)) >= len(low.points)
@@ -126,7 +126,7 @@ def test_temperatures() -> None:
 
 
 def test_names_ties_and_forces() -> None:
-    """A block of two tied halves is the block; what has a name is called by it."""
+    """A block of two tied halves is the block; named parts are listed by their names."""
     halves = {"low": signorini.rectangle([2, 0.5], [8, 2]), "high": signorini.rectangle([2, 0.5], [8, 2])}
     mesh = signorini.Mesh.join(halves, shift={"high": [0, 0.5]})
     found = []
@@ -215,7 +215,7 @@ def test_cases_are_to_the_last_bit_those_of_the_command_line(case: str, settings
         assert (tmp_path / "cli" / name).read_bytes() == (tmp_path / "python" / name).read_bytes()
     reports = [json.loads((tmp_path / place / "report.json").read_text()) for place in ("cli", "python")]
     for report in reports:
-        # Seconds, memory, and the linear solve that the command line counts beside.
+        # Seconds, memory, and the linear solve that the command line adds.
         for key in ("timings", "peak_memory_mib", "v_cycles_linear", "work_ratio"):
             del report[key]
     assert reports[0] == reports[1]
@@ -268,14 +268,14 @@ WRONG_TABLES = [
 
 
 @pytest.mark.parametrize("table, entries, text", WRONG_TABLES)
-def test_what_is_wrong_with_a_table_is_told_at_once(table: str, entries: dict[str, Any], text: str) -> None:
+def test_faults_of_a_table_are_reported_at_once(table: str, entries: dict[str, Any], text: str) -> None:
     model = signorini.Model(signorini.rectangle([3, 1], [12, 4]))
     with pytest.raises(ValueError, match=text):
         model.add(table, **entries)
     assert "nothing stated yet" in repr(model)
 
 
-def test_what_is_wrong_with_a_model_is_told_when_it_is_built() -> None:
+def test_faults_of_a_model_are_reported_when_it_is_built() -> None:
     wrong: list[tuple[Any, str]] = [
         (lambda m: m.support("lfet", x=0), 'support 2: there is no boundary "lfet".*did you mean "left"'),
         (lambda m: m.traction("top", pressure=[1.0, 2.0]), "traction: a quantity has 2 values, and the mesh 65 nodes"),
@@ -375,7 +375,7 @@ def test_meshio_and_the_reader_see_the_same_mesh(file: str) -> None:
 
 
 def test_meshio_there_and_back(tmp_path: Path) -> None:
-    """What is handed to meshio is what was solved; and a second-order mesh survives it."""
+    """The mesh passed to meshio is the solved one; and a second-order mesh survives it."""
     for order in (1, 2):
         solution = block(signorini.rectangle([3, 1], [6, 2], order=order)).traction("top", pressure=2e7).solve()
         grid = solution.to_meshio()
@@ -475,8 +475,8 @@ def test_point_sets_of_meshio_are_sets_of_nodes() -> None:
         signorini.Mesh([[0, 0], [1, 0], [0, 1]], {"triangle": [[0, 1, 2]]}, node_sets={"far": [99]})
 
 
-def test_fields_and_groups_go_on() -> None:
-    """What happens at contacts, regions and boundaries reach meshio and PyVista, and come back from there."""
+def test_fields_and_groups_are_passed_on() -> None:
+    """Fields at contacts, regions and boundaries reach meshio and PyVista, and come back from there."""
     solution = standing(signorini.Mesh.from_meshio(grid(False)))
     base = solution.contacts["base"]
     grid_of = solution.to_meshio()

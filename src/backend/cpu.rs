@@ -120,7 +120,7 @@ impl State {
         (before != 0.0).then(|| rz / before)
     }
 
-    /// How far the run has come.
+    /// The progress of the run.
     pub(crate) fn progress(&self) -> Progress {
         Progress {
             iterations: self.iterations,

@@ -145,13 +145,13 @@ impl Gpu {
     }
 }
 
-/// How far the run of a CG state has come.
+/// The progress in a CG state.
 fn read_progress(precision: Precision, state: &[u8]) -> Progress {
     let mut reals = [0.0; STATE_REALS.len()];
     read_reals(precision, state, &mut reals);
     let words = state[reals.len() * precision.bytes()..].as_chunks().0;
     let words: [u32; STATE_WORDS.len()] = std::array::from_fn(|i| u32::from_ne_bytes(words[i]));
-    // As `STATE_REALS` and `STATE_WORDS` name them.
+    // In the order of `STATE_REALS` and `STATE_WORDS`.
     let [_, rr, goal, rr_start, energy, full_block, open_block, ..] = reals;
     let [done, broken, iterations, in_full, in_open] = words;
     Progress {

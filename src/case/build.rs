@@ -30,7 +30,7 @@ pub enum BuildError {
     Problem {
         /// The case file.
         case: String,
-        /// Why not.
+        /// The reason.
         source: ProblemError,
     },
     /// Something else about the case as a whole.
@@ -46,9 +46,9 @@ pub enum BuildError {
 /// The contact problem of a case, in either dimension.
 #[derive(Debug)]
 pub enum CaseProblem {
-    /// That of the bodies of an elastic case.
+    /// The problem of the bodies of an elastic case.
     Elastic(Box<AnyBuilt>),
-    /// That of the matrices of an algebraic case.
+    /// The problem of the matrices of an algebraic case.
     Algebraic(AnyProblem),
 }
 
@@ -182,7 +182,7 @@ impl Case {
                     source,
                 };
             }
-            // Who states a mesh in a program has no physical groups.
+            // A mesh stated by a program has no physical groups.
             Fault::NoBoundary {
                 ref name,
                 ref known,
@@ -221,7 +221,7 @@ impl Case {
         self.at(&entity.path(), message).into()
     }
 
-    /// That a boundary is not there, where its part of the mesh has none while others have.
+    /// The error about a missing boundary whose part of the mesh has none, while other parts have some.
     fn part_without_boundaries(
         &self,
         name: &str,

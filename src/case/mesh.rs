@@ -6,7 +6,7 @@ use crate::mesh::{self, AnyMesh, ElementKind, Mesh, Topology, structured};
 use crate::model::{Axis, Definition, Quantity, as_vector};
 use std::path::{Path, PathBuf};
 
-/// Where a mesh comes from.
+/// The source of a mesh.
 enum Source<'a> {
     /// A file, the factor for its coordinates, and the cell array that names its regions.
     File(&'a Path, f64, Option<&'a str>),
@@ -15,7 +15,7 @@ enum Source<'a> {
 }
 
 impl Source<'_> {
-    /// Of its mesh, where that shows without a file.
+    /// The dimension of its mesh, if it is known without a file.
     fn dimension(&self) -> Option<usize> {
         match self {
             Self::File(..) => None,
@@ -115,7 +115,7 @@ impl<'a> Stated<'a> {
     }
 }
 
-/// Whether cells can be made of a rectangle or a box.
+/// Checks that a rectangle or a box can be divided into cells.
 fn check_cells<const D: usize>(
     name: &str,
     origin: [f64; D],
@@ -384,7 +384,7 @@ impl Case {
                     },
                 }
             }
-            // Where a map bends the sides, it bends the nodes in their middle, too.
+            // A map that bends the sides also bends their midside nodes.
             Ok(Source::Rectangle(r)) => {
                 let mesh = structured::rectangle(r.origin, r.size, r.cells, r.shape, "body", "");
                 let mesh = self.raised(at, mesh, order)?;

@@ -24,7 +24,7 @@ pub struct SolverTable {
     pub max_iterations: usize,
     /// For the whole run, such as `10min`; none if left out.
     pub time_limit: Option<String>,
-    /// How far slip bounds of rounds converge under Coulomb's law; ten times the tolerance if left out.
+    /// The convergence of the slip bounds of rounds under Coulomb's law; ten times the tolerance if left out.
     pub friction_tolerance: Option<f64>,
     /// Rounds with frozen slip bounds at most.
     pub max_rounds: usize,

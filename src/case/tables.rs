@@ -69,7 +69,7 @@ pub struct PartTable {
     pub order: Option<usize>,
     /// A turn about an axis, after scaling.
     pub rotate: Option<RotateTable>,
-    /// Where its origin is moved to, after scaling and turning: a number for each coordinate.
+    /// The shift of its origin, after scaling and rotation: a number for each coordinate.
     pub shift: Option<Vec<f64>>,
 }
 
@@ -89,7 +89,7 @@ pub struct RectangleTable {
     /// `quad` or `triangle`.
     #[serde(default)]
     pub shape: CellShape,
-    /// Where the point (x, y) of the rectangle goes: bends it, or grades its mesh.
+    /// The new position of the point (x, y) of the rectangle: bends it, or grades its mesh.
     #[serde(default, deserialize_with = "exactly_or_none")]
     pub map: Option<[Quantity<2>; 2]>,
 }
@@ -110,7 +110,7 @@ pub struct BoxTable {
     /// `hexahedron`, `tetrahedron` or `wedge`.
     #[serde(default)]
     pub shape: SolidShape,
-    /// Where the point (x, y, z) of the box goes: bends it, or grades its mesh.
+    /// The new position of the point (x, y, z) of the box: bends it, or grades its mesh.
     #[serde(default, deserialize_with = "exactly_or_none")]
     pub map: Option<[Quantity<3>; 3]>,
 }
@@ -127,7 +127,7 @@ pub struct RotateTable {
     pub angle: f64,
 }
 
-/// As [`exactly`], for an entry that may be left out.
+/// Like [`exactly`], for an optional entry.
 fn exactly_or_none<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
     from: D,
 ) -> Result<Option<[T; N]>, D::Error> {
@@ -155,9 +155,9 @@ pub struct AlgebraicTable {
     pub slip_bound: Option<PathBuf>,
     /// μ, m: Coulomb friction.
     pub friction_coefficient: Option<PathBuf>,
-    /// Which nodes are tied, an entry per row of N: 1, or 0. None if left out.
+    /// The tied nodes, an entry per row of N: 1 or 0. None if left out.
     pub tied: Option<PathBuf>,
-    /// Where slip is counted from, an entry per row of T; zero if left out.
+    /// The origin of slip, an entry per row of T; zero if left out.
     pub slip_origin: Option<PathBuf>,
     /// The diagonal of C, an entry per row of N, then one per row of T: compliant contact; zero if left out.
     pub compliance: Option<PathBuf>,

@@ -148,7 +148,7 @@ pub(super) fn set(document: &mut DocumentMut, setting: &str) -> Result<(), Strin
 
 /// The keys that a type has as a table.
 fn keys<T: DeserializeOwned>() -> &'static [&'static str] {
-    /// Hears which fields are asked for, and has none.
+    /// Records the requested fields, and has none.
     struct Ear<'a>(&'a mut &'static [&'static str]);
 
     impl<'de> Deserializer<'de> for Ear<'_> {
@@ -294,7 +294,7 @@ pub(super) fn path(text: &str, at: usize) -> String {
                 deeper.or_else(|| (has(key.span()) || has(value.span())).then_some(path))
             }),
             DeValue::Array(list) => list.iter().enumerate().find_map(|(number, value)| {
-                // Numbers in a list have no name of their own.
+                // Numbers in a list have no names.
                 let path = match value.get_ref() {
                     DeValue::Table(_) => format!("{path}[{number}]"),
                     _ => path.to_owned(),

@@ -138,7 +138,7 @@ where
     Ok(lines)
 }
 
-/// How the ranks would share the work.
+/// The distribution of the work among the ranks.
 #[cfg(feature = "mpi")]
 fn shares_of(shares: &Foreseen) -> impl Iterator<Item = String> {
     let line = |(rank, &(unknowns, mebibytes)): (usize, &(usize, f64))| {

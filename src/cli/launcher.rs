@@ -17,7 +17,7 @@ const LAUNCHERS: [[&str; 2]; 4] = [
 pub struct Place {
     /// Its number.
     pub rank: usize,
-    /// How many there are; more than one.
+    /// The number of processes; more than one.
     pub size: usize,
 }
 

@@ -81,7 +81,7 @@ where
     counted.join(", ") + order
 }
 
-/// How large a mesh is: nodes, elements, bodies, the box around it.
+/// The size of a mesh: nodes, elements, bodies, the box around it.
 pub(super) fn size<const D: usize>(mesh: &Mesh<D>) -> String
 where
     ElementKind: Topology<D>,

@@ -49,7 +49,7 @@ fn hear_interrupts() {
     });
 }
 
-/// Where the results go.
+/// The directory of the results.
 fn output_directory(arguments: &SolveArguments) -> PathBuf {
     match &arguments.output {
         Some(directory) => directory.clone(),

@@ -8,9 +8,9 @@ use super::{ContactPlace, SlipBound};
 use crate::elasticity::Body;
 use crate::mesh::{ElementKind, Topology};
 
-/// The places of sets of nodes that move alike along the axes that are `bound`: one at each node but the first of its set, between it
-/// and that one. Its area is the share that the node has of the outer facets around it, or 1 without any, so that its pressure is its
-/// force.
+/// The places of sets of nodes that move alike along the axes that are `bound`: one at each node except the first of its set,
+/// between it and that one. Its area is the share that the node has of the outer facets around it, or 1 without any, so that its
+/// pressure is its force.
 pub fn equal_nodes<const D: usize>(
     body: &Body<D>,
     sets: &[Vec<u32>],

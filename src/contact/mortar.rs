@@ -65,9 +65,9 @@ pub use super::search::Beam;
 /// A facet of the slave boundary, the one that has the multipliers.
 #[derive(Clone, Debug)]
 pub struct SlaveFacet<const D: usize> {
-    /// How many nodes it has.
+    /// The number of its nodes.
     len: usize,
-    /// Where these are, corners first.
+    /// Their positions, corners first.
     nodes: [[f64; D]; 9],
     /// The averaged normals there.
     normals: [[f64; D]; 9],
@@ -75,7 +75,7 @@ pub struct SlaveFacet<const D: usize> {
     normal: [f64; D],
     /// Its largest deviation from the surface that it approximates.
     slack: f64,
-    /// How far the body reaches perpendicular to the plane.
+    /// The extent of the body perpendicular to the plane.
     depth: Depth,
     /// The directions along which some of its nodes are held.
     held: Vec<HeldAlong<D>>,
@@ -174,11 +174,11 @@ impl<const D: usize> HeldAlong<D> {
 pub struct MasterFacet<const D: usize> {
     /// Its number in the boundary.
     number: usize,
-    /// How many nodes it has.
+    /// The number of its nodes.
     len: usize,
     /// These.
     nodes: [u32; 9],
-    /// Where they are, corners first.
+    /// Their positions, corners first.
     places: [[f64; D]; 9],
     /// Its mean outward unit normal.
     normal: [f64; D],
@@ -191,7 +191,7 @@ pub struct MasterFacet<const D: usize> {
 /// A point where a facet of the slave boundary meets one of the master: an integration point of their intersection.
 #[derive(Clone, Copy, Debug)]
 pub struct IntegrationPoint<const D: usize> {
-    /// Which of the facets that are near.
+    /// The number of the other facet among those nearby.
     other: usize,
     /// The place on the slave boundary.
     place: [f64; D],
@@ -201,7 +201,7 @@ pub struct IntegrationPoint<const D: usize> {
     master: [f64; 9],
     /// The outward unit normals of both there.
     normals: [[f64; D]; 2],
-    /// How far apart they are, along the averaged normal; negative where they overlap.
+    /// Their distance, along the averaged normal; negative where they overlap.
     distance: f64,
     /// The weight, with how far the body reaches perpendicular to the plane in it.
     weight: f64,
@@ -261,7 +261,7 @@ pub struct Cover<const D: usize> {
 
 /// The geometry of two boundaries in the plane and in space.
 pub trait Mortar<const D: usize>: Topology<D> {
-    /// A box that holds whatever a facet can meet within a distance.
+    /// A box around everything that a facet can meet within a distance.
     fn beam(slave: &SlaveFacet<D>, distance: f64) -> Beam<D>;
 
     /// The covered parts of a facet within the distance: only the nearest, where several overlap.
@@ -331,7 +331,7 @@ pub struct MortarContact<const D: usize> {
 /// distance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unmet<const D: usize> {
-    /// How many.
+    /// The number of facets.
     pub facets: usize,
     /// The part of their area that is opposite the slave.
     pub area: f64,
@@ -461,7 +461,7 @@ impl<const D: usize> MasterFacet<D> {
         &self.nodes[..self.len]
     }
 
-    /// Where they are.
+    /// Their positions.
     fn places(&self) -> &[[f64; D]] {
         &self.places[..self.len]
     }
@@ -489,7 +489,7 @@ impl<const D: usize> SlaveFacet<D> {
         }
     }
 
-    /// How many of its nodes are corners.
+    /// The number of corners among its nodes.
     fn n_corners(&self) -> usize {
         match (D, self.len) {
             (2, _) => 2,
@@ -507,7 +507,7 @@ impl<const D: usize> SlaveFacet<D> {
         self.len > self.n_corners() && across > 0.5
     }
 
-    /// Where its nodes are.
+    /// The positions of its nodes.
     fn places(&self) -> &[[f64; D]] {
         &self.nodes[..self.len]
     }
@@ -540,7 +540,7 @@ fn slack<const D: usize>(nodes: &[[f64; D]; 9], n_corners: usize, len: usize) ->
 
 /// The contribution of a facet of the slave boundary to the integrals of places.
 struct FacetShares<const D: usize> {
-    /// Of each part of the master boundary that it meets.
+    /// Its shares for each part of the master boundary that it meets.
     covers: Vec<Shares<D>>,
     /// The area of each facet of the master boundary that it meets.
     met: Vec<(usize, f64)>,
@@ -682,7 +682,7 @@ where
                 held: None,
             })
             .collect();
-        // Which vertices are held along the normal.
+        // The vertices that are held along the normal.
         let of_vertices = |held: &HeldAlong<D>| held.vertices(&cover, slave.len, slave.n_corners());
         let mut across = vec![0.0; n];
         for held in &slave.held {
@@ -690,7 +690,7 @@ where
             let vertices = across.iter_mut().zip(of_vertices(held));
             vertices.for_each(|(sum, is)| *sum += part * f64::from(u8::from(is)));
         }
-        // Functions of second order have no place of their own to hand on to.
+        // Functions of second order have no place whose share could be passed on.
         let hands_on = !cover.is_whole || slave.len == slave.n_corners();
         let is_tied = matches!(options.friction, Friction::Tied);
         let mut frame = frame(slave.normal);

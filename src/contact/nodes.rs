@@ -50,7 +50,7 @@ type Opposite<const D: usize> = (Vec<(u32, f64)>, [f64; D], f64);
 /// without such a facet has the area 1, so that its pressure is its force).
 ///
 /// # Errors
-/// If nodes overlap with what they meet or belong to it, do not find it within the search distance, or if a bound, coefficient,
+/// If nodes overlap with the other side or belong to it, do not find it within the search distance, or if a bound, coefficient,
 /// stiffness, gap or interference is invalid.
 pub fn node_contact<const D: usize>(
     body: &Body<D>,

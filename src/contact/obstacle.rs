@@ -69,7 +69,7 @@ impl<const D: usize> Obstacle<D> {
         }
     }
 
-    /// How the direction away from it turns as x moves by v: ∇∇φ v, with the distance φ.
+    /// The change of the direction away from it as x moves by v: ∇∇φ v, with the distance φ.
     pub(crate) fn bend(&self, x: [f64; D], v: [f64; D]) -> [f64; D] {
         let (to, along) = match *self {
             Self::HalfSpace { .. } => return [0.0; D],

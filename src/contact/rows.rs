@@ -164,8 +164,8 @@ where
     })
 }
 
-/// Checks that hard normal rows on rigid obstacles are independent, and empties hard tangential ones there that depend on what
-/// comes before them. A compliant row may depend on any: A + C is still definite.
+/// Checks that hard normal rows on rigid obstacles are independent, and empties hard tangential ones there that depend on
+/// earlier rows. A compliant row may depend on any: A + C is still definite.
 fn make_independent<const D: usize>(
     rows: &mut [Vec<Vec<Entry>>; 2],
     places: &[ContactPlace<D>],
@@ -468,7 +468,7 @@ impl<const D: usize> ContactRows<D> {
         each.map(|(row, (&candidate, place))| (row, candidate, place))
     }
 
-    /// Which places are tied.
+    /// The tied places.
     pub fn tied(&self) -> Vec<bool> {
         let places = self.places.iter();
         places
@@ -508,7 +508,7 @@ pub(crate) fn pooled<const D: usize>(places: &[ContactPlace<D>], forces: &[f64])
     let each = forces.len() / places.len().max(1);
     let directions = |i: usize| match each == D - 1 && D > 2 {
         true => &places[i].frame[1..],
-        // Normal forces, bounds, and tangents of the plane go round the boundary: along these they are numbers.
+        // Normal forces, bounds, and tangents in the plane follow the boundary: along these they are numbers.
         false => &[],
     };
     let mut sums = forces.to_vec();

@@ -1,4 +1,4 @@
-//! Which facets of a boundary may be near to another one.
+//! The search for facets of a boundary that may be near to another one.
 
 use crate::mesh::vector::{dot, length};
 use crate::mesh::{ElementKind, Facet, Mesh, Topology, bounds, facet_corners};
@@ -45,9 +45,9 @@ impl<const D: usize> Bounds<D> {
 pub struct Beam<const D: usize> {
     /// Orthonormal directions.
     pub(super) axes: [[f64; D]; D],
-    /// Where it begins along each.
+    /// Its start along each.
     pub(super) low: [f64; D],
-    /// Where it ends.
+    /// Its end.
     pub(super) high: [f64; D],
 }
 

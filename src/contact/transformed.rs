@@ -29,7 +29,7 @@ fn is_transformed(depth: Depth, n_nodes: usize, n_corners: usize) -> bool {
     }
 }
 
-/// How many middles of edges it has, each between the corner of the same number and the next one.
+/// The number of its midside nodes, each between the corner of the same number and the next one.
 pub(super) fn n_middles(n_corners: usize) -> usize {
     match n_corners {
         2 => 1,

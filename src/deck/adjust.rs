@@ -8,7 +8,7 @@ use crate::mesh::{
 use rstar::RTree;
 use rstar::primitives::{GeomWithData, Rectangle};
 
-/// Which nodes of the slave surface are moved.
+/// The nodes of the slave surface to move.
 #[derive(Clone, Debug)]
 pub(super) enum Moved {
     /// Nodes within a distance, and overlapping ones.
@@ -27,7 +27,7 @@ pub(super) struct Adjustment {
     pub moved: Moved,
 }
 
-/// How many facets, nearest by their boxes, are looked at: as many as may meet at a node of a regular mesh.
+/// The number of facets to check, nearest by their boxes: as many as may meet at a node of a regular mesh.
 const NEAREST: usize = 8;
 /// A node may be beyond the rim of the master surface by this part of a facet, like nodes in contact.
 const BEYOND: f64 = 0.05;

@@ -101,7 +101,7 @@ impl Track {
 
 /// The common value of which the values over the load steps are multiples, and the multiples: none where all are equal.
 pub(super) fn factors(values: &[f64]) -> (f64, Option<Vec<f64>>) {
-    // Of values as large as each other the last.
+    // The last of equally large values.
     let largest = values
         .iter()
         .fold(0.0, |a: f64, &v| if v.abs() >= a.abs() { v } else { a });

@@ -42,7 +42,7 @@ pub(crate) struct Balance {
     body: Vec<usize>,
     /// The effect of a unit of each multiplier on the motions of each body, a row for each multiplier.
     shares: Csr,
-    /// e where no multiplier resists, as it is.
+    /// e where no multiplier resists, unchanged.
     without_contact: Vec<f64>,
     /// [`CURVATURE`], or less if the balance of the bodies requires it.
     curvature: f64,
@@ -151,7 +151,7 @@ impl Balance {
         self.e.len()
     }
 
-    /// Gᵀη as it is added to forces; η as [`Nearest::eta`] has it.
+    /// Gᵀη as a change of forces; η as in [`Nearest::eta`].
     pub fn spread(&self, eta: &[f64]) -> Vec<f64> {
         let mut forces = vec![0.0; self.motions.n_rows()];
         self.motions.mul(eta, &mut forces);
@@ -254,7 +254,7 @@ impl Balance {
         }
     }
 
-    /// Where φ, curved by that much more around the η it starts from, is least.
+    /// The minimum of φ with that much more curvature around the initial η.
     fn pass<const D: usize>(
         &self,
         mut now: Trial<D>,
@@ -442,7 +442,7 @@ impl Balance {
     }
 }
 
-/// How the multipliers of a node move for each of its unknowns: the columns of F.
+/// The motion of a node's multipliers for each of its unknowns: the columns of F.
 fn unknowns<const D: usize>(node: &NodeSets<D>, follows: f64) -> Vec<[f64; D]> {
     let s = node.slip.unwrap_or([0.0; D]);
     let normal = node.contact.then(|| {
@@ -501,7 +501,7 @@ impl<const D: usize> FaceBalance<D> {
         }
     }
 
-    /// Balances λ by its free multipliers; false where they cannot. Leaves it as it is where it is balanced.
+    /// Balances λ by its free multipliers; false if they cannot. A balanced λ stays unchanged.
     pub fn balance(&self, lambda: &mut [f64]) -> bool {
         for _ in 0..3 {
             if self.balance.holds(lambda) {
@@ -533,7 +533,7 @@ fn times(matrix: &Mat<f64>, x: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Where a function that rises from `first` < 0 at 0 comes near zero; the last place that it is asked for.
+/// A point near the zero of a function that rises from `first` < 0 at 0; the function is evaluated there last.
 fn where_it_turns(first: f64, mut rise: impl FnMut(f64) -> f64) -> f64 {
     if !(first < 0.0) {
         return 0.0;

@@ -6,7 +6,7 @@ use crate::problem::{ContactProblem, Elsewhere, LoadCase};
 use crate::sparse::Csr;
 use std::sync::Arc;
 
-/// How many u are remembered with the forces that they are of.
+/// The number of u that are remembered with their forces.
 const REMEMBERED: usize = 8;
 
 /// A = B W Bᵀ with W as a product y = W x, for [`ContactProblem::from_delassus`].
@@ -118,7 +118,7 @@ where
     }
 
     fn matrix(&self) -> Option<Csr> {
-        // Of each entry of q the row of B that it is.
+        // The row of B for each entry of q.
         let mut rows = vec![0; self.contact.n_cols()];
         (self.contact.triplets()).for_each(|(row, entry, _)| rows[entry] = row);
         let entries = self.matrix.as_ref()?.triplets();

@@ -86,7 +86,7 @@ impl DirectDual {
         Self::with_plan(problem, plan(problem)?)
     }
 
-    /// As [`DirectDual::new`], with a plan made for the same problem before.
+    /// Like [`DirectDual::new`], with an earlier plan for the same problem.
     pub(crate) fn with_plan<const D: usize>(
         problem: &ContactProblem<D>,
         plan: Plan,

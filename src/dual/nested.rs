@@ -186,7 +186,7 @@ impl<B: Backend> NestedDual<B> {
         self.scale_to(power_of_two_below(norm(load.force())))
     }
 
-    /// Hands the load to the backend in another unit; the u there starts from zero.
+    /// Passes the load to the backend in another unit; the u there starts from zero.
     fn scale_to(&mut self, unit: f64) -> Result<(), PcgError> {
         self.unit = unit;
         if let Some(there) = &mut self.on_backend {

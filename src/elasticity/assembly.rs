@@ -132,7 +132,7 @@ where
     unknowns: &'a Unknowns<D>,
     incidence: Incidence,
     moduli: Vec<Moduli>,
-    /// Where the bodies are; None: at rest.
+    /// The positions of the bodies; None: at rest.
     at: Option<&'a Deformed<'a, D>>,
 }
 
@@ -360,7 +360,8 @@ pub(crate) fn free_forces<const D: usize>(unknowns: &Unknowns<D>, forces: &[[f64
     (0..unknowns.n_blocks()).flat_map(free).collect()
 }
 
-/// The nodal forces that a displacement takes beyond those of where bodies are, to first order, from the elements that it moves a node of.
+/// The nodal forces for a displacement beyond the present position of the bodies, to first order, from the elements with a moved
+/// node.
 pub(crate) fn tangent_forces<const D: usize>(
     of: &Deformed<D>,
     displacement: &[[f64; D]],
@@ -415,7 +416,7 @@ where
     forces
 }
 
-/// Hands over the blocks of an element of K at rest, or of the tangent of displaced bodies, in the rows that are wanted.
+/// Passes the blocks of an element of K at rest, or of the tangent of displaced bodies, in the requested rows.
 fn visit_blocks<const D: usize>(
     body: &Body<D>,
     at: Option<&Deformed<D>>,

@@ -40,7 +40,7 @@ where
         });
     }
 
-    /// Hands over the integration points of facets with the nodes of each.
+    /// Passes the integration points of facets with the nodes of each.
     fn on_boundary(&self, facets: &[Facet<D>], mut take: impl FnMut(&[u32], &FacetPoint<D>)) {
         for facet in facets {
             let (x, len) = self.mesh.places_of(facet);

@@ -156,7 +156,7 @@ impl<const D: usize, const N: usize> Modes<D, N> {
         force
     }
 
-    /// How large the modes are where the nodes move by u: entry [k][c] that along axis c by function k.
+    /// The amplitudes of the modes where the nodes move by u: entry [k][c] along axis c for function k.
     pub fn amplitudes(&self, driven: &[f64; MOST], u: &[[f64; D]; N]) -> [[f64; D]; D] {
         let mut y = *driven;
         for (y, column) in y.iter_mut().zip(&self.columns) {

@@ -72,7 +72,7 @@ where
     stresses_at(body, displacement, None)
 }
 
-/// As [`stresses`], of bodies that are warmer than when they were free of stress.
+/// Like [`stresses`], for bodies that are warmer than in their stress-free state.
 pub fn stresses_at<const D: usize>(
     body: &Body<D>,
     displacement: &[[f64; D]],

@@ -4,7 +4,7 @@ use crate::mesh::vector::dot;
 use crate::mesh::{ElementKind, Mesh, Topology};
 use std::collections::BTreeMap;
 
-/// Which displacement components are prescribed, and the numbering of the rest.
+/// The prescribed displacement components, and the numbering of the others.
 ///
 /// A node with at least one free component is a *block* of D unknowns; components prescribed at such a node keep a
 /// decoupled equation (u = 0) so that every block is D × D. Nodes prescribed in all components are not in the system.

@@ -1,12 +1,12 @@
-//! The corners of elements of second order by themselves.
+//! The corners of second-order elements.
 
 use super::{Body, Deformed, Unknowns, assemble};
 use crate::mesh::{Element, ElementKind, Mesh, Topology};
 use crate::problem::Vertices;
 use crate::sparse::BlockCsr;
 
-/// How the nodes of elements of second order follow their corners, and the unknowns of these; None where all elements are of first
-/// order.
+/// The dependence of the nodes of second-order elements on their corners, and the unknowns of the corners; None if all elements
+/// are of first order.
 fn corners_of<const D: usize>(
     mesh: &Mesh<D>,
     unknowns: &Unknowns<D>,
@@ -45,7 +45,7 @@ where
     for row in 0..unknowns.n_blocks() {
         let node = unknowns.node(row);
         let of = &of_node[node as usize];
-        // A corner is itself, with whatever is held of it.
+        // A corner follows itself, including its held components.
         let own = corners.block(node).filter(|_| of.is_empty());
         let mut entries: Vec<(u32, [[f64; D]; D])> =
             own.map(|column| (column, identity)).into_iter().collect();
@@ -79,9 +79,9 @@ where
     Some((prolongation, corners))
 }
 
-/// How the nodes of elements of second order follow their corners, with the stiffness matrix of the elements of first order on
-/// these; None where all elements are of first order. Where the dilatation of a material is projected that matrix is left to
-/// be made from K: elements of first order would project it otherwise.
+/// The dependence of the nodes of second-order elements on their corners, with the stiffness matrix of first-order elements on
+/// these; None if all elements are of first order. Where the dilatation of a material is projected, the matrix is made from K
+/// instead, because elements of first order would project it differently.
 pub fn vertices<const D: usize>(body: &Body<D>, unknowns: &Unknowns<D>) -> Option<Vertices<D>>
 where
     ElementKind: Topology<D>,

@@ -58,7 +58,7 @@ impl ElementKind {
         Self::Pyramid,
     ];
 
-    /// How many nodes it has.
+    /// The number of its nodes.
     pub const fn n_nodes(self) -> usize {
         match self {
             Self::Triangle => 3,
@@ -119,7 +119,7 @@ impl ElementKind {
         }
     }
 
-    /// How many corners it has, which are the first of its nodes.
+    /// The number of its corners, which are the first of its nodes.
     pub const fn n_corners(self) -> usize {
         self.linear().n_nodes()
     }
@@ -205,7 +205,7 @@ impl ElementKind {
     }
 
     /// Its facets, by the places of their nodes among its own, corners first, then midsides, the first between the first two
-    /// corners, then the middle: in the plane edges with the element on their left, in space faces that go round
+    /// corners, then the middle: in the plane edges with the element on their left, in space faces with corners
     /// counter-clockwise as seen from outside.
     pub const fn facets(self) -> &'static [&'static [usize]] {
         match self {
@@ -275,7 +275,7 @@ impl ElementKind {
         }
     }
 
-    /// Where the corners go when an element is named the other way round.
+    /// The order of the corners after a reversal.
     const fn turned_corners(self) -> &'static [usize] {
         match self.linear() {
             Self::Triangle => &[2, 1, 0],
@@ -288,7 +288,7 @@ impl ElementKind {
         }
     }
 
-    /// Numbers the nodes of an element the other way round.
+    /// Reverses the orientation of an element's nodes.
     pub fn turn(self, nodes: &mut [u32]) {
         let corners = self.turned_corners();
         let before = nodes.to_vec();
@@ -510,7 +510,7 @@ where
         kind.turn(self.nodes_mut());
     }
 
-    /// Its facets, named from outside: edges with the element on their left, faces that go round counter-clockwise.
+    /// Its facets, seen from outside: edges with the element on their left, faces counter-clockwise.
     pub fn facets(&self) -> impl Iterator<Item = Facet<D>> {
         let nodes = self.nodes();
         self.kind.facets().iter().map(move |places| {

@@ -7,7 +7,7 @@ use super::MeshError;
 use crate::input;
 use std::path::{Path, PathBuf};
 
-/// Why a mesh file could not be read.
+/// The reason why a mesh file could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The file could not be opened or read.

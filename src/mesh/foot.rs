@@ -15,7 +15,7 @@ pub(crate) struct Foot {
 struct At<const D: usize> {
     shape: [f64; 27],
     place: [f64; D],
-    /// As many as the reference element has coordinates, zeros behind them.
+    /// As many as the reference element has coordinates, followed by zeros.
     tangents: [[f64; D]; 3],
     /// The least shape function of the corners alone: below 0 outside.
     inside: f64,

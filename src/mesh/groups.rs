@@ -23,7 +23,7 @@ impl Groups {
         self.0[b as usize] = a;
     }
 
-    /// How many groups there are, and the number of that of each, counted in the order of their first members.
+    /// The number of groups, and each member's group, counted in the order of their first members.
     pub fn numbers(mut self) -> (usize, Vec<u32>) {
         let (mut number_of, mut count) = (vec![u32::MAX; self.0.len()], 0);
         let numbers = (0..self.0.len() as u32)

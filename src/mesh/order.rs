@@ -61,7 +61,7 @@ where
             let before = *element;
             orient(element, &self.nodes, number)?;
             if *element != before {
-                // It was turned around: without its midsides it is inside out.
+                // It was reversed: without its midside nodes it is inside out.
                 return Err(MeshError::Degenerate {
                     element: number,
                     place: self.nodes[before.nodes()[0] as usize].into(),

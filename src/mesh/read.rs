@@ -1,4 +1,4 @@
-//! Which reader a mesh file goes to.
+//! The choice of the reader of a mesh file.
 
 use super::file::FileError;
 use super::file::build::build;

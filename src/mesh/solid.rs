@@ -66,7 +66,7 @@ impl Topology<3> for ElementKind {
     }
 }
 
-/// Hands over the integration points of a face, with the normal and the area of its curved surface at each.
+/// Passes the integration points of a face, with the normal and the area of its curved surface at each.
 struct FacePoints<'a, F> {
     x: &'a [[f64; 3]],
     take: F,

@@ -3,7 +3,7 @@
 use super::{Element, ElementKind, Facet, Mesh, Topology, facet};
 use std::collections::BTreeMap;
 
-/// Which elements fill a structured rectangle.
+/// The elements of a structured rectangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, Default)]
 #[serde(rename_all = "lowercase")]
 pub enum CellShape {
@@ -84,7 +84,7 @@ pub fn rectangle(
     }
 }
 
-/// Which elements fill a structured block.
+/// The elements of a structured block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, Default)]
 #[serde(rename_all = "lowercase")]
 pub enum SolidShape {

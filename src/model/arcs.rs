@@ -80,7 +80,7 @@ where
         (ON_ARC * least).max(WRITTEN * radii[0])
     };
     let Arcs { radii, centre } = concentric(&corners(mesh, sides), &across, near)?;
-    // Which side looks away from the axis.
+    // The side that faces away from the axis.
     let outward: f64 = (sides[0].iter())
         .map(|facet| {
             let (area, normal) = mesh.facet_normal(facet);
@@ -115,7 +115,7 @@ fn sagitta_of(&(length, turn): &(f64, f64)) -> f64 {
     length * turn / 8.0
 }
 
-/// How far apart the middles of neighbouring facets of first order are, and by which angle they turn.
+/// The distance of the middles of neighbouring facets of first order, and the angle between them.
 fn turns<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>]) -> Vec<(f64, f64)>
 where
     ElementKind: Topology<D>,

@@ -26,7 +26,7 @@ pub struct Axis<const D: usize = 2> {
 }
 
 impl Axis {
-    /// That of a point of the plane.
+    /// The axis of a point of the plane.
     pub fn at(point: [f64; 2]) -> Self {
         Self::through(point, None)
     }
@@ -85,7 +85,8 @@ impl<const D: usize> Axis<D> {
         std::array::from_fn(|c| x[c] + (cos - 1.0) * arm[c] + sin * turn[c])
     }
 
-    /// How a turn about the axis moves a point: across the axis and the arm, as long as the arm.
+    /// The motion of a point under a rotation about the axis: perpendicular to the axis and the arm, as long as the
+    /// arm.
     pub(super) fn turn(&self, x: [f64; D]) -> [f64; D] {
         flat(cross(unit(self.direction()), self.arm(x)))
     }

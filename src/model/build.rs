@@ -139,7 +139,7 @@ where
         Ok(Draft(Box::new(elastic)))
     }
 
-    /// All of it but K: the bodies and their contacts, checked, and the nodal forces of the first step.
+    /// Everything except K: the bodies and their contacts, checked, and the nodal forces of the first step.
     pub(crate) fn draft(self) -> Result<(Elastic<D>, Vec<[f64; D]>), ModelError> {
         let Self {
             mut mesh,
@@ -207,7 +207,7 @@ where
     }
 }
 
-/// That a body can move as a whole and has no contact to hold it.
+/// The error that a body can move as a whole and has no contact to hold it.
 pub(super) fn loose(text: &str) -> ModelError {
     Entity::all(EntityKind::Support)
         .error(format!("{text}: add a support, symmetry, or hold a point"))

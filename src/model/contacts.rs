@@ -42,7 +42,7 @@ where
     pub tied: bool,
     /// The stiffness of the contact itself; None where it is hard.
     pub stiffness: Option<String>,
-    /// How far apart candidates for contact may be; with an obstacle, up to where Tresca's bound acts.
+    /// The largest distance of candidates for contact; with an obstacle, the distance up to which Tresca's bound acts.
     pub search_distance: f64,
     /// The part of the master boundary that is opposite within the search distance, but is not met.
     pub unmet: Option<Unmet<D>>,
@@ -130,7 +130,7 @@ impl<const D: usize> PairData<D>
 where
     ElementKind: Topology<D>,
 {
-    /// That the gap had better be stated, in words.
+    /// A recommendation to state the gap, in words.
     pub fn arcs_text(&self, units: &Units) -> Option<String> {
         let gap = self.arcs?;
         let [apart, low, high] = [gap, self.gap[0], self.gap[1]].map(|gap| units.long(gap));
@@ -165,7 +165,7 @@ where
     ElementKind: Topology<D>,
 {
     pub(super) places: Vec<ContactPlace<D>>,
-    /// Which pair each belongs to.
+    /// The pair of each place.
     pub(super) pair_of: Vec<u32>,
     pub(super) pairs: Vec<PairData<D>>,
 }

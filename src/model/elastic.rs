@@ -36,7 +36,7 @@ where
     pub contact: ContactRows<D>,
     /// The contacts of the model, in its order.
     pub pairs: Vec<PairData<D>>,
-    /// Which pair each row belongs to.
+    /// The pair of each row.
     pub pair_of: Vec<u32>,
     /// The names of lengths and forces.
     pub units: Units,
@@ -49,8 +49,8 @@ where
     /// The source of the load of each step.
     pub(super) definition: Definition<D>,
     pub(super) prescriptions: Prescriptions<D>,
-    /// All places of contact at rest, each with its pair, where displacements are large: which of them have rows is a matter of
-    /// where the bodies are.
+    /// All places of contact at rest, each with its pair, for large displacements: the positions of the bodies determine which
+    /// of them have rows.
     pub(super) candidates: Vec<(ContactPlace<D>, u32)>,
 }
 

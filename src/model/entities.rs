@@ -281,7 +281,7 @@ pub struct Support<const D: usize = 2> {
     pub(super) factors: Option<Vec<f64>>,
 }
 
-/// Where a support is, or a force.
+/// The place of a support, or a force.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Target<'n, const D: usize> {
     Boundary(&'n Names),
@@ -398,7 +398,7 @@ impl<const D: usize> Support<D> {
         self
     }
 
-    /// All that it prescribes.
+    /// All quantities that it prescribes.
     pub(super) fn quantities_mut(&mut self) -> impl Iterator<Item = &mut Quantity<D>> {
         let along = [&mut self.x, &mut self.y, &mut self.z];
         let around = [&mut self.radial, &mut self.hoop, &mut self.axial];
@@ -624,7 +624,7 @@ impl<const D: usize> BodyForce<D> {
     }
 }
 
-/// Where something in a region is, in words.
+/// The place of something in a region, in words.
 fn inside(region: &Option<String>) -> String {
     (region.as_ref()).map_or(String::new(), |name| format!("in \"{name}\""))
 }
@@ -649,7 +649,7 @@ impl<const D: usize> Part for BodyForce<D> {
     }
 }
 
-/// How much warmer bodies are than when they were free of stress; where a material has an expansion, they grow.
+/// The temperature of bodies above their stress-free state; a material with an expansion grows.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Temperature<const D: usize = 2> {
@@ -793,7 +793,7 @@ impl<const D: usize> Part for Force<D> {
     }
 }
 
-/// Sets of nodes that move alike: all nodes of a set have the same displacement. Each set moves by itself.
+/// Sets of nodes that move alike: all nodes of a set have the same displacement. Each set moves independently.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Equal<const D: usize = 2> {

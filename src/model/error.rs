@@ -74,7 +74,7 @@ pub enum Fault {
         name: String,
         /// The boundaries of the mesh.
         known: Vec<String>,
-        /// That of the mesh: 2 or 3.
+        /// The dimension of the mesh: 2 or 3.
         dimension: usize,
     },
     /// The mesh has no such region.

@@ -24,11 +24,11 @@ pub struct StepData<const D: usize = 2> {
     pub total_load: [f64; D],
     /// The same for the solver.
     pub load: Load,
-    /// How much warmer the bodies are.
+    /// The temperature of the bodies.
     pub temperature: TemperatureField<D>,
 }
 
-/// How much warmer bodies are than when they were free of stress, in a load step.
+/// The temperature of bodies above their stress-free state, in a load step.
 #[derive(Clone, Debug, Default)]
 pub struct TemperatureField<const D: usize = 2>(pub(super) Vec<Warmth<D>>);
 
@@ -98,7 +98,7 @@ pub(super) fn end_of(step: usize) -> f64 {
     step as f64 + 1.0
 }
 
-/// How large the forces are that act on the nodes.
+/// The size of the forces on the nodes.
 pub(super) fn acting<const D: usize>(forces: &[[f64; D]]) -> f64 {
     norm(forces.as_flattened())
 }
@@ -189,7 +189,7 @@ impl<const D: usize> Definition<D>
 where
     ElementKind: Space<D>,
 {
-    /// How much warmer the bodies are in a step.
+    /// The temperature of the bodies in a step.
     pub(super) fn temperature(
         &self,
         mesh: &Mesh<D>,
@@ -294,7 +294,7 @@ where
                 note(&[added], f.entity(number));
             }
         }
-        // Where displacements are large, warmth is a matter of the material.
+        // With large displacements, the material handles temperature.
         if !self.is_large() {
             self.add_expansion(body, time, &mut forces)?;
         }

@@ -28,7 +28,7 @@ struct Pieces<const D: usize, P> {
     nodes: HashMap<[u64; 3], u32>,
     tree: RTree<Boxed<P>>,
     places: Vec<[f64; D]>,
-    /// That of the mesh.
+    /// The size of the mesh.
     size: f64,
 }
 
@@ -138,7 +138,7 @@ impl<const D: usize, P: Piece<D>> Pieces<D, P> {
 /// A point off a piece by at most this part of the mesh is on it: integration points are, up to rounding.
 const ON: f64 = 1e-12;
 
-/// How many of the pieces nearest to a point are looked at: as many as may meet at a node of a regular mesh.
+/// The number of pieces nearest to a point to check: as many as may meet at a node of a regular mesh.
 const NEAREST: usize = 8;
 
 /// Turns values at nodes into a function of the place.

@@ -1,4 +1,4 @@
-//! A contact or a tie of a model, as it is stated.
+//! A contact or a tie of a model, as stated.
 
 use super::entities::{Facts, NO_BOUNDARY, Names, Part, with_a_name};
 use super::error::EntityKind;
@@ -260,14 +260,14 @@ impl<const D: usize> Pair<D> {
     }
 
     /// Between boundaries: edges sharper than this between the outward normals of neighbouring facets, in degrees, cut them
-    /// into parts with contact forces and normals of their own. Without it 50, so that a hexagon has edges and a circle of
+    /// into parts with their own contact forces and normals. Without it 50, so that a hexagon has edges and a circle of
     /// eight facets has none; 180: none.
     pub fn edge_angle(mut self, degrees: f64) -> Self {
         self.edge_angle = Some(degrees);
         self
     }
 
-    /// How the obstacle moves, where displacements are large.
+    /// The motion of the obstacle, for large displacements.
     pub fn moving(mut self, motion: Motion<D>) -> Self {
         self.motion = Some(motion);
         self

@@ -91,7 +91,7 @@ impl<const D: usize> Quantity<D> {
     }
 }
 
-/// A number as it is written, with a point or an exponent, to be read back as the same.
+/// A number as text, with a point or an exponent, that reads back as the same number.
 #[cfg(feature = "case")]
 pub(crate) struct Number(pub f64);
 

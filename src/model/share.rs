@@ -78,7 +78,7 @@ pub(crate) struct Body {
     pub part: u32,
     pub motions: Motions,
     pub name: String,
-    /// How it can move, in words.
+    /// Its possible motions, in words.
     pub freedom: String,
 }
 
@@ -142,7 +142,7 @@ pub(crate) struct Graph {
 }
 
 impl Graph {
-    /// Of a model; None where it is more than 32-bit numbers count.
+    /// For a model; None if it exceeds 32-bit numbers.
     pub fn new<const D: usize>(elastic: &Elastic<D>) -> Option<Self>
     where
         ElementKind: Topology<D>,
@@ -190,7 +190,7 @@ impl Graph {
 }
 
 impl Graph {
-    /// Of the blocks of K; None where it is more than 32-bit numbers count.
+    /// For the blocks of K; None if it exceeds 32-bit numbers.
     pub fn of_matrix<const D: usize>(k: &BlockCsr<D>) -> Option<Self> {
         let (mut starts, mut others, mut work) = (vec![0], Vec::new(), Vec::new());
         for i in 0..k.n_block_rows() {

@@ -316,7 +316,7 @@ where
     )))
 }
 
-/// Of the box around a mesh.
+/// The diagonal of the box around a mesh.
 fn diagonal<const D: usize>(mesh: &Mesh<D>) -> f64
 where
     ElementKind: Topology<D>,

@@ -8,10 +8,10 @@ use crate::model::Draft;
 use crate::model::share::{Graph, freedoms};
 use crate::problem::ContactProblem;
 
-/// How so many ranks would share a problem.
+/// The distribution of a problem among so many ranks.
 #[derive(Clone, Debug)]
 pub struct Foreseen {
-    /// Of each rank its unknowns, and the mebibytes of the process, about.
+    /// For each rank its unknowns, and roughly the mebibytes of the process.
     pub ranks: Vec<(usize, f64)>,
     /// The bodies that only contact holds, and how they could move as a whole, in words; of a model.
     pub floating_bodies: Vec<String>,

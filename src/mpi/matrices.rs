@@ -20,7 +20,7 @@ use std::sync::Arc;
 /// [`Share::of_problem`](super::Share::of_problem).
 #[derive(Clone, Debug, Default)]
 pub struct OwnMatrices<const D: usize> {
-    /// Where each own row of K starts among the entries, and where the last one ends.
+    /// The start of each own row of K among the entries, and the end of the last one.
     pub starts: Vec<usize>,
     /// Columns of all ranks.
     pub columns: Vec<u64>,
@@ -30,7 +30,7 @@ pub struct OwnMatrices<const D: usize> {
     pub load: Vec<f64>,
     /// Entries of N in the columns of own unknowns: row, column counted from the first own one, value.
     pub normal: Vec<(usize, usize, f64)>,
-    /// Those of T, which has D − 1 rows for each of N.
+    /// The entries of T, which has D − 1 rows for each of N.
     pub tangential: Vec<(usize, usize, f64)>,
     /// d, length m.
     pub gap: Vec<f64>,

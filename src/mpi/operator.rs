@@ -82,7 +82,7 @@ pub(super) struct OwnRows<const D: usize> {
 /// When all ranks are to stop.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Limits {
-    /// As rank 0's clock has it.
+    /// By rank 0's clock.
     pub deadline: Option<Instant>,
     /// On any rank.
     pub interrupt: Option<Arc<AtomicBool>>,
@@ -130,7 +130,7 @@ impl From<PetscError> for DualError {
 }
 
 impl Distributed {
-    /// Hands K to PETSc and sets up the preconditioner.
+    /// Passes K to PETSc and sets up the preconditioner.
     pub fn new<const D: usize>(
         group: &Arc<Group>,
         problem: &ContactProblem<D, Elsewhere>,

@@ -73,7 +73,7 @@ unsafe extern "C" fn take_down(
     _: *mut c_void,
 ) -> sys::PetscErrorCode {
     if kind == sys::PetscErrorType_PETSC_ERROR_INITIAL && !text.is_null() {
-        // SAFETY: PETSc hands over a C string.
+        // SAFETY: PETSc returns a C string.
         let text = unsafe { CStr::from_ptr(text) }.to_string_lossy();
         SAID.with(|said| text.trim().clone_into(&mut said.borrow_mut()));
     }
@@ -86,7 +86,7 @@ fn check(code: sys::PetscErrorCode) -> Result<(), PetscError> {
         return Ok(());
     }
     let mut text = null();
-    // SAFETY: `text` is set to a static string, or left as it is.
+    // SAFETY: `text` is set to a static string, or unchanged.
     let known =
         unsafe { sys::PetscErrorMessage(code, &mut text, null_mut()) } == 0 && !text.is_null();
     let mut message = format!("error {code}");
@@ -142,7 +142,8 @@ pub(super) fn start() -> Result<(), PetscError> {
 /// Ends PETSc; nothing of it may be used any more.
 pub(super) fn finish() {
     let mut is_on = Flag::of(false);
-    // SAFETY: a place for a flag; and whoever calls it has nothing of PETSc any more. An error has no consequence here.
+    // SAFETY: the pointer refers to a flag, and the caller holds nothing of PETSc any more. An error has no consequence
+    // here.
     unsafe {
         sys::PetscInitialized(&mut is_on);
         if is_on.is_on() {
@@ -373,7 +374,7 @@ impl Matrix {
         Ok(())
     }
 
-    /// Hands over the entries of each own row: its number among the own ones, the numbers of the columns, the values.
+    /// Passes the entries of each own row: its number among the own ones, the numbers of the columns, the values.
     pub fn for_rows(&self, mut take: impl FnMut(usize, &[Int], &[f64])) -> Result<(), PetscError> {
         for row in 0..self.block * self.own {
             let number = int(self.block * self.first + row)?;
@@ -467,7 +468,7 @@ impl Preconditioner {
     pub fn kind(&self) -> Result<String, PetscError> {
         let mut kind = null();
         petsc!(PCGetType(self.raw, &mut kind));
-        // SAFETY: PETSc hands over a C string.
+        // SAFETY: PETSc returns a C string.
         Ok(unsafe { CStr::from_ptr(kind) }
             .to_string_lossy()
             .into_owned())

@@ -41,7 +41,7 @@ pub enum ResultsError {
 /// The distribution of the work among the ranks, as in report.json.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RanksReport {
-    /// How many there were.
+    /// The number of ranks.
     pub count: usize,
     /// Unknowns and elements of each, and the seconds to get there.
     #[serde(flatten)]
@@ -216,7 +216,7 @@ where
         })
     }
 
-    /// How far the sides of each contact between bodies have moved against each other.
+    /// The largest relative motion of the sides of each contact between bodies.
     fn apart(&self, bodies: &Bodies<D>, of: &OfBodies<D>) -> Vec<f64> {
         let moved = |nodes: &Vec<u32>| {
             let here = nodes

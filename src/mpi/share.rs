@@ -65,7 +65,7 @@ impl MpiError {
     }
 }
 
-/// How unknowns and elements are divided among the ranks.
+/// The distribution of unknowns and elements among the ranks.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Imbalance {
     /// Unknowns of each rank.
@@ -363,7 +363,7 @@ where
         &self.group
     }
 
-    /// How unknowns and elements are divided, with seconds; complete on rank 0.
+    /// The distribution of unknowns and elements, with seconds; complete on rank 0.
     pub fn division(&self) -> &Imbalance {
         &self.division
     }

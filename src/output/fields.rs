@@ -237,7 +237,7 @@ where
             unit => format!(" [{unit}]"),
         };
         let (length, stress) = (told(&elastic.units.length), told(&elastic.units.stress()));
-        // Where displacements are large, x and y are where a place is.
+        // With large displacements, x and y are the displaced position of a place.
         let rest: String = match elastic.is_large() {
             false => String::new(),
             true => ["x", "y", "z"][..D]

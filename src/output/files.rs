@@ -33,7 +33,7 @@ pub fn write_whole(path: &Path, contents: &[u8]) -> Result<(), OutputError> {
     whole_by(path, |to| to.write_all(contents))
 }
 
-/// The same for contents that are made as they are written.
+/// The same for contents that are generated during writing.
 fn whole_by(
     path: &Path,
     contents: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
@@ -222,7 +222,7 @@ pub(crate) fn write(
     write_by(directory, name, |to| to.write_all(contents.as_ref()))
 }
 
-/// The same for contents that are made as they are written.
+/// The same for contents that are generated during writing.
 pub(super) fn write_by(
     directory: &Path,
     name: &str,

@@ -61,7 +61,7 @@ where
     for (node, &body) in part.iter().enumerate() {
         nodes[body as usize].push(node);
     }
-    // Round an axis nothing turns but the cross-section, with a strain round the axis to be seen elsewhere.
+    // A body of revolution cannot rotate; only its cross-section can, with a hoop strain visible elsewhere.
     let is_round = D == 2 && of.elastic.plane == Plane::Axisymmetric;
     nodes.retain(|_| !is_round);
     let of_body = move |nodes: Vec<usize>| {
@@ -127,7 +127,7 @@ where
     })
 }
 
-/// How far the sides of each contact between bodies have moved against each other; both moving together do not come closer.
+/// The largest relative motion of the sides of each contact between bodies; moving together does not bring them closer.
 pub(super) fn apart<const D: usize>(of: &OfBodies<D>) -> Vec<f64>
 where
     ElementKind: Space<D>,

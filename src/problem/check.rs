@@ -314,7 +314,7 @@ pub(super) fn checked_but_for_rank<const D: usize>(
 /// How far below 0 a gap may be by rounding: of the coordinates that it was measured with, and of the motion of a single unknown
 /// under the load. (Not of other gaps: a large one means that there is no obstacle.)
 fn touching<const D: usize>(data: &ContactData<D>, diagonal: &[f64]) -> f64 {
-    /// Of coordinates: sums of some hundred terms are known to that.
+    /// For coordinates: sums of some hundred terms have this accuracy.
     const OF_PLACES: f64 = 1e-14;
     /// A part of the largest displacement, far below the resolution of tolerances.
     const OF_MOVED: f64 = 1e-10;
@@ -446,7 +446,7 @@ pub(super) fn length_of(
     })
 }
 
-/// Why a vector has m entries.
+/// The reason why a vector has m entries.
 pub(super) const PER_NODE: &str = "one entry per entry of the gap d";
 
 /// No entry is infinite or NaN.

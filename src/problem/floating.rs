@@ -27,7 +27,7 @@ use std::sync::Arc;
 
 /// An entry of G smaller than this part of the sum of its terms' sizes is rounding.
 const ROUNDING_OF_G: f64 = 1e-12;
-/// Unknowns without contact are fixed where that costs no more than this of the condition.
+/// Unknowns without contact are preferred if that costs no more than this of the condition.
 const FAR_ENOUGH: f64 = 1e-2;
 /// A rotation or a sliding below this part of a whole motion is not mentioned.
 const LITTLE: f64 = 0.05;
@@ -85,7 +85,7 @@ impl<const D: usize> FloatingBody<D> {
             let way: Vec<f64> = velocity.iter().map(|v| v / speed).collect();
             return format!("slides along {}", listed(&way));
         }
-        // As in space: the plane is that of z = 0.
+        // As in space: the plane is z = 0.
         let (mut v, mut omega) = ([0.0; 3], [0.0; 3]);
         v[..D].copy_from_slice(velocity);
         omega[3 - turn.len()..].copy_from_slice(turn);
@@ -156,7 +156,7 @@ impl<const D: usize> FloatingBody<D> {
 #[derive(Clone, Debug, Default)]
 pub struct FloatingBodies<const D: usize = 2> {
     bodies: Vec<FloatingBody<D>>,
-    /// Who has the other nodes, where these are not all.
+    /// The ranks with the other nodes, if this process has not all.
     ranks: Ranks,
 }
 

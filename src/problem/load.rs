@@ -11,13 +11,13 @@ pub struct LoadCase {
     pub(crate) force: Arc<Vec<f64>>,
     /// d.
     pub(crate) gap: Vec<f64>,
-    /// Where slip is counted from: T u less this is the slip, an entry per row of T.
+    /// The origin of slip: T u minus this is the slip, an entry per row of T.
     pub(crate) slip_origin: Vec<f64>,
     /// g, where it is given.
     pub(crate) slip_bound: Vec<f64>,
     /// μ, length m, 0 where the slip bound is given; empty without Coulomb friction.
     pub(crate) friction: Arc<Vec<f64>>,
-    /// It is given everywhere, whatever the coefficients of friction.
+    /// The slip bound is given everywhere, whatever the coefficients of friction.
     pub(crate) frozen: bool,
     /// ‖forces that act on the bodies‖: ‖f‖ without the contribution of prescribed displacements.
     pub(crate) acting: f64,

@@ -35,7 +35,7 @@ pub struct System<const D: usize = 2> {
     pub(super) contact_compliance: Vec<f64>,
     /// Both together.
     pub(super) compliance: Vec<f64>,
-    /// Who has the other unknowns, where these are not all.
+    /// The ranks with the other unknowns, if this process has not all.
     pub(super) ranks: Ranks,
 }
 
@@ -187,9 +187,9 @@ impl<const D: usize> System<D> {
         &self.diagonal
     }
 
-    /// How far a multiplier would move its own contact node, per force, if nothing moved but the contact itself and each of the
-    /// unknowns that it acts on by itself: Σⱼ Bᵢⱼ²/Kⱼⱼ (at most Aᵢᵢ where it acts on one) and Cᵢᵢ, length D m; 0 for an empty
-    /// row of hard contact.
+    /// The compliance of a multiplier at its own contact node, if nothing moved except the contact itself and, one at a time,
+    /// the unknowns that it acts on: Σⱼ Bᵢⱼ²/Kⱼⱼ (at most Aᵢᵢ if it acts on one) and Cᵢᵢ, length D m; 0 for an empty row of
+    /// hard contact.
     pub(crate) fn compliance(&self) -> &[f64] {
         &self.compliance
     }

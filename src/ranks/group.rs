@@ -48,7 +48,7 @@ impl Group {
         self.world.rank() as usize
     }
 
-    /// How many there are.
+    /// The number of ranks.
     pub fn size(&self) -> usize {
         self.world.size() as usize
     }
@@ -76,7 +76,7 @@ impl Group {
         made
     }
 
-    /// Combines entry by entry on rank 0, and hands the outcome to all.
+    /// Combines entry by entry on rank 0, and sends the result to all.
     fn combine(&self, values: &mut [f64], how: SystemOperation) {
         if self.size() == 1 || values.is_empty() {
             return;

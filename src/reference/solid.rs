@@ -63,7 +63,7 @@ impl Solid {
         block([0.0; 3], self.size, cells, shape, "body", "")
     }
 
-    /// The problem on a mesh, which may be made of [`Self::mesh`].
+    /// The problem on a mesh, for example [`Self::mesh`].
     pub fn problem_on(&self, mesh: &Mesh<3>) -> Result<ContactProblem<3>, ReferenceError> {
         let body = Body {
             mesh,

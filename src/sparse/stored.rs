@@ -47,7 +47,7 @@ impl Real for f64 {
 pub trait SquareBlocks: Send + Sync {
     /// Rows of a block.
     fn block(&self) -> usize;
-    /// Where each block row starts among the stored blocks, and the number of blocks at the end.
+    /// The start of each block row among the stored blocks, and the number of blocks at the end.
     fn row_ptr(&self) -> &[usize];
     /// The block columns of all stored blocks, row by row.
     fn col_idx(&self) -> &[u32];
@@ -59,7 +59,7 @@ pub trait SquareBlocks: Send + Sync {
     fn subtract_product(&self, x: &[f64], y: &mut [f64]);
     /// K x, and |K| s: the rounding scale of K x where the entries of x are known to s.
     fn multiply_with_sizes(&self, x: &[f64], s: &[f64]) -> [Vec<f64>; 2];
-    /// Hands out the stored scalar entries (row, column, value), row by row.
+    /// Passes the stored scalar entries (row, column, value), row by row.
     fn for_entries(&self, take: &mut dyn FnMut(usize, usize, f64));
 
     /// Scalar rows.

@@ -18,7 +18,7 @@ pub(super) enum Ended {
     NotYet,
 }
 
-/// How a solve has ended, and its error relative to its scale.
+/// The end of a solve, and its error relative to its scale.
 pub(super) struct End {
     pub status: Status,
     pub u: Vec<f64>,
@@ -190,7 +190,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         conditions(self.problem, &mut self.products.dual, u, &lambda)
     }
 
-    /// How a solve has ended.
+    /// The end of a solve.
     pub fn end(
         &mut self,
         way: &mut Way<D>,

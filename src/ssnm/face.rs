@@ -20,7 +20,7 @@ pub(super) struct Face<const D: usize> {
     pub sets: Sets<D>,
     /// μ where the tangential multipliers follow the normal one, 0 at all other nodes; empty if there is no such node.
     follows: Vec<f64>,
-    /// Where circles curve.
+    /// The curvature of circles, if any.
     curvature: Option<Curvature>,
     /// G F, where bodies can move as a whole.
     balance: Option<FaceBalance<D>>,
@@ -75,7 +75,7 @@ impl<const D: usize> Face<D> {
         self.follows.is_empty()
     }
 
-    /// From y, whatever it is elsewhere, to F y that leaves the bodies in balance.
+    /// Turns y, arbitrary on other multipliers, into an F y that leaves the bodies in balance.
     pub fn direction(&self, y: &mut [f64]) {
         self.lift(y);
         if let Some(balance) = &self.balance {

@@ -63,7 +63,7 @@ fn minimise<const D: usize, E>(
         if residual <= target {
             return Ok(iteration);
         }
-        // Where the residual does not fall along itself, its image is a direction that has not been tried.
+        // If the residual does not fall along itself, its image is an untried direction.
         let mut p = stuck
             .take()
             .unwrap_or_else(|| rest.iter().map(|r| -r).collect());

@@ -25,7 +25,7 @@ const LOCAL: usize = 100;
 /// A, node by node.
 pub(super) struct Known<const D: usize> {
     blocks: BlockCsr<D>,
-    /// That of Newton's matrix.
+    /// The pattern of Newton's matrix.
     pattern: Pattern,
     /// The mean of the diagonal.
     mean: f64,
@@ -44,7 +44,7 @@ impl<const D: usize> Known<D> {
             Some(t) => D * (t / (D - 1)) + 1 + t % (D - 1),
         };
         let entries = (matrix.triplets()).map(|(i, j, v)| (place(i), place(j), v));
-        // Newton's matrix has a diagonal whatever A has.
+        // Newton's matrix has a diagonal even where A has none.
         let all = entries.chain((0..n).map(|i| (i, i, 0.0)));
         let blocks = BlockCsr::<D>::from_triplets(n, n, all);
         let mut starts = vec![0];

@@ -78,7 +78,7 @@ impl Law {
         (end, derivative)
     }
 
-    /// Takes λ where it obeys the law and balances the bodies; a λ that does stays as it is.
+    /// Moves λ to a point that obeys the law and balances the bodies; a λ that already does so is unchanged.
     pub fn project<const D: usize>(&self, lambda: &mut Vec<f64>, balance: Option<&Balance>) {
         if balance.is_none() || self.is_coulomb() {
             self.cut::<D>(lambda);

@@ -50,7 +50,7 @@ impl Progress {
         }
     }
 
-    /// Takes note of a step; one that has lowered q by more than rounding is the better one, whatever its error.
+    /// Records a step; one that lowers q by more than rounding counts as better, whatever its error.
     fn note(&mut self, point: &Point, err: f64, is_lower: bool, lowers_q: bool) {
         self.fruitless = if is_lower { 0 } else { self.fruitless + 1 };
         if lowers_q || err < self.least {
@@ -127,7 +127,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     /// Solves the problem from λᵏ with the known pairs of A.
     fn propose(&self, way: &Way<D>, fruitless: usize) -> Proposal {
-        // Where A itself leads nowhere, the surrogate may: it has no τ that hides directions along which A is small.
+        // If A itself makes no progress, the surrogate may: it has no τ that hides directions along which A is small.
         let known = self.known.as_ref().filter(|_| fruitless % 4 != 2);
         let (mut point, steps, is_solved) = match known {
             Some(known) => self.on_matrix(known, way),

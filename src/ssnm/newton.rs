@@ -21,7 +21,7 @@ use std::rc::Rc;
 pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub problem: &'a ContactProblem<D, Elsewhere>,
     pub law: Law,
-    /// Where bodies can move as a whole.
+    /// If bodies can move as a whole.
     pub balance: Option<Rc<Balance>>,
     /// G on all multipliers. Products are made with balanced directions: the rest of a short step is rounding of λ, and
     /// along it A depends on where K⁻¹ holds the bodies.
@@ -182,7 +182,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     }
 
     /// A projected gradient step of length ρ from a point, with the α that keeps the bodies in balance on it. The point
-    /// stays as it is.
+    /// is unchanged.
     pub fn step_from(&self, point: &Point, rho: f64) -> GradientStep {
         let g = self.bounds(&point.lambda).into_owned();
         gradient_step::<D>(point, rho, &g, self.balance.as_deref())

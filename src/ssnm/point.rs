@@ -76,9 +76,9 @@ pub fn project<const D: usize>(lambda: &mut [f64], g: &[f64]) {
 
 /// A projected gradient step that keeps the bodies in balance.
 pub(super) struct GradientStep {
-    /// Where it ends.
+    /// Its end.
     pub end: Vec<f64>,
-    /// Where it starts from, with the α that it takes for that.
+    /// Its start, with the α for it.
     pub start: Point,
 }
 

@@ -14,7 +14,7 @@ use super::sets::Sets;
 use super::{Numbers, Status};
 use crate::dual::{DualError, DualOperator};
 
-/// How the next step is made.
+/// The kind of the next step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Plan {
     /// Newton's, with sets predicted with this ρ.

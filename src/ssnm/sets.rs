@@ -8,7 +8,7 @@ use crate::problem::ContactProblem;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sets<const D: usize = 2>(Vec<NodeSets<D>>);
 
-/// How many contact nodes are in each set; a separated node sticks or slips as well, if it has friction.
+/// The numbers of contact nodes in each set; a separated node sticks or slips as well, if it has friction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct SetSizes {
     /// ℐν: not in contact.
@@ -31,7 +31,7 @@ impl SetSizes {
     }
 }
 
-/// How many contact nodes slip.
+/// The number of slipping contact nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(untagged)]
 pub enum SlipSizes {
@@ -67,7 +67,7 @@ impl SlipSizes {
         }
     }
 
-    /// In whichever direction.
+    /// In either direction.
     pub fn total(&self) -> usize {
         match *self {
             Self::Plane {
@@ -164,7 +164,7 @@ impl<const D: usize> Sets<D> {
         }
     }
 
-    /// In how many sets contact nodes differ.
+    /// The number of sets in which contact nodes differ.
     pub fn differences(&self, other: &Self) -> usize {
         let pairs = self.0.iter().zip(&other.0);
         pairs.map(|(a, b)| a.differences(b)).sum()

@@ -7,11 +7,11 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// How a contact problem is solved.
+/// The method for a contact problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
-    /// Newton's method on a surrogate of A that is made of all known products, one product in each outer step.
+    /// Newton's method on a surrogate of A from all known products, one product in each outer step.
     #[default]
     Multisecant,
     /// Algorithm ISSNM of the paper: inner problems (11) solved to a tolerance that follows the error.
@@ -33,7 +33,7 @@ pub struct NewtonSettings {
     pub r_tol: f64,
     /// c_fact of Step 3.1, in (0, 1).
     pub c_fact: f64,
-    /// Multisecant, or an algorithm of the paper as it is printed.
+    /// Multisecant, or an algorithm of the paper as printed.
     pub method: Method,
     /// Outer steps at most.
     pub max_iterations: usize,

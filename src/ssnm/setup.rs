@@ -17,7 +17,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Where a solve starts from, in scaled multipliers.
+/// The start of a solve, in scaled multipliers.
 pub(super) struct Start {
     law: Law,
     /// Of the floating bodies; None without any.

@@ -7,7 +7,7 @@ use crate::dual::DualError;
 use crate::problem::Kkt;
 use std::fmt;
 
-/// How a solve ended.
+/// The end of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -28,7 +28,7 @@ pub enum Status {
     TimeLimit,
     /// Stopped from outside.
     Interrupted,
-    /// Where displacements are large: in balance, but the least push lets the bodies go somewhere else, as a column that has
+    /// With large displacements: in balance, but the slightest push makes the bodies move elsewhere, like a column that has
     /// stayed straight under more than its buckling load.
     Unstable,
 }
@@ -56,7 +56,7 @@ pub struct SolveError {
     pub history: Vec<Step>,
 }
 
-/// Why a solve could not be finished.
+/// The reason why a solve could not be finished.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Cause {
@@ -164,9 +164,9 @@ pub struct Info {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Solution<const D: usize = 2> {
-    /// How it ended.
+    /// Its end.
     pub status: Status,
-    /// u, as long as K has rows.
+    /// u, an entry per row of K.
     pub u: Vec<f64>,
     /// λ = (λν, λτ) ∈ Λ, length D m: λν, then λτ node by node.
     pub lambda: Vec<f64>,

@@ -1,4 +1,4 @@
-//! The outer steps of Algorithms SSNM and ISSNM as they are printed, and the projected gradient step.
+//! The outer steps of Algorithms SSNM and ISSNM as printed, and the projected gradient step.
 
 use super::check::Ended;
 use super::face::Face;

@@ -1,4 +1,4 @@
-//! A surrogate of A made of all products that are known: the multisecant update of a multiple of the identity.
+//! A surrogate of A from all known products: the multisecant update of a multiple of the identity.
 
 use crate::dense::symmetric_largest;
 use crate::rounding::INDEPENDENT;

@@ -99,7 +99,7 @@ impl Default for AmgSettings {
 
 impl AmgSettings {
     /// The settings that suit bodies of a dimension. In space a row has three times the blocks and a coarse block four
-    /// times the entries: all but the weakest neighbours belong to an aggregate there, which holds the complexity down.
+    /// times the entries: all neighbours except the weakest belong to an aggregate there, which limits the complexity.
     pub fn of_dimension(dimension: usize) -> Self {
         match dimension {
             3 => Self {
@@ -196,14 +196,14 @@ pub struct Smoother<S> {
 /// The approximate inverse of A in the smoother.
 #[derive(Clone, Debug)]
 pub enum Inverse<S> {
-    /// That of the blocks of the nodes, row by row.
+    /// The inverses of the blocks of the nodes, row by row.
     Diagonal {
         /// Rows of a block.
         block: usize,
         /// Entries.
         values: Vec<S>,
     },
-    /// That of the blocks of disjoint patches of nodes: a row has a block for each node of its patch.
+    /// The inverses of the blocks of disjoint patches of nodes: a row has a block for each node of its patch.
     Patches(BlockMatrix<S>),
 }
 
@@ -272,7 +272,7 @@ impl<S: Real> Hierarchy<S> {
         Self::of_second_order(k, coordinates, None, settings)
     }
 
-    /// As [`Hierarchy::new`]; where elements are of second order, the level below the first is that of their corners, and
+    /// Like [`Hierarchy::new`]; for second-order elements the level below the first is that of their corners, and
     /// aggregation begins there.
     pub fn of_second_order<const D: usize>(
         k: &BlockCsr<D>,

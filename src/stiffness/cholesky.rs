@@ -30,7 +30,7 @@ use faer::{Par, Side};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Why K could not be factorised.
+/// The reason why K could not be factorised.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum FactorError {
     /// A pivot is not positive.
@@ -75,7 +75,7 @@ pub enum FactorError {
     OtherSize {
         /// Its rows.
         found: usize,
-        /// Those of the factor.
+        /// The size of the factor.
         expected: usize,
     },
     /// K has another pattern than the one that the factor was made for.
@@ -126,7 +126,7 @@ struct Elimination {
     position: Vec<u32>,
     /// Unknowns before the trailing blocks.
     n_leading: usize,
-    /// Those of each trailing block.
+    /// The sizes of the trailing blocks.
     sizes: Vec<usize>,
     symbolic: SymbolicCholesky<u32>,
     /// Entries of the lower triangle that it was made for.
@@ -136,7 +136,7 @@ struct Elimination {
 }
 
 impl Elimination {
-    /// How many threads the numeric factorisation is worth.
+    /// The number of threads that the numeric factorisation is worth.
     fn threads(&self) -> Par {
         if self.operations() >= WORTH_THREADS {
             Par::rayon(rayon::current_num_threads())
@@ -358,7 +358,7 @@ impl Factor {
         Self::on_threads(k, plan, threads)
     }
 
-    /// As [`Factor::new`], on this many threads.
+    /// Like [`Factor::new`], on this many threads.
     fn on_threads<const D: usize>(
         k: &BlockCsr<D>,
         plan: Plan,

@@ -27,7 +27,7 @@ fn a_deck_is_solved_and_converted() {
     write(&place.path().join("blocks.inp"), PRESSED);
     let said = solved(place.path(), &["solve", "blocks.inp", "-v"]);
     assert!(
-        said.contains("blocks.inp, line 53: *NODE PRINT is passed over"),
+        said.contains("blocks.inp, line 53: *NODE PRINT is skipped"),
         "{said}"
     );
     assert!(said.contains("pressure up to 2.0000e0\n"), "{said}");
@@ -95,9 +95,9 @@ fn elements_read_as_others_are_reported() {
             &PRESSED.replace("C3D8", kind),
         );
         let said = solved(place.path(), &["solve", "blocks.inp"]);
-        let hint = format!("hint: {kind} is taken for C3D8, with full integration");
+        let hint = format!("hint: {kind} is read as C3D8, with full integration");
         assert_eq!(said.contains(&hint), told, "{said}");
-        assert_eq!(said.contains("is taken for"), told, "{said}");
+        assert_eq!(said.contains("is read as"), told, "{said}");
     }
 }
 

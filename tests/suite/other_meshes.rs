@@ -221,7 +221,7 @@ fn faults_of_an_input_file_are_reported_with_their_line() {
         ),
         (
             flat.replace("2, 1, 0, 0", "1, 1, 0, 0"),
-            "line 3: node 1 stands twice",
+            "line 3: node 1 is listed twice",
         ),
         (
             flat.to_owned() + "*NSET, NSET=a\n77\n",

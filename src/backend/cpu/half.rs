@@ -29,7 +29,7 @@ struct Task {
     first: usize,
     /// After the last row they reach.
     end: usize,
-    /// Where the sums of this task begin among those of all, in blocks.
+    /// The start of this task's sums among those of all, in blocks.
     start: usize,
     /// The first task that reaches these rows.
     from: usize,

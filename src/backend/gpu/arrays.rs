@@ -107,7 +107,7 @@ pub struct Rows {
     pub(super) parts: Vec<RowsPart>,
 }
 
-/// The scalars of a CG run and the partial sums that they are made of.
+/// The scalars of a CG run and their partial sums.
 pub struct State {
     /// The scalars that the iterations and their first halves read.
     pub(super) current: Handle,

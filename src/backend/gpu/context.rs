@@ -58,7 +58,7 @@ pub struct AdapterSummary {
     pub max_buffer: u64,
     /// Bytes of its own (or shared) memory, if the driver reports them.
     pub memory: Option<u64>,
-    /// Why it cannot be used, if so.
+    /// The reason why it cannot be used, if any.
     pub unsuitable: Option<String>,
 }
 
@@ -195,7 +195,7 @@ pub struct Context {
     max_binding: u64,
     /// The adapter taken.
     pub adapter: AdapterSummary,
-    /// Why this one.
+    /// The reason for this choice.
     pub reason: String,
     /// The precision of the kernels.
     pub precision: Precision,
@@ -364,7 +364,7 @@ impl Context {
         self.device.destroy();
     }
 
-    /// As [`Context::lose_device`], after this many more submissions.
+    /// Like [`Context::lose_device`], after this many more submissions.
     pub fn lose_device_after(&self, submissions: usize) {
         *lock(&self.left) = Some(submissions);
     }

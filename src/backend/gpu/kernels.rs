@@ -1,4 +1,4 @@
-//! The kernels: their texts, how they are put together, and the pipelines made of them.
+//! The kernels: their texts, the composition of these, and their pipelines.
 //!
 //! Each text exists once; a head that depends on the shape of the blocks and on the precision precedes it: the types,
 //! the loads of a block, and the flags.
@@ -21,7 +21,7 @@ pub(super) mod flag {
     pub const WRITES_STATE: u32 = 16;
     pub const CONTINUES: u32 = 32;
     pub const FIRST: u32 = 64;
-    /// As the kernels know them.
+    /// The same numbers as in the kernels.
     pub const ALL: [(&str, u32); 7] = [
         ("ADD", ADD),
         ("NEGATE", NEGATE),

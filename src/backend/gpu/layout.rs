@@ -1,5 +1,5 @@
-//! How vectors and matrices are cut and laid out: segments of vectors, and sliced block-ELL: slices of 32 block
-//! rows, padded to their longest row, column by column, cut into parts that fit into one binding.
+//! The division and layout of vectors and matrices: segments of vectors, and sliced block-ELL: slices of 32 block rows,
+//! padded to their longest row, column by column, cut into parts that fit into one binding.
 
 use rayon::prelude::*;
 use std::ops::Range;
@@ -27,7 +27,7 @@ pub(super) struct Source<'a, S> {
     pub block: [usize; 2],
     pub n_block_rows: usize,
     pub n_block_cols: usize,
-    /// Where a block row starts among the blocks.
+    /// The start of a block row among the blocks.
     pub start: &'a (dyn Fn(usize) -> usize + Sync),
     pub col_idx: &'a [u32],
     pub values: &'a [S],
@@ -65,7 +65,7 @@ impl Part {
         self.slices.last().copied().unwrap_or(0).into()
     }
 
-    /// Where the columns start in the structure, behind the slices.
+    /// The start of the columns in the structure, after the slices.
     pub fn columns_start(&self) -> usize {
         self.slices.len()
     }

@@ -1,4 +1,4 @@
-//! The dispatches of products with matrices in blocks, and of the smoothing steps made of them.
+//! The dispatches of products with matrices in blocks, and of smoothing steps.
 
 use super::arrays::{Blocks, LevelDiagonal, State, Vector};
 use super::buffers::Handle;

@@ -119,7 +119,7 @@ impl Gpu {
         }
     }
 
-    /// Hands the recorded commands to the device, with copies to the host at the end.
+    /// Submits the recorded commands to the device, with copies to the host at the end.
     pub(super) fn submit(&mut self, copies: Option<(&Handle, &[Wanted])>) {
         if self.commands.is_empty() && copies.is_none() {
             return;
@@ -198,7 +198,7 @@ impl Gpu {
         Ok(())
     }
 
-    /// Submits all work, waits for it, and hands the wanted bytes, one after the other, to `take`.
+    /// Submits all work, waits for it, and passes the wanted bytes, one after the other, to `take`.
     pub(super) fn read(
         &mut self,
         sources: &[Wanted],
@@ -241,7 +241,7 @@ impl Gpu {
     /// Sets the goals of the run to be recorded next.
     pub(super) fn write_goals(&mut self, state: &State, run: Run) {
         if self.recorded_start {
-            // Those of the one before must not be overwritten until they have been used.
+            // The parameters before must not be overwritten until they have been used.
             self.submit(None);
         }
         self.recorded_start = true;

@@ -279,7 +279,7 @@ impl Run<'_> {
     }
 }
 
-/// Why a run has not come to its end.
+/// The reason why a run has not come to its end.
 enum Ended {
     Solve(MpiError),
     Results(ResultsError),

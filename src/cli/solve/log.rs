@@ -11,7 +11,7 @@ use signorini::ssnm::{SlipSizes, Step};
 use std::io::{IsTerminal as _, Write as _};
 use std::ops::ControlFlow;
 
-/// Who hears how much.
+/// The amount of output.
 #[derive(Clone, Copy)]
 pub struct Log {
     quiet: bool,

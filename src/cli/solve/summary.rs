@@ -5,7 +5,7 @@ use signorini::output::{ContactReport, Report, StepReport};
 use signorini::ssnm::{SetSizes, Status};
 use std::path::PathBuf;
 
-/// All of it.
+/// The whole summary.
 pub fn text(report: &Report, files: &[PathBuf]) -> String {
     let mut lines = vec![describe(report.status).to_owned()];
     let last = report.steps.last();
@@ -63,7 +63,7 @@ fn describe(status: Option<Status>) -> &'static str {
     }
 }
 
-/// Why a step has taken several solves, if it has.
+/// The reason why a step has taken several solves, if it has.
 fn rounds(step: &StepReport, n_steps: usize) -> Option<String> {
     if let Some(iterations) = step.iterations {
         return Some(format!(
@@ -101,7 +101,7 @@ fn states(report: &Report) -> String {
                 sum(|c| c.tied),
             ]
         }
-        // Without geometry the sets are all there is: a separated multiplier sticks or slips as well.
+        // Without geometry only the sets are known: a separated multiplier sticks or slips as well.
         _ => {
             let SetSizes {
                 separated,

@@ -80,7 +80,7 @@ impl Hull {
         }
     }
 
-    /// How far a point is outside of it.
+    /// The distance of a point outside of it.
     pub fn distance(&self, p: Flat) -> f64 {
         if edges(&self.vertices).all(|(a, b)| turn(a, b, p) >= 0.0) {
             return 0.0;

@@ -50,7 +50,7 @@ enum Key {
     },
 }
 
-/// Which smooth part of the slave boundary a place belongs to, and which of the other one.
+/// The smooth parts of the slave boundary and of the other one at a place.
 type Parts = (u32, u32);
 
 /// A vertex of the covered part of a facet: the facet, the number of the cover, its own number.
@@ -383,7 +383,7 @@ impl<const D: usize> Sums<D> {
         }
     }
 
-    /// Those of the ψ that the rows along direction `a` of the frame have.
+    /// The integrals of ψ for the rows along direction `a` of the frame.
     fn along(&self, a: usize) -> Integrals {
         let mut all = self.plain();
         if let Some(held) = &self.held {
@@ -488,7 +488,7 @@ impl<const D: usize> Sums<D> {
             centre(mesh, x, &frame, self.edge, &mut partners);
             (x, [own, partners])
         };
-        // Where nothing is held all rows are as the one along ν.
+        // Without held nodes all rows equal the one along ν.
         let directions = if self.held.is_some() { D } else { 1 };
         let rows: Vec<Integrals> = (0..directions).map(|a| self.along(a)).collect();
         let is_tied = matches!(options.friction, Friction::Tied);
@@ -553,8 +553,8 @@ impl<const D: usize> Sums<D> {
 
 /// Moves the mean place of the partners of a node at x onto its normal, by the least change of their weights.
 ///
-/// Only then a pressure has no moment on the pair, and none is needed to turn it as a whole. Where both boundaries are
-/// flat this holds as it is; on curved ones it misses by O(h²).
+/// Only then a pressure has no moment on the pair, and a rotation of the pair as a whole needs none. For flat
+/// boundaries this holds already; for curved ones only up to O(h²).
 fn centre<const D: usize>(
     mesh: &Mesh<D>,
     x: [f64; D],

@@ -97,7 +97,7 @@ struct Covering {
 }
 
 impl Seen {
-    /// Where the facet covers the point p of the plane.
+    /// The point where the facet covers the point p of the plane.
     fn at(&self, p: Flat) -> Covering {
         let (shape, xi) = match self.len {
             3 => self.in_triangle(p),
@@ -135,7 +135,7 @@ impl Seen {
         unit(cross(s, t))
     }
 
-    /// How far a facet of second order bends out of its plane, as a part of its size.
+    /// The bend of a facet of second order out of its plane, as a part of its size.
     fn bend(&self) -> Option<f64> {
         let heights = self.heights[..self.len].iter().copied();
         let [low, high] = [
@@ -323,7 +323,7 @@ pub(super) fn covers(
     let seen: Vec<Seen> = (near.iter())
         .map(|master| plane.see(master.places()))
         .collect();
-    // How far the plane's point p is from a facet, along its normal.
+    // The distance of the plane's point p from a facet, along its normal.
     let apart = |other: usize, p: Flat| seen[other].at(p).height - own.at(p).height;
 
     // Those of the others, counter-clockwise and each with the number of its facet.
@@ -371,7 +371,7 @@ pub(super) fn covers(
             let corners = pieces.iter().flat_map(|piece| piece.polygon.clone());
             let hull = Hull::around(corners.collect(), SAME * area(&outline).sqrt());
             let (hull, sites) = places(&outline, face_ring(own.len), own.bend(), hull);
-            // All of a facet, but with the places of its corners.
+            // The whole facet, with places only at its corners.
             let (hull, sites) = match sites {
                 None if slave.is_linear() => corners_of(&own),
                 sites => (hull, sites),

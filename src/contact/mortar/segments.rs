@@ -95,7 +95,7 @@ impl Edge<'_> {
 /// More than Newton's method takes on a quadratic edge whose midside node is roughly in the middle.
 const NEWTON: usize = 20;
 
-/// Where the ray from x along n meets an edge: the parameter on the edge and the distance.
+/// The intersection of the ray from x along n with an edge: the parameter on the edge and the distance.
 fn meet(x: Point, n: Point, edge: &[Point]) -> (f64, f64) {
     if let [p, q] = *edge {
         let (along, to) = (minus(q, p), minus(p, x));
@@ -125,7 +125,7 @@ pub(super) fn covers(
     };
     let is_curved = slave.len > 2;
     let chord = length(minus(edge.x[1], edge.x[0]));
-    // How far the middle is off the chord, as a part of that.
+    // The distance of the midside node from the chord, as a part of the chord.
     let bend = edge.x.get(2).map(|&middle| {
         let along = minus(edge.x[1], edge.x[0]);
         cross(along, minus(middle, edge.x[0])).abs() / dot(along, along)

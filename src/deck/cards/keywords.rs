@@ -46,7 +46,7 @@ pub(super) const PASSED_OVER: [&str; 42] = [
     "USER OUTPUT VARIABLES",
 ];
 
-/// Why keywords are refused that decks often have.
+/// Reasons to refuse keywords that decks often have.
 pub(super) const REASONS: [(&str, &str); 38] = [
     ("BEAM SECTION", "beams are not supported"),
     ("BUCKLE", "buckling analysis is not supported"),

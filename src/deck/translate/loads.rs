@@ -186,7 +186,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(())
     }
 
-    /// How much warmer the regions become that expand.
+    /// The temperatures of the regions that expand.
     pub(super) fn temperatures(&mut self) -> Result<()> {
         let mut tracks = Tracks::default();
         for load in &self.said.loads {
@@ -247,7 +247,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(())
     }
 
-    /// How much warmer each node becomes: one table if the load steps have multiples of the same, else one for each.
+    /// The temperature of each node: one table if the load steps have multiples of the same, otherwise one for each.
     fn temperatures_of_nodes(&mut self, warmer: &[Option<(usize, Vec<f64>)>]) {
         self.has_nodal_values = true;
         let lines = warmer.iter().flatten().map(|one| one.0);

@@ -52,7 +52,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(of_node)
     }
 
-    /// Which displacements are equal.
+    /// The displacements that are equal.
     pub(super) fn equations(&mut self) -> Result<()> {
         let transforms = self.transforms()?;
         // The groups so far, and which one a displacement is in.

@@ -153,7 +153,7 @@ impl<'a> Flat<'a> {
         (cell, &self.nodes_of_cells[begin..][..cell.n_nodes()])
     }
 
-    /// How many elements there are, of bodies and others.
+    /// The number of elements, of bodies and others.
     #[cfg(feature = "case")]
     pub(super) fn n_cells(&self) -> usize {
         self.cells.len()
@@ -393,7 +393,7 @@ impl<'a> Flat<'a> {
         })
     }
 
-    /// Hands the elements over with the sets that they are in.
+    /// Passes the elements on with their sets.
     fn add_elements(&mut self) {
         self.regions.sort_unstable();
         self.regions.dedup();
@@ -417,7 +417,7 @@ impl<'a> Flat<'a> {
         }
     }
 
-    /// Hands the facets of surfaces over, and those of node sets.
+    /// Passes on the facets of surfaces, and those of node sets.
     fn add_boundaries(&mut self) {
         let is_solid = !self.raw.solids.is_empty();
         let mut all = std::mem::take(&mut self.boundaries);

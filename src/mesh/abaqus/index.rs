@@ -35,7 +35,7 @@ impl Deck {
     /// Reads a deck with all files that it names.
     ///
     /// # Errors
-    /// If a file cannot be read, or something about nodes, elements or sets makes no sense.
+    /// If a file cannot be read, or nodes, elements or sets are invalid.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let bytes = file::bytes(path)?;
         let text = Text::new(path, &String::from_utf8_lossy(&bytes), true)?;

@@ -17,7 +17,7 @@ pub(crate) fn is_keyword(line: &str) -> bool {
     line.starts_with('*') && !line.starts_with("**")
 }
 
-/// A name as it is compared: capitals do not matter, nor do quotation marks.
+/// A name in the form for comparisons: capitals do not matter, nor do quotation marks.
 pub(crate) fn key(name: &str) -> String {
     plain(name).to_uppercase()
 }

@@ -31,7 +31,7 @@ pub(super) type Sets = BTreeMap<String, Set>;
 /// A set of nodes or of elements.
 #[derive(Default)]
 pub(super) struct Set {
-    /// As it is written.
+    /// As written in the file.
     pub name: String,
     /// Whether only surfaces use it.
     pub internal: bool,
@@ -67,7 +67,7 @@ pub(super) struct Instance {
     pub shift: [f64; 3],
     /// Two points of an axis, and degrees about it.
     pub turn: Option<[f64; 7]>,
-    /// How many data lines there were.
+    /// The number of data lines so far.
     rows: usize,
 }
 
@@ -199,7 +199,7 @@ impl<'a> Reader<'a> {
                     Err(text) => return Err(Failure::line(k.line, text)),
                 }
             }
-            // Numbers of entities of Gmsh that meshio hands on as if they were of elements.
+            // Numbers of entities of Gmsh that meshio passes on as if they belonged to elements.
             "ELSET" if option("ELSET").is_some_and(|name| name == "gmsh:bounding_entities") => {
                 Block::Skip
             }

@@ -9,9 +9,9 @@ use std::path::{Component, Path, PathBuf};
 #[derive(Default)]
 pub(super) struct Text {
     pub text: String,
-    /// How many lines these are.
+    /// The number of lines.
     lines: usize,
-    /// Where they come from, in order.
+    /// Their origins, in order.
     pieces: Vec<Piece>,
     /// Whether data of all keywords are read from the files that they name.
     whole: bool,
@@ -20,7 +20,7 @@ pub(super) struct Text {
 /// Lines of a file one after another.
 struct Piece {
     path: PathBuf,
-    /// How many lines come before it, of all and in its file.
+    /// The number of lines before it, of all and in its file.
     before: [usize; 2],
 }
 
@@ -47,7 +47,7 @@ impl Text {
 
     /// The file and the line of it that a line of the whole text comes from.
     pub fn place(&self, number: usize) -> (&Path, usize) {
-        // Of pieces that begin at the same line all but the last are empty.
+        // Of pieces that begin at the same line, all except the last are empty.
         let after = (self.pieces).partition_point(|piece| piece.before[0] < number);
         let Piece { path, before } = &self.pieces[after.max(1) - 1];
         (path, number - before[0] + before[1])

@@ -236,7 +236,7 @@ mod tests {
                 "incompatible_modes = true"
             };
             assert!(
-                reduced.contains("taken for C3D8") && reduced.contains(way),
+                reduced.contains("read as C3D8") && reduced.contains(way),
                 "{reduced}"
             );
             assert_eq!(note("CPE4I", deck).is_some(), !deck);

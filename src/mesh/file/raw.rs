@@ -24,7 +24,7 @@ impl Cell {
         }
     }
 
-    /// How many corners it has, which are the first of its nodes.
+    /// The number of its corners, which are the first of its nodes.
     pub const fn n_corners(self) -> usize {
         match self {
             Self::Point => 1,

@@ -34,7 +34,7 @@ const NODES: [[f64; 3]; 18] = [
     [0.0, 0.5, 0.0],
 ];
 
-/// Which function of the triangle (corners, then midsides) and which end or middle of the axis a node has.
+/// The function of the triangle (corners, then midsides) and the end or middle of the axis for each node.
 const FACTORS: [(usize, f64); 18] = [
     (0, -1.0),
     (1, -1.0),

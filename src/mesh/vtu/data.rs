@@ -212,7 +212,7 @@ impl<'a> File<'a> {
         let behind = encoded.get(split..).ok_or_else(no_base64)?;
         if !self.compressed {
             let length = self.number(&first);
-            // Most encode both in one, some the length by itself.
+            // Most programs encode both in one, some the length separately.
             let data = if encoded[..split].ends_with(b"=") && !behind.is_empty() {
                 part(behind, 0, length)
             } else {

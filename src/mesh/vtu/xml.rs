@@ -1,4 +1,4 @@
-//! As much of XML as grids of VTK are written in: tags with attributes, comments, text.
+//! The part of XML that grids of VTK use: tags with attributes, comments, text.
 
 use super::{Failure, Result};
 use std::borrow::Cow;
@@ -100,7 +100,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Document<'_>> {
     }
 }
 
-/// Where a tag ends: a > in quotation marks is part of an attribute.
+/// The end of a tag: a > in quotation marks is part of an attribute.
 fn end_of_tag(bytes: &[u8]) -> Option<usize> {
     let mut mark = None;
     bytes.iter().position(|&b| match (mark, b) {

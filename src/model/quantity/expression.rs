@@ -36,7 +36,7 @@ enum Op {
 /// The meaning of a name.
 #[derive(Clone, Copy, Debug)]
 enum Meaning {
-    /// A value by itself.
+    /// A single value.
     Value(Op),
     /// A function of one value.
     One(fn(f64) -> f64),
@@ -102,7 +102,7 @@ fn sign(value: f64) -> f64 {
     if value == 0.0 { 0.0 } else { value.signum() }
 }
 
-/// How strongly a sign binds.
+/// The binding strength of a sign.
 const SIGN: u8 = 3;
 
 /// The operation of an operator, its binding strength, and the strength that it requires of what follows.
@@ -166,7 +166,7 @@ struct Parser<'a> {
     text: &'a str,
     /// The unread rest, without leading blanks.
     rest: &'a str,
-    /// How many coordinates there are.
+    /// The number of coordinates.
     dimension: usize,
     program: Vec<Op>,
     depth: usize,

@@ -31,7 +31,7 @@ where
     /// The largest displacement, and the magnification of all.
     pub travel: f64,
     pub magnified: f64,
-    /// Where the nodes are drawn, in coordinates of the mesh.
+    /// The positions of the nodes in the picture, in coordinates of the mesh.
     pub moved: Vec<[f64; D]>,
 }
 

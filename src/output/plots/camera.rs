@@ -55,12 +55,12 @@ impl Camera {
         [best, best.map(|v| -v)].map(Self::from)
     }
 
-    /// A place as it is seen: to the right and up.
+    /// A point in the view: to the right and up.
     pub fn flat(&self, x: [f64; 3]) -> [f64; 2] {
         [dot(self.right, x), dot(self.up, x)]
     }
 
-    /// How bright a surface with this normal is, from 0 to 1, lit from the left above the viewer.
+    /// The brightness of a surface with this normal, from 0 to 1, lit from the left above the viewer.
     pub fn shade(&self, normal: [f64; 3]) -> f64 {
         let light = unit(std::array::from_fn(|c| {
             self.back[c] - 0.35 * self.right[c] + 0.45 * self.up[c]

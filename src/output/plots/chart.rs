@@ -56,7 +56,7 @@ impl Axis {
     }
 }
 
-/// How a series is drawn.
+/// The style of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// A line.
@@ -68,7 +68,7 @@ pub enum Mark {
 }
 
 impl Mark {
-    /// How wide its line is.
+    /// The width of its line.
     fn style(self) -> &'static str {
         match self {
             Self::Dashed => "stroke-width=\"1.3\" stroke-dasharray=\"5 4\"",
@@ -84,7 +84,7 @@ pub struct Series {
     pub name: String,
     /// One of [`colour`], or any that SVG knows.
     pub colour: &'static str,
-    /// How it is drawn.
+    /// Its style.
     pub mark: Mark,
     /// (x, y), in this order.
     pub points: Vec<(f64, f64)>,
@@ -115,9 +115,9 @@ impl Series {
 /// A coloured zone between two abscissas.
 #[derive(Clone, Debug)]
 pub struct Zone {
-    /// Where it begins.
+    /// Its start.
     pub from: f64,
-    /// Where it ends.
+    /// Its end.
     pub to: f64,
     /// Its entry in the legend; zones of one name share it.
     pub name: &'static str,
@@ -134,7 +134,7 @@ pub struct Chart {
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// In the order in which they are drawn.
+    /// In the order of drawing.
     pub series: Vec<Series>,
     /// Behind the series.
     pub zones: Vec<Zone>,
@@ -144,7 +144,7 @@ pub struct Chart {
 
 const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 400.0;
-/// Where the axes begin.
+/// The start of the axes.
 const LEFT: f64 = 78.0;
 const TOP: f64 = 44.0;
 /// The margin beyond their ends.
@@ -199,7 +199,7 @@ struct Drawing<'a> {
     chart: &'a Chart,
     xs: Scale,
     ys: Scale,
-    /// Where the axes end.
+    /// The end of the axes.
     right: f64,
     bottom: f64,
     svg: Svg,

@@ -50,7 +50,7 @@ struct Scene<'a> {
     /// Keeps names apart from those of other pictures.
     name: String,
     svg: Svg,
-    /// How far down it is drawn so far.
+    /// The height drawn so far.
     y: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Contact surfaces in space laid flat: seen along their mean normal, or unrolled where they go round an axis.
+//! Contact surfaces in space laid flat: seen along their mean normal, or unrolled around an axis.
 
 mod circle;
 
@@ -41,7 +41,7 @@ pub(super) struct Developed {
     way: Way,
 }
 
-/// How a surface becomes a developed surface.
+/// The map from a surface to a developed surface.
 #[derive(Clone, Copy)]
 enum Way {
     /// Two directions.
@@ -220,7 +220,7 @@ impl Facets<'_> {
         (values[least] < ACROSS * total).then(|| axis.map(|v| turn * v + 0.0))
     }
 
-    /// Facets as they are seen along a direction, their mean normal.
+    /// Facets seen along a direction, their mean normal.
     fn flat(&self, part: &[usize], normal: [f64; 3]) -> Developed {
         let normal = match normal.iter().position(|v| v.abs() > NEARLY) {
             Some(c) => std::array::from_fn(|k| if k == c { normal[c].signum() } else { 0.0 }),

@@ -218,7 +218,7 @@ fn steps(out: &mut String, report: &Report) {
     table(out, "Load steps", &head, rows);
 }
 
-/// How far each optimality condition is from being met.
+/// The violation of each optimality condition.
 fn conditions(out: &mut String, report: &Report) {
     let kkt = &report.kkt;
     let rows = [

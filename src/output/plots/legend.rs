@@ -21,7 +21,7 @@ const STATES: [State; 5] = {
     ]
 };
 
-/// That of a contact node.
+/// The state of a contact node.
 pub(super) fn state<const D: usize>(contact: &ContactFields<D>, i: usize) -> State
 where
     ElementKind: Topology<D>,
@@ -83,7 +83,7 @@ pub(super) fn ticks(top: f64, largest: f64) -> impl Iterator<Item = f64> {
 
 /// The bar with the colours of a field from 0 on.
 pub(super) struct ColourBar<'a> {
-    /// Of its colours: no other on the page may have it.
+    /// The name of its colours: no other on the page may have it.
     pub name: String,
     pub unit: &'a str,
     /// The value with the last of the colours.

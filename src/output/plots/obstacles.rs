@@ -5,7 +5,7 @@ use crate::mesh::vector::{bounds, cross, dot, length, minus, unit};
 use crate::model::Elastic;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// How far it is drawn beyond the near part, as a part of the size of the mesh.
+/// The margin of the drawing beyond the near part, as a part of the size of the mesh.
 const AROUND: f64 = 0.07;
 /// The distance that counts as near, as a part of that size.
 const NEAR: f64 = 0.02;
@@ -42,7 +42,7 @@ impl Patch {
     }
 }
 
-/// Those of the rigid obstacles of a case.
+/// The patches of the rigid obstacles of a case.
 pub(super) fn patches(elastic: &Elastic<3>) -> Vec<Patch> {
     let (low, high) = elastic.mesh.bounding_box();
     let size = length(minus(high, low));

@@ -119,7 +119,7 @@ pub(super) fn each_in(
         first..if last < 0.0 { 0 } else { last as usize + 1 }
     };
     let columns = range(0, width);
-    // How weights change from one column to the next.
+    // The change of weights from one column to the next.
     let slopes = [[1, 2], [2, 0], [0, 1]].map(|[p, q]| (x[p][1] - x[q][1]) / doubled);
     for row in range(1, height) {
         let p = [columns.start as f64 + 0.5, row as f64 + 0.5];
@@ -145,7 +145,7 @@ pub(super) fn each_in(
     }
 }
 
-/// Twice the area of a triangle, negative where its corners go round to the left in a picture.
+/// Twice the area of a triangle, negative if its corners are counter-clockwise in a picture.
 pub(super) fn area([a, b, c]: [[f64; 2]; 3]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }

@@ -57,12 +57,12 @@ pub(super) struct Edge {
     pub facets: [u32; 2],
     /// Whether the surface bends sharply there, or parts meet.
     pub sharp: bool,
-    /// How much of an edge of an element it is: all, a half, or nothing inside of a facet.
+    /// The part of an element's edge in it: all, a half, or nothing inside a facet.
     pub share: f64,
 }
 
 impl Surface {
-    /// That of a mesh.
+    /// The surface of a mesh.
     pub fn new(mesh: &Mesh<3>) -> Self {
         let outer = outer_facets(mesh);
         // The facet that each part belongs to.

@@ -34,7 +34,7 @@ pub struct View {
 }
 
 impl View {
-    /// That of a step.
+    /// The view of a step.
     pub(super) fn new(solids: &Solids) -> Self {
         Self {
             rest: text(&rest(solids)),

@@ -11,7 +11,7 @@ const BEHIND: f32 = 2.0;
 const VEIL: [f32; 3] = [205.0, 208.0, 212.0];
 const IN_FRONT: f32 = 0.22;
 const BESIDE: f32 = 0.62;
-/// How far the best lit faces are brightened, and those without light darkened.
+/// The brightening of the best lit faces, and the darkening of those without light.
 const BRIGHT: f32 = 0.2;
 const DARK: f32 = 0.33;
 /// Colours between the first and the last: neighbouring ones differ by less than the step of a byte.
@@ -36,8 +36,8 @@ pub(super) struct ZBuffer {
     samples: Vec<Sample>,
 }
 
-/// A corner of a triangle: its place in pixels, to the right, down and towards the viewer, its value, and how
-/// bright it is: 0.5 leaves the colour of the value as it is.
+/// A corner of a triangle: its position in pixels, to the right, down and towards the viewer, its value, and its
+/// brightness: 0.5 leaves the colour of the value unchanged.
 #[derive(Clone, Copy)]
 pub(super) struct Corner {
     pub at: [f64; 3],

@@ -9,22 +9,23 @@ use crate::rigid::{self, Frame, length};
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
-/// Rows that a basis of directions held is made of at once.
+/// The rows from which a basis of held directions is made at once.
 const AT_ONCE: usize = 512;
 
-/// How a body can move as a whole.
+/// The possible motions of a body as a whole.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Motions {
     centre: Vec<f64>,
     size: f64,
-    /// As [`FloatingBody::motions`].
+    /// Like [`FloatingBody::motions`].
     motions: Vec<Vec<f64>>,
     /// The divisor for columns of R of length one.
     unit: f64,
 }
 
 impl Motions {
-    /// How a body with these nodes can move, where some are held along directions: none, where it cannot.
+    /// The possible motions of a body with these nodes, some of which are held along directions: none if it cannot
+    /// move.
     pub fn left<const D: usize>(
         points: &[[f64; D]],
         held: &[([f64; D], [f64; D])],
@@ -53,7 +54,7 @@ impl Motions {
         let frame = self.frame();
         let mode = |motion: &Vec<f64>| -> Vec<[f64; D]> {
             let at_node = |&node: &u32| {
-                // As many as there are in space; those of the plane are the first three.
+                // As many as in space; those of the plane are the first three.
                 let rows = frame.motions::<6>(&points[node as usize]);
                 std::array::from_fn(|c| match moves(node, c) {
                     true => {
@@ -129,7 +130,7 @@ fn left_among<const D: usize, const M: usize>(
 }
 
 impl<const D: usize> FloatingBody<D> {
-    /// How it can move, where all its nodes are here.
+    /// Its possible motions, if all its nodes are here.
     pub(crate) fn how(&self) -> Motions {
         Motions {
             centre: self.frame.centre.to_vec(),

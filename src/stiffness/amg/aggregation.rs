@@ -1,4 +1,4 @@
-//! Which nodes are strongly connected, and their grouping into aggregates.
+//! Strongly connected nodes, and their grouping into aggregates.
 
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
@@ -105,7 +105,7 @@ impl Graph {
 /// A block that is positive to more than this part of its norm is not a bond (see [`ties`]).
 const POSITIVE_PART: f64 = 0.5;
 
-/// How strongly nodes are tied.
+/// The strength of ties between nodes.
 ///
 /// A block is measured as Sᵢⱼ = Dᵢ^−½ Aᵢⱼ Dⱼ^−½ with D the scalar diagonal, so that neither the materials nor the unit
 /// of a component matter; the tie is ‖Sᵢⱼ‖_F. A mass-like block with a large positive trace is not a tie: such blocks
@@ -142,7 +142,7 @@ pub(super) fn ties<const B: usize>(a: &BlockCsr<B>) -> Graph {
 pub(super) struct Strength {
     /// The ties that exceed θ times the geometric mean of the strongest of either node.
     pub strong: Graph,
-    /// Those, and the ones that pull at a node with more than [`PULL`] of the most that does.
+    /// The strong ones, and those that pull at a node with more than [`PULL`] of the strongest pull.
     pub pulling: Graph,
 }
 
@@ -235,7 +235,7 @@ fn with_second_neighbours(ties: &Graph, graph: &Graph) -> Graph {
     })
 }
 
-/// Aggregates of fewer nodes join another one: they have not all rigid motions, and no stiffness of their own.
+/// Aggregates of fewer nodes join another one: they have not all rigid-body motions, and no stiffness.
 const LEAST_NODES: u32 = 3;
 
 /// Groups the nodes in three passes (Vaněk, Mandel, Brezina 1996): a node whose strong neighbours are all free founds

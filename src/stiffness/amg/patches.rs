@@ -14,7 +14,7 @@ const PART_OF_STRONGEST: f32 = 0.5;
 /// Nodes are in patches if no more than [`ROW`] or this part of their ties are that strong. With all nodes in patches
 /// uniform hexahedra took 11 iterations of 6.4 times the bytes of K, as many of 5.7 without.
 const PART_OF_TIES: f32 = 1.0 / 3.0;
-/// There are patches on a level if at least this part of its nodes is in one: they take passes of their own.
+/// A level has patches if at least this part of its nodes is in one: they take extra passes.
 const PART_OF_NODES: f64 = 0.1;
 
 /// Disjoint patches of at most [`MOST_NODES`] nodes that hold each other much more than others, grown one after the

@@ -138,7 +138,7 @@ pub(super) fn galerkin<const B: usize, const M: usize>(
     }
     let mut cols = vec![0; row_ptr[n]];
     let mut values = vec![[[0.0; M]; M]; row_ptr[n]];
-    // A part is freed as soon as it is copied.
+    // A part is freed once it is copied.
     for (run, part) in runs.iter().zip(parts) {
         for (k, &i) in run.iter().enumerate() {
             let range = row_ptr[i as usize]..row_ptr[i as usize + 1];
@@ -179,7 +179,7 @@ fn runs<const B: usize, const M: usize>(r: &BlockCsr<M, B>, p: &BlockCsr<B, M>) 
             }
             next += 1;
         }
-        // Those at its rim are left to other runs.
+        // Those at its rim belong to other runs.
         for j in run.drain(next..) {
             taken[j as usize] = false;
         }

@@ -1,4 +1,4 @@
-//! How the hierarchy is made, level by level.
+//! The construction of the hierarchy, level by level.
 
 use super::aggregation::{Groups, NONE, Strength, aggregate, strength, ties, weights};
 use super::patches;
@@ -147,7 +147,7 @@ impl Making {
 }
 
 impl Shape {
-    /// Of a matrix with these components that nothing is tied to.
+    /// For a matrix with these unconnected components.
     fn find<const B: usize, const M: usize, const D: usize>(
         a: &BlockCsr<B>,
         decoupled: &[[bool; B]],
@@ -223,8 +223,8 @@ fn steps<S: Real>(degree: usize, alpha: f64, radius: f64) -> Vec<[S; 2]> {
         .collect()
 }
 
-/// How far the eigenvalues of D⁻¹A reach. Written so that NaN is refused. An indefinite K may show here, and singular ones on
-/// the coarsest level.
+/// The upper end of the eigenvalues of D⁻¹A. Written so that NaN is refused. An indefinite K may be detected here, and
+/// singular ones on the coarsest level.
 fn radius<const B: usize, S: Real>(
     stored: &BlockMatrix<S>,
     inverse: &Inverse<S>,
@@ -373,8 +373,8 @@ fn has_free_modes<const B: usize, const M: usize>(
     })
 }
 
-/// Gives coarse unknowns that do not exist (a zero row in their modes) a diagonal entry of their own, so
-/// that the coarse matrix is not singular.
+/// Gives missing coarse unknowns (zero rows in their modes) a decoupled diagonal entry, so that the coarse matrix is
+/// not singular.
 fn hold_missing<const M: usize>(a: &mut BlockCsr<M>, modes: &[Modes<M, M>], value: f64) {
     for (i, mode) in modes.iter().enumerate() {
         for c in 0..M {

@@ -55,10 +55,10 @@ pub(super) fn invert(a: &mut [f64], n: usize) -> bool {
     true
 }
 
-/// The largest eigenvalue of D⁻¹A, from below: the largest Ritz value of a few steps of conjugate
-/// gradients preconditioned with D, which build the Lanczos tridiagonal matrix on the way.
+/// The largest eigenvalue of D⁻¹A, from below: the largest Ritz value of a few steps of conjugate gradients
+/// preconditioned with D, which build the Lanczos tridiagonal matrix on the way.
 ///
-/// A and D⁻¹ are taken as they are stored: two digits of the result are enough.
+/// A and D⁻¹ are used in their stored precision: two digits of the result suffice.
 pub(super) fn spectral_radius<const B: usize, S: Real>(
     a: &BlockMatrix<S>,
     inverse: &Inverse<S>,

@@ -127,7 +127,7 @@ fn another_pattern_is_refused() {
     let error = factor
         .refactor(&springs(6, &far))
         .map_err(|e| e.to_string());
-    assert!(error.is_err_and(|why| why.contains("unknown 6 to unknown 1")));
+    assert!(error.is_err_and(|why| why.contains("unknowns 6 and 1")));
     assert_eq!(factor.values, before);
     // A value within rounding is not an entry.
     let diagonal = (0..6).map(|i| (i, i, 4.0));

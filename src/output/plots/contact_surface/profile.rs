@@ -26,8 +26,8 @@ pub(super) fn profile(scene: &Scene, developed: &Developed, axis: usize) -> Char
     line.chart(title, x, &stress, scene.has_friction, false)
 }
 
-/// Where a line meets the border of a triangle: the place, pressure, tangential traction and slip bound there, and the
-/// nearest contact node.
+/// The intersection of a line with the border of a triangle: the place, pressure, tangential traction and slip bound
+/// there, and the nearest contact node.
 type Cut = (f64, [f64; 3], usize);
 
 /// The fields along a coordinate in a range, where the other one has this value.
@@ -57,7 +57,7 @@ fn line(scene: &Scene, developed: &Developed, axis: usize, value: f64, range: [f
     line
 }
 
-/// Where a line goes into a triangle of contact nodes, and out of it.
+/// The points where a line enters a triangle of contact nodes, and leaves it.
 fn cuts(
     scene: &Scene,
     at: &[[f64; 2]; 3],
