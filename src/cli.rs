@@ -213,12 +213,12 @@ struct EngineArguments {
 /// The choice of GPU and its precision.
 #[derive(clap::Args)]
 struct GpuArguments {
-    /// Arithmetic of the GPU's kernels; answers are accurate to f64 in any case, and the CPU is not concerned
+    /// Arithmetic of the GPU's kernels; answers are accurate to f64 in any case, and the CPU is not affected
     #[arg(long, value_enum, default_value = "auto")]
     precision: Precision,
     /// The GPU or software adapter to take: a part of its name, or its number in the list of `signorini adapters`
     ///
-    /// With --backend auto and --stiffness pcg it is taken however small the problem is.
+    /// With --backend auto and --stiffness pcg it is used however small the problem is.
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
 }

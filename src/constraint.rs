@@ -226,8 +226,8 @@ impl Disc {
         !(tangential(lambda) < within * self.g)
     }
 
-    /// The sets of Step 2 with the direction of slip that a λτ on its circle has already, unless it is to turn back:
-    /// Newton's step turns it along the tangent, and to put it elsewhere first would cost a product.
+    /// The sets of Step 2 with the direction of slip that a λτ on its circle has already, unless it is to reverse:
+    /// Newton's step turns it along the tangent, and moving it elsewhere first would cost a product.
     pub fn predict_from<const D: usize>(self, lambda: [f64; D], z: [f64; D]) -> NodeSets<D> {
         let mut sets = self.predict(z);
         if let Some(s) = &mut sets.slip

@@ -224,7 +224,7 @@ pub struct ContactPlace<const D: usize = 2> {
     pub pool: u32,
     /// The slip bound as a nodal force.
     pub slip_bound: SlipBound,
-    /// By how much the contact itself gives way per force, along ν and along the tangents, in m/N; 0: hard.
+    /// The compliance of the contact itself, along ν and along the tangents, in m/N; 0: hard.
     pub compliance: [f64; 2],
 }
 
@@ -442,7 +442,7 @@ pub enum ContactError {
         /// The value there.
         value: f64,
     },
-    /// A stiffness of contact so small or so large that nothing can be computed with it.
+    /// A stiffness of contact that is out of range.
     #[error("the compliance of the contact is {value:e} at {place}: {SIZES}")]
     Compliance {
         /// The place.

@@ -45,7 +45,7 @@ pub struct Material {
     pub density: f64,
     /// Coefficient of thermal expansion α in 1/K.
     pub expansion: f64,
-    /// Whether elements of it are those for nearly incompressible bodies.
+    /// Whether its elements are those for nearly incompressible bodies.
     pub incompressible: Incompressible,
     /// Whether quadrilaterals and hexahedra of first order of it have incompatible modes, with which they bend as they should; their
     /// dilatation is not projected then.
@@ -54,7 +54,7 @@ pub struct Material {
     pub law: Hyperelastic,
 }
 
-/// The law of a material whose displacements are large.
+/// The law of a material with large displacements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Hyperelastic {
@@ -63,7 +63,7 @@ pub enum Hyperelastic {
     #[default]
     #[serde(rename = "st-venant-kirchhoff")]
     StVenantKirchhoff,
-    /// A compressible material of neo-Hooke's kind, which resists being pressed flat.
+    /// A compressible neo-Hookean material, which resists being pressed flat.
     NeoHooke,
 }
 
@@ -188,7 +188,7 @@ impl Material {
         }
     }
 
-    /// Whether elements of it have their dilatation projected, if they can.
+    /// Whether its elements have their dilatation projected, if they can.
     pub fn is_projected(&self, plane: Plane) -> bool {
         plane != Plane::PlaneStress
             && match self.incompressible {

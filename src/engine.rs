@@ -74,7 +74,7 @@ pub enum EngineError {
     Pcg(#[from] PcgError),
 }
 
-/// Unknowns from which a GPU is worth its launches in `Auto`.
+/// From this number of unknowns on, a GPU is worth its launches in `Auto`.
 const WORTH_A_GPU: usize = 50_000;
 
 /// Seconds of the factorisation for an operation and, with ordering and solves, for an unknown; seconds of the
@@ -93,7 +93,7 @@ const LONG_ROW_IN_SPACE: f64 = 27.0;
 /// The factor is taken up to this multiple of the time that PCG is predicted to take: its own time is certain, while that of PCG
 /// grows on meshes with stretched elements or hard inclusions.
 const PREFERRED: f64 = 2.0;
-/// Predictions below this many seconds are not worth a word.
+/// Predictions below this many seconds are not logged.
 const WORTH_A_WORD: f64 = 1.0;
 
 enum Path {
@@ -225,8 +225,8 @@ impl Engine {
         }
     }
 
-    /// Whether it was made for a problem with the same K, N and T: for this one, or one that this one, or both, were made
-    /// from by [`ContactProblem::with_data`] and its like.
+    /// Whether it was made for a problem with the same K, N and T: for this one, or for one related to it by
+    /// [`ContactProblem::with_data`] and its like.
     pub fn fits<const D: usize>(&self, problem: &ContactProblem<D>) -> bool {
         self.matrices == Some(addresses(problem))
     }

@@ -144,13 +144,13 @@
 extern crate self as signorini;
 
 pub mod backend;
-// For the program and the tests only: no part of the library that anybody may rely on.
+// For the program and the tests only: not a part of the public library.
 #[cfg(all(feature = "cli", feature = "gpu"))]
 #[doc(hidden)]
 pub mod bench;
 #[cfg(feature = "case")]
 pub mod case;
-// The program, which no other room knows: here so that the executable and the wheel (python/) have one between them.
+// The program, which no other room uses: here so that the executable and the wheel (python/) share it.
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod cli;

@@ -152,10 +152,10 @@ pub(crate) struct Whole<const D: usize = 2> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Geometry {
-    /// So small that balance is that of where the bodies were.
+    /// So small that balance is computed at the original positions of the bodies.
     #[default]
     Small,
-    /// Balance, contact and friction are those of where the bodies are.
+    /// Balance, contact and friction hold at the displaced positions of the bodies.
     Large,
 }
 
@@ -198,7 +198,8 @@ impl Model {
         self
     }
 
-    /// The thickness in m that forces are for; 1 without. Bodies of revolution have none: forces are for the whole ring.
+    /// The thickness in m to which forces refer; 1 by default. Bodies of revolution have none: forces are for the whole
+    /// ring.
     pub fn thickness(mut self, thickness: f64) -> Self {
         self.definition.analysis.thickness = Some(thickness);
         self
@@ -305,8 +306,8 @@ where
         self
     }
 
-    /// Displacements may be large: bodies turn and bend, and balance, contact and friction are those of where they are in the end.
-    /// Contact is with obstacles then, and supports hold each body.
+    /// Displacements may be large: bodies turn and bend, and balance, contact and friction hold at their final positions. Contact
+    /// is then with obstacles only, and supports hold each body.
     pub fn large_displacements(mut self) -> Self {
         self.definition.analysis.geometry = Geometry::Large;
         self

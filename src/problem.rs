@@ -1,8 +1,7 @@
-//! The algebraic contact problem (1)–(3) of the paper, validated: the door for users with their own
-//! discretisation.
+//! The algebraic contact problem (1)–(3) of the paper, validated: the entry for users with their own discretisation.
 //!
-//! D is the number of unknowns per node: 2 in the plane, where it may be left out, and 3 in space. There a contact
-//! node slides in two directions, so that T has two rows for each, one after the other.
+//! D is the number of unknowns per node: 2 in the plane, where it may be left out, and 3 in space. There a contact node
+//! slides in two directions, so that T has two rows for each, one after the other.
 
 mod any;
 mod check;
@@ -91,7 +90,7 @@ pub(crate) fn tangents_of<const D: usize>(i: usize) -> Range<usize> {
 #[derive(Clone, Debug)]
 pub struct ContactProblem<const D: usize = 2, K = Arc<BlockCsr<D>>> {
     system: Arc<System<D>>,
-    /// Shared, since backends on the CPU work on it where it is.
+    /// Shared, because backends on the CPU work on it in place.
     stiffness: K,
     case: LoadCase,
 }
@@ -133,7 +132,7 @@ impl<const D: usize> ContactProblem<D> {
             .with_ties(tied)
     }
 
-    /// The same with a compliance, which lets rows depend on each other that have one; those without must not.
+    /// The same with a compliance: compliant rows may depend on each other, others must not.
     pub(crate) fn compliant(
         data: ContactData<D>,
         compliance: Vec<f64>,
@@ -154,7 +153,7 @@ impl<const D: usize> ContactProblem<D> {
         }
     }
 
-    /// Whether rows of B are seen to depend on each other, which [`ContactProblem::new`] refuses.
+    /// Whether rows of B depend on each other, by the checks with which [`ContactProblem::new`] refuses them.
     #[cfg(feature = "case")]
     pub(crate) fn has_dependent_rows(&self) -> bool {
         let compliance = self.contact_compliance();

@@ -105,7 +105,7 @@ impl State {
 pub struct StepSettings {
     /// The settings of the method.
     pub ssnm: ssnm::NewtonSettings,
-    /// Under Coulomb's law: whether the bounds are part of the Newton steps. If not, there are only rounds.
+    /// Under Coulomb's law: whether the bounds are part of the Newton steps. Otherwise only rounds are made.
     pub monolithic: bool,
     /// max |μλν − g| / max μλν that rounds have to reach; ten times the tolerance of the problems if None.
     pub friction_tolerance: Option<f64>,
@@ -143,7 +143,7 @@ impl Default for StepSettings {
     }
 }
 
-/// One solve of a step: all of it, or a round or an attempt where that did not do.
+/// One solve of a step: the only one, or a round or an attempt if that was not enough.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Round {
@@ -177,7 +177,7 @@ pub struct NotHeld {
     pub body: usize,
     /// The direction in which the loads push it, in words.
     pub motion: String,
-    /// No forces within the friction law balance it. Otherwise some do, but contact and friction do not come to them: on
+    /// No forces within the friction law balance it. Otherwise some do, but contact and friction do not reach them: on
     /// springs, however weak, it moves away, or converged slip bounds do not hold it.
     pub proven: bool,
 }
@@ -253,7 +253,7 @@ impl<const D: usize> StepSolution<D> {
     }
 }
 
-/// A body counts as pushed if this part of the largest imbalance is its own.
+/// A body counts as pushed if this part of the largest imbalance acts on it.
 const PUSHED: f64 = 1e-3;
 
 /// Solves one load step from `start`; the operator belongs to `problem`. `recycled` has the pairs of earlier steps with
@@ -324,7 +324,7 @@ struct Process<'a, const D: usize, O: ?Sized, V> {
     /// Rᵀū.
     place: Vec<f64>,
     made: Vec<Round>,
-    /// The point so far that breaks Coulomb's law least.
+    /// The point so far with the least violation of Coulomb's law.
     best: Option<Met>,
     /// The observer has asked for an end.
     stopped: bool,
@@ -400,7 +400,7 @@ where
         let mut rounds = Rounds::new(self, &from);
         let mut solution = rounds.make(self)?;
         if is_held && solution.status == Status::NotHeld {
-            // Bounds that do not hold the body are not those of where springs hardly notice it.
+            // If the bounds do not hold the body, they are not those of a state in which springs bear hardly anything.
             solution.status = Status::Stagnated;
             solution.imbalance.clear();
             solution.mechanism.clear();
@@ -419,11 +419,13 @@ where
         self.best_met(status)
     }
 
-    /// The best point met, judged by Coulomb's law: without a step, as steps have led nowhere. `status`: why they have ended.
+    /// The best point met, judged by Coulomb's law: without a step, because steps made no progress. `status`: the reason why
+    /// they ended.
     fn best_met(&mut self, status: Status) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
         let ssnm = &self.settings.ssnm;
         let (wanted, tolerance) = (self.settings.friction_tolerance(), ssnm.tolerance);
-        // Bounds that rounds have come to are as good as they were asked for, and forces as good as a tenth of that asks for.
+        // The bounds of converged rounds are as accurate as requested, and forces are as accurate as a tenth of that
+        // requires.
         let mut numbers = ssnm.numbers;
         let of_rounds = status == Status::Converged;
         let tolerance = if of_rounds {
@@ -465,7 +467,7 @@ where
         }
     }
 
-    /// Solves the problem of this step, with its bounds frozen if there are any given.
+    /// Solves the problem of this step, with its bounds frozen if any are given.
     fn solve(
         &mut self,
         frozen: Option<&[f64]>,
@@ -516,7 +518,7 @@ where
                 ssnm::solve_from(start, &problem, self.dual, &settings, watch)?
             }
             Some(stiffness) => {
-                // Another A, and bodies that are not free.
+                // A has changed, and bodies are no longer free.
                 let start = WarmStart {
                     lambda,
                     ..WarmStart::default()
@@ -554,7 +556,7 @@ where
         Ok(solution)
     }
 
-    /// The step on weak springs, from where it has given up.
+    /// The step on weak springs, from the point where it stagnated.
     fn on_springs(&mut self, lambda: &[f64]) -> Result<Springs<D>, SolveError> {
         let own = self.lawful.compliance().iter().zip(lambda);
         let work: f64 = own.map(|(c, l)| c * l * l).sum();
@@ -626,7 +628,7 @@ fn changes(now: &[f64], before: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The bodies that an imbalance pushes, and which way they go.
+/// The bodies that an imbalance pushes, and their directions.
 fn pushed<const D: usize>(
     system: &System<D>,
     solution: &Solution<D>,

@@ -1,4 +1,4 @@
-//! Load steps solved one after another: a model, or a contact problem, in one call, or watched step by step.
+//! Load steps solved one after another: a model, or a contact problem, in one call, or with an observer at each step.
 
 use crate::contact::Space;
 use crate::dual::DualOperator;

@@ -39,7 +39,7 @@ fn leave_reading() {
     }
 }
 
-/// Makes Ctrl-C, and SIGTERM, a matter of [`INTERRUPTED`]. The second one ends the program at once.
+/// Ctrl-C and SIGTERM set [`INTERRUPTED`]. The second one ends the program at once.
 fn hear_interrupts() {
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {

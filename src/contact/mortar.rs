@@ -249,7 +249,7 @@ impl<const D: usize> Vertex<D> {
 pub struct Cover<const D: usize> {
     /// The smooth part of the master boundary.
     part: u32,
-    /// The places that it hands forces on at, the vertices of its convex hull.
+    /// The places where it transfers forces, the vertices of its convex hull.
     vertices: Vec<Vertex<D>>,
     /// Integration points, those with one facet one after the other.
     points: Vec<IntegrationPoint<D>>,
@@ -498,7 +498,8 @@ impl<const D: usize> SlaveFacet<D> {
         }
     }
 
-    /// Whether it is of second order and held along its normal: its places are its corners then, wherever it is covered.
+    /// Whether it is of second order and held along its normal: its places are then at its corners, wherever it is
+    /// covered.
     fn is_linear(&self) -> bool {
         let held = self.held.iter();
         let across: f64 = held

@@ -234,7 +234,7 @@ where
         ends = [ends[0].min(across), ends[1].max(across)];
         held.push((across, part <= 1e-9 * size));
     }
-    // A body that ends there is held all over its end, however coarse it is.
+    // A body that ends there is held over its whole end, however coarse it is.
     let on_it = 1e-9 * (ends[1] - ends[0]);
     let mut at_end = held.iter().filter(|(across, _)| across.abs() <= on_it);
     let one_sided = ends[0] >= -on_it || ends[1] <= on_it;
@@ -310,7 +310,7 @@ fn row<const D: usize>(
             }
         }
     }
-    // A motion that an unknown has next to no part in is a prescribed one.
+    // A motion with almost no part in an unknown is a prescribed one.
     if !entries.iter().any(|entry| entry.1.abs() > 1e-8) {
         entries.clear();
     }
@@ -476,7 +476,7 @@ impl<const D: usize> ContactRows<D> {
             .collect()
     }
 
-    /// The area that the pressure of each place is shown and judged with: that of its pool.
+    /// The area for the displayed pressure of each place, and for its checks: that of its pool.
     pub fn pooled_areas(&self) -> Vec<f64> {
         let areas: Vec<f64> = self.places.iter().map(|place| place.area).collect();
         pooled(&self.places, &areas)

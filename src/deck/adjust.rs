@@ -1,4 +1,4 @@
-//! `ADJUST=`: nodes that are moved onto the surface that they are to meet, before anything else, without strain.
+//! `ADJUST=`: nodes that are moved onto the opposite surface, before anything else, without strain.
 
 use crate::mesh::foot::on_facet;
 use crate::mesh::vector::{dot, length, minus};

@@ -49,7 +49,7 @@ struct Setting {
     amplitude: Option<usize>,
 }
 
-/// Something that has a value, with the line that speaks of it first.
+/// Something that has a value, with the first line about it.
 pub(super) struct Track {
     pub line: usize,
     /// The set that it was named by; empty of a number.
@@ -58,7 +58,7 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// The line of the deck that makes it come or go after the beginning.
+    /// The line of the deck that adds or removes it after the beginning.
     pub fn changes(&self) -> Option<usize> {
         let late = self.settings.first().filter(|first| first.step > 0);
         let gone = || self.settings.iter().find(|setting| setting.value.is_none());

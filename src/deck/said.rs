@@ -144,7 +144,7 @@ pub(super) struct Load<'a> {
 pub(super) struct Interaction {
     /// In capitals.
     pub name: String,
-    /// Pressures per overlap, each from an overlap on (below 0 a gap), that add up; none: hard.
+    /// Pressures per overlap, each starting at an overlap (below 0 a gap), that add up; none: hard.
     pub springs: Vec<[f64; 2]>,
     pub tied: bool,
     pub friction: Option<f64>,

@@ -62,7 +62,7 @@ pub(crate) struct Nearest {
     pub balanced: bool,
 }
 
-/// An η on the way to the nearest point.
+/// An intermediate η of the search for the nearest point.
 struct Trial<const D: usize> {
     eta: Vec<f64>,
     /// x + Gᵀη.
@@ -209,7 +209,7 @@ impl Balance {
         let k = self.count();
         let mut now = Trial::at(vec![0.0; k], x.to_vec(), &project);
         let acting = norm_max(&self.rounding(&vec![0.0; x.len()]));
-        // A motion that nothing resists takes up the rounding of the slope divided by this, which must not come back larger.
+        // A motion without resistance takes up the rounding of the slope divided by this, which must not come back larger.
         let least = self.curvature.min(100.0 * ROUNDING);
         let curvature = (self.curvature * acting / norm_max(x).max(acting)).max(least);
         let mut before = f64::INFINITY;
@@ -332,8 +332,8 @@ impl Balance {
                 }
             }
         }
-        // By eigenvectors: along motions that nothing resists the added curvature is all there is, and rounding of
-        // the other ones must not pass for resistance.
+        // By eigenvectors: along motions without resistance only the added curvature acts, and rounding of the other
+        // ones must not count as resistance.
         let Some((values, vectors)) = symmetric_eigen(&hessian) else {
             return slope.iter().map(|s| -s).collect();
         };

@@ -35,7 +35,7 @@ const REMEMBERED: usize = 8;
 pub struct DelassusDual<W> {
     contact: Arc<Csr>,
     product: W,
-    /// W, where it is more than a product.
+    /// W, if it is known as more than a product.
     matrix: Option<Csr>,
     /// (u, K u), the last ones.
     known: Vec<[Vec<f64>; 2]>,

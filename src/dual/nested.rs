@@ -11,7 +11,7 @@ use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner, UNREACHABLE};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Times that a displacement is made more accurate for the sake of its ties.
+/// The number of refinements of a displacement for the sake of its ties.
 const MOST_PASSES: usize = 4;
 /// Load and forces together differ at most by this factor from the unit of the computation: without a load, or beside forces
 /// that a step has made huge, small values are lost in f32.

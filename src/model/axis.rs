@@ -66,7 +66,7 @@ impl<const D: usize> Axis<D> {
         (!is_axis).then_some("an axis needs a finite point and a direction that is not zero")
     }
 
-    /// The way from the axis to a point, across it.
+    /// The vector from the axis to a point, perpendicular to the axis.
     pub(super) fn arm(&self, x: [f64; D]) -> [f64; 3] {
         let (way, along) = (spatial(minus(x, self.point)), unit(self.direction()));
         let part = dot(way, along);

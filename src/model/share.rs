@@ -848,8 +848,8 @@ where
         }
     }
 
-    /// Learns the temperatures of the model, which rank 0 has, at the points that the stresses of this rank's elements are looked at
-    /// in: they may be functions of the place, or have values at the nodes of the whole mesh. Collective.
+    /// Learns the temperatures of the model, which rank 0 has, at the points where the stresses of this rank's elements are
+    /// computed: they may be functions of the place, or have values at the nodes of the whole mesh. Collective.
     pub fn learn_temperatures(&mut self, group: &Group, of_model: &[Quantity<D>]) {
         if self.common.warm_regions.is_empty() {
             return;

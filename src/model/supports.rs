@@ -124,7 +124,7 @@ impl<const D: usize> Support<D> {
         if let Some(directions) = axis.directions(x, 1e-9 * size) {
             return Ok(along(directions));
         }
-        // On the axis both directions across it are as good as any others, if nothing is to move along them.
+        // On the axis both directions perpendicular to it are equivalent, if nothing is to move along them.
         let [radial, hoop, _] = self.ways().map(|value| value.map(|q| q.at(x)));
         match (radial, hoop) {
             (None, None) | (Some(0.0), Some(0.0)) => Ok(along(axis.any_directions())),
@@ -233,7 +233,7 @@ where
 /// facets of a curved boundary.
 const APART: f64 = 0.9;
 
-/// The planes that a boundary consists of, up to one for each dimension, with the directions across them.
+/// The planes of a boundary, up to one for each dimension, with their normals.
 fn planes<const D: usize>(
     mesh: &Mesh<D>,
     name: &str,

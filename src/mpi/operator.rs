@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// Times that a displacement is made more accurate for the sake of its ties, as on one machine.
+/// The number of refinements of a displacement for the sake of its ties, as on one machine.
 const MOST_PASSES: usize = 4;
 
 /// ‖r − αq‖² follows from sums made with pᵀq, up to the rounding of ‖r‖²: below this part of the last computed sum it is computed
@@ -119,7 +119,7 @@ pub(super) struct Distributed {
     product: Vec<f64>,
     falls: Falls,
     counts: SolveCounts,
-    /// When to stop; a product only asks whether its caller may be stopped at all.
+    /// The stop; a product only asks whether its caller may be stopped at all.
     pub limits: Limits,
 }
 

@@ -28,7 +28,7 @@ pub struct ContactReport {
     /// The stiffness of the contact itself, where it is compliant.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness: Option<String>,
-    /// Resultant on the body of `boundary` along the axes, in the unit of force as all that follow.
+    /// Resultant on the body of `boundary` along the axes, in the unit of force, as are all that follow.
     pub force: Vec<f64>,
     /// Its moment about `centre`, in the unit of force times that of length: in the plane one number, about z; 0 of bodies of
     /// revolution.

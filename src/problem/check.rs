@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::fmt;
 
-/// A claim of [`ContactProblem`](super::ContactProblem) that the data breaks. Rows and columns count from 1, and from 0 after
-/// [`ProblemError::from_zero`].
+/// A condition of [`ContactProblem`](super::ContactProblem) that the data violates. Rows and columns count from 1, and from 0
+/// after [`ProblemError::from_zero`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message of each variant names its fields")]
@@ -244,7 +244,7 @@ const BEYOND: f64 = LARGEST / SMALLEST;
 pub(crate) const SIZES: &str =
     "nonzero values must be between 1e-70 and 1e70 in size: use other units";
 
-/// Whether a size is one that can be computed with, or 0.
+/// Whether a size is in range, or 0.
 pub(crate) fn is_sized(value: f64) -> bool {
     value == 0.0 || (SMALLEST..=LARGEST).contains(&value.abs())
 }
@@ -428,7 +428,7 @@ pub(super) fn length(
     length_of(name, vector.len(), expected, reason)
 }
 
-/// A list has as many entries as it should.
+/// A list has the expected number of entries.
 pub(super) fn length_of(
     name: &'static str,
     found: usize,
@@ -502,7 +502,7 @@ pub(super) fn friction(mu: &mut [f64], m: usize) -> Result<(), ProblemError> {
     }
 }
 
-/// C is as it should be: of length D m or 0, finite, not negative, the same along both tangents of a node.
+/// C is valid: of length D m or 0, finite, not negative, the same along both tangents of a node.
 pub(super) fn compliance<const D: usize>(c: &[f64], m: usize) -> Result<(), ProblemError> {
     if c.is_empty() {
         return Ok(());
@@ -586,7 +586,7 @@ fn symmetric<const D: usize>(k: &BlockCsr<D>) -> Result<(), ProblemError> {
     bad.map_or(Ok(()), Err)
 }
 
-/// Whether a row has no entry but that on the diagonal.
+/// Whether a row has only its diagonal entry.
 fn holds<const D: usize>(k: &BlockCsr<D>, row: usize) -> bool {
     let (cols, blocks) = k.row(row / D);
     let mut all = (cols.iter().zip(blocks)).flat_map(|(&j, block)| {

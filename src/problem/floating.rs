@@ -116,7 +116,7 @@ impl<const D: usize> FloatingBody<D> {
         format!("rotates about the axis through ({place}) along {axis}{screw}")
     }
 
-    /// The motions that it is free to make, in words.
+    /// Its free motions, in words.
     pub fn freedom(&self) -> String {
         let turns = rigid::count(D) - D;
         let turn = Mat::from_fn(turns, self.motions.len(), |k, j| self.motions[j][D + k]);

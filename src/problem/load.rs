@@ -24,7 +24,7 @@ pub struct LoadCase {
     /// For each unknown the largest displacement of its body before this load step, which determines the rounding of
     /// differences. None at rest, on all ranks.
     pub(crate) travelled: Option<Arc<Vec<f64>>>,
-    /// λ before this load step, which the origin of slip has its errors from; empty at rest.
+    /// λ before this load step, the source of errors in the origin of slip; empty at rest.
     pub(crate) before: Vec<f64>,
 }
 
@@ -54,7 +54,7 @@ impl LoadCase {
         &self.force
     }
 
-    /// Takes f in the place of the last one; whether it is another one.
+    /// Replaces f; returns whether it has changed.
     pub(crate) fn take_force(&self, last: &mut Arc<Vec<f64>>) -> bool {
         if Arc::ptr_eq(last, &self.force) {
             return false;

@@ -1,4 +1,4 @@
-//! The door for matrices of other libraries: scalar entries, in compressed rows or columns, read where they are.
+//! The entry for matrices of other libraries: scalar entries, in compressed rows or columns, read in place.
 
 use super::{ContactData, ContactProblem, ProblemError, check};
 use crate::sparse::{BlockCsr, Csr};
@@ -63,7 +63,7 @@ impl<const D: usize> ContactProblem<D> {
     /// [`ContactProblem::new`], [`ContactProblem::with_friction_coefficient`] and [`ContactProblem::with_gap`] check.
     pub fn from_matrices(matrices: Matrices<'_, D>) -> Result<Self, ProblemError> {
         let k = matrices.stiffness;
-        // Blocks would hide these, or take memory for a typing error.
+        // Blocks would hide these errors, or allocate memory for a typing error.
         if k.n_rows != k.n_cols {
             return Err(ProblemError::NotSquare {
                 rows: k.n_rows,
@@ -291,7 +291,7 @@ impl Default for SparseRef<'_> {
 impl<'a, I: Index + faer::Index> From<SparseColMatRef<'a, I, f64>> for SparseRef<'a> {
     fn from(matrix: SparseColMatRef<'a, I, f64>) -> Self {
         let (n_rows, n_cols, col_ptr, lengths, row_idx) = matrix.symbolic().parts();
-        // There may be room left behind the last column.
+        // The arrays may be longer than the last column.
         let end = match (lengths, col_ptr.last()) {
             (None, Some(end)) => end.zx().min(row_idx.len()),
             _ => row_idx.len(),

@@ -279,7 +279,7 @@ impl<const D: usize> System<D> {
         moved
     }
 
-    /// Whether K ties an unknown to another one; those it does not are held where they are.
+    /// Whether K ties an unknown to another one; an unconnected unknown is held in place.
     pub(crate) fn is_coupled(&self, unknown: usize) -> bool {
         self.coupled[unknown]
     }

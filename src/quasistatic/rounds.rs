@@ -23,7 +23,7 @@ pub(super) struct Rounds<const D: usize> {
     cones: Cones<D>,
     /// λ of the last one.
     pub lambda: Vec<f64>,
-    /// The bounds of the last one that was made, or of the first.
+    /// The bounds of the last round, or the initial ones.
     pub bounds: Vec<f64>,
     next: Vec<f64>,
     /// The tolerance of each.
@@ -39,7 +39,7 @@ impl<const D: usize> Rounds<D> {
     ) -> Self {
         let cones = Cones::new(&step.lawful);
         let bounds = cones.bounds(lambda);
-        // Bounds are a multiple of λ: they converge no further than it does.
+        // Bounds are a multiple of λ, so they are no more accurate than λ.
         let tolerance =
             (step.settings.ssnm.tolerance).min(step.settings.friction_tolerance() / MET);
         Self {
@@ -52,8 +52,8 @@ impl<const D: usize> Rounds<D> {
         }
     }
 
-    /// Makes rounds until the slip bounds have converged, or as many as there may be. The solution is that of the last one,
-    /// with the status of all.
+    /// Makes rounds until the slip bounds have converged, or up to the limit. The solution is that of the last one, with
+    /// the status of all.
     pub fn make<O: DualOperator + ?Sized, V: FnMut(Event) -> ControlFlow<()>>(
         &mut self,
         step: &mut Process<D, O, V>,
@@ -66,7 +66,7 @@ impl<const D: usize> Rounds<D> {
             self.lambda.clone_from(&solution.lambda);
             let lambda = &self.lambda;
 
-            // The law is μλν; where that could not balance the bodies, the next round tries other bounds.
+            // The law is μλν; if that could not balance the bodies, the next round tries other bounds.
             let law = step.lawful.bounds(lambda);
             let friction_change = step.relative(lambda, &changes(&law, &self.bounds));
             let next = self.cones.bounds(lambda);
@@ -79,7 +79,7 @@ impl<const D: usize> Rounds<D> {
                 (unbalanced, mechanism) = self.cones.unbalanced.clone();
             }
             if unbalanced.is_empty() && has_converged && friction_change > wanted {
-                // Bounds that balance the bodies have converged, but the pressures do not give them.
+                // Bounds that balance the bodies have converged, but differ from those of the pressures.
                 (unbalanced, mechanism) = self.cones.unbalanced_within(&law, lambda);
             }
             let status = if solution.status != Status::Converged {

@@ -28,7 +28,7 @@ pub(super) const WEAK: f64 = 1e8;
 pub(super) enum Springs<const D: usize> {
     /// Not found.
     Break,
-    /// The springs hardly notice: λ of bodies that are held, or on the edge of it.
+    /// The springs bear hardly anything: λ of bodies that are held, or at the limit of it.
     Idle(Vec<f64>),
     /// The springs bear a part that contact and friction do not: the bodies are not held.
     Bear(Box<Solution<D>>),
@@ -63,7 +63,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> OnSprings<'a, O, D> {
         })
     }
 
-    /// The part along motions, R Rᵀx: its coefficients, which are taken out of x.
+    /// The part along motions, R Rᵀx: its coefficients, which are removed from x.
     fn take_out(&self, x: &mut [f64]) -> Vec<f64> {
         let along = self.problem.floating_bodies().resultants(x);
         let back: Vec<f64> = along.iter().map(|a| -a).collect();

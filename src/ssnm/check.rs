@@ -61,7 +61,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         self.make_exact(&mut way.point)?;
         way.err = self.update_error(&mut way.point);
         if way.err > self.rounding(&way.point) {
-            // An error that steps take away and u has again and again is that of u.
+            // An error that steps remove and that u brings back again and again is the error of u.
             goal.checks += 1;
             return Ok(match goal.checks > self.numbers.checks {
                 true => Ended::With(Status::Stagnated),
@@ -134,8 +134,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         goal.err = goal.err.max(self.rounding(point));
         let (lambda, r) = self.unscaled(point);
         let forces = goal.forces_met(self.problem, &lambda, &r, &self.moved);
-        // Equilibrium does not depend on λ: no further step can mend it. A goal that was met again and
-        // again and still fails the check is at the limit of rounding.
+        // Equilibrium does not depend on λ: no further step can repair it. A goal that was met again and again and
+        // still fails the check is at the limit of rounding.
         let status = if err <= goal.err * (1.0 + 1e-6) && forces && kkt.max() <= MET * tolerance {
             Status::Converged
         } else if !(kkt.equilibrium <= MET * tolerance) || goal.checks >= self.numbers.checks {

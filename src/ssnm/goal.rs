@@ -38,7 +38,7 @@ impl Goal {
         }
     }
 
-    /// Whether a point with gradient r and error err meets it; `moved` as [`Goal::forces_met`] has it. Written so that NaN
+    /// Whether a point with gradient r and error err meets it; `moved` as in [`Goal::forces_met`]. Written so that NaN
     /// never passes.
     pub fn met<const D: usize, K>(
         &self,
@@ -146,7 +146,7 @@ impl Goal {
                 off = off.max(moved);
             }
         }
-        // Under given bounds tractions may be all there is.
+        // Under given bounds there may be only tractions.
         let largest = if pressure > 0.0 { pressure } else { traction };
         largest == 0.0 || off <= forces * self.tolerance * largest
     }

@@ -72,7 +72,7 @@ impl<const D: usize> Known<D> {
         self.is_stuck
     }
 
-    /// Makes steps longer where the last one led on, down to the least τ, and shorter where it did not.
+    /// Makes steps longer after progress, down to the least τ, and shorter otherwise.
     pub fn adapt(&mut self, leads_on: bool, numbers: &Numbers) {
         self.is_stuck = !leads_on;
         self.proximal = match leads_on {
@@ -89,7 +89,7 @@ impl<const D: usize> Known<D> {
     }
 
     /// A sweep of projected Gauss–Seidel: node by node the λ that obeys the law while all others stay; r follows. Newton's method
-    /// may have no way down where many contacts depend on each other, sweeps always have one.
+    /// may have no descent where many contacts depend on each other, sweeps always have one.
     pub fn sweep(&self, law: &Law, point: &mut Point) {
         let Point { lambda, r, .. } = point;
         for i in 0..lambda.len() / D {
@@ -131,7 +131,7 @@ impl<const D: usize> Known<D> {
     }
 }
 
-/// The entries of a vector as long as λ, contact by contact.
+/// The entries of a vector with the length of λ, contact by contact.
 fn node_by_node<const D: usize>(x: &[f64]) -> Vec<f64> {
     let m = x.len() / D;
     (0..x.len())
@@ -139,7 +139,7 @@ fn node_by_node<const D: usize>(x: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The vector as long as λ with these entries contact by contact.
+/// The vector with the length of λ from these entries contact by contact.
 fn from_nodes<const D: usize>(by_node: &[f64]) -> Vec<f64> {
     let mut x = vec![0.0; by_node.len()];
     for (i, of) in by_node.chunks_exact(D).enumerate() {

@@ -20,23 +20,23 @@ struct Proposal {
     /// d = y − λᵏ and Ãd.
     step: Vec<f64>,
     image: Vec<f64>,
-    /// The error there, as the surrogate has it.
+    /// The error there, by the surrogate.
     err: f64,
     /// Newton steps made for it.
     steps: usize,
     /// Whether it is one on A itself.
     is_on_matrix: bool,
-    /// Whether it is as accurate as it was asked for.
+    /// Whether it has the requested accuracy.
     is_solved: bool,
 }
 
-/// The best point, and whether steps still lead anywhere.
+/// The best point, and whether steps still make progress.
 struct Progress {
     best: Point,
     least: f64,
-    /// Steps since the error was last clearly lower.
+    /// Steps since the error last decreased clearly.
     fruitless: usize,
-    /// The error when r was last made afresh for want of progress.
+    /// The error when r was last recomputed for lack of progress.
     refreshed: f64,
 }
 
@@ -61,7 +61,7 @@ impl Progress {
 }
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
-    /// Outer steps until the final check is content with a point that meets the goal, or a reason to stop.
+    /// Outer steps until a point that meets the goal passes the final check, or a reason to stop.
     pub fn run_multisecant(
         &mut self,
         way: &mut Way<D>,
@@ -244,7 +244,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         if let Some(balanced) = &self.balanced {
             balanced.project(&mut rest);
         }
-        // Products with a matrix cost nothing, and have no rounding of those before.
+        // Products with a matrix cost nothing, and have no rounding of earlier ones.
         let mut image = match proposal.is_on_matrix {
             true => vec![0.0; step.len()],
             false => self.surrogate.split(&mut rest),
@@ -255,7 +255,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             add_times(1.0, &new, &mut image);
             add_times(1.0, &difference(&image, expected), &mut end.r);
         }
-        // A step on A itself is as short as τ has made it.
+        // τ has already determined the length of a step on A itself.
         let part = match proposal.is_on_matrix {
             true => 1.0,
             false => self.part_towards(&before, &end, way.err),
@@ -300,7 +300,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let sharper = self.products.tighten(self.tolerance) || self.products.refine();
         self.make_exact(&mut way.point)?;
         way.err = self.update_error(&mut way.point);
-        // Less than nothing is not to be had.
+        // An error of zero cannot be improved.
         let leads_on = sharper || way.err < 0.5 * progress.refreshed;
         *progress = Progress {
             refreshed: way.err,

@@ -32,12 +32,12 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub compliance: Vec<f64>,
     /// β, of ρ = β/σ_max.
     pub beta: f64,
-    /// σ_max: as Lanczos has found it before the algorithms as printed, otherwise as products have shown so far.
+    /// σ_max: from Lanczos before the algorithms as printed, otherwise from the products so far.
     pub sigma: f64,
     /// The typical entry of diag(A).
     pub mean: f64,
     pub products: Products<'a, O>,
-    /// Pairs that errors of products have hidden, since products were made more accurate.
+    /// Pairs hidden by errors of products, since products were last made more accurate.
     pub hidden: usize,
     /// The known pairs of A.
     pub surrogate: Surrogate,
@@ -69,24 +69,24 @@ pub(super) struct Way<const D: usize> {
     pub inner: Option<Point>,
     /// errᵏ.
     pub err: f64,
-    /// The point that err⁰ is taken at, and err⁰.
+    /// The point where err⁰ is computed, and err⁰.
     pub first: Point,
     pub err0: f64,
     /// The sets of the last step.
     pub sets: Option<Sets<D>>,
     /// The steps made.
     pub history: Vec<Step>,
-    /// Steps and products where the error was small enough first.
+    /// The numbers of steps and products when the error was first small enough.
     pub first_met: Option<(usize, usize)>,
 }
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
-    /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ, with the α that goes with it.
+    /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ, with its α.
     pub fn error(&self, point: &Point) -> f64 {
         self.error_with(point, self.rho())
     }
 
-    /// The same, and takes this α at the point.
+    /// The same, and sets this α at the point.
     pub fn update_error(&self, point: &mut Point) -> f64 {
         let GradientStep { end, start } = self.step_from(point, self.rho());
         *point = start;
@@ -275,8 +275,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         r
     }
 
-    /// r at a point made afresh where it is not carried, as accurately as the error there needs it; λ has moved by `along`
-    /// times the last product's direction. Where it shows a much smaller error than expected, it is made once more.
+    /// Recomputes r at a point where it is not updated, as accurately as the error there requires; λ has moved by `along`
+    /// times the last product's direction. If the error turns out much smaller than expected, it is computed once more.
     pub fn refresh(&mut self, point: &mut Point, along: f64) -> Result<(), DualError> {
         for along in [along, 0.0] {
             if self.products.are_exact() {
@@ -286,7 +286,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             let expected = self.without_motion(point);
             let made = (self.products).afresh(&point.lambda, along, err, &expected)?;
             let Some(r) = made else {
-                // A GPU has failed in between: nothing known so far is exact.
+                // A GPU has failed in the meantime: none of the data so far is exact.
                 return self.make_exact(point);
             };
             point.r = r;

@@ -62,10 +62,10 @@ numbers! {
     /// with 0.3, one V-cycle each. Where PCG is slow, the remaining error moves the contact more than its energy suggests:
     /// then it is this part of that.
     product: f64 = 0.1;
-    /// The same for the conjugate gradients of Algorithm ISSNM as printed, which work on as if products were exact.
+    /// The same for the conjugate gradients of Algorithm ISSNM as printed, which assume exact products.
     printed_product: f64 = 1e-3;
-    /// Products, where nothing else makes progress, and a final check, after one that has failed, are made this much more
-    /// accurate: by an iteration or two of PCG. Twice or half of it makes no difference.
+    /// The factor in accuracy of products if nothing else makes progress, and of a final check after one that has failed:
+    /// an iteration or two of PCG. Twice or half of it makes no difference.
     sharper: f64 = 0.3;
     /// The most pairs kept in the surrogate. Most problems end with fewer than 60 in a load step; a bar of 600 by 1, whose
     /// slip creeps from end to end, takes 209 products, and some 30 more with half as many pairs.
@@ -76,15 +76,15 @@ numbers! {
     /// values are rounding where rows of B depend on each other. With 1e-6 every step leaves 1e-6 of forces along which A
     /// is small.
     proximal: f64 = 1e-12;
-    /// τ grows by this factor after a step that has led nowhere, and falls by it after one that has led on: of 16 random packings 15 are
+    /// τ grows by this factor after a step without progress, and falls by it after one with progress: of 16 random packings 15 are
     /// solved in 2 400 Newton steps, with 10, from 1e-6 on, as many in 3 500.
     proximal_factor: f64 = 100.0;
     /// The most Newton steps for it: most problems take 1 to 6, and where sweeps are needed more steps do not help.
     matrix_steps: usize = 12;
-    /// Sweeps of projected Gauss–Seidel before it, in the first step and after one that was fruitless: random packings of bodies that
-    /// stagnate without are solved in a few steps.
+    /// Sweeps of projected Gauss–Seidel before it, in the first step and after one without progress: random packings of bodies that
+    /// stagnate without them are solved in a few steps.
     sweeps: usize = 20;
-    /// Newton steps for it at most; most take 1 to 6, bodies that have to find their place up to 30.
+    /// The most Newton steps for it; most problems take 1 to 6, bodies that have to find their position up to 30.
     newton_steps: usize = 60;
     /// Its merit has to fall by this part of the decrease that Newton's model predicts (Armijo): otherwise it may
     /// cycle.
@@ -97,15 +97,15 @@ numbers! {
     /// Where q is not a measure, mainly under Coulomb's law, an error may grow by this factor in a step before a shorter step
     /// is taken: changing sets make it go up and down.
     growth: f64 = 2.0;
-    /// An error below this part of the least so far is progress.
+    /// An error below this part of the least so far counts as progress.
     progress: f64 = 0.9;
     /// Steps without progress before steps are made shorter, under Coulomb's law. Bodies that find their position take up to 12
     /// of them.
     fruitless: usize = 15;
     /// Steps without progress under Coulomb's law before the method returns to the best point.
     patience: usize = 45;
-    /// Steps in a row that do not lower the error, and pairs that errors of products have hidden, before products by PCG are made
-    /// more accurate; under given bounds also steps before the method returns to the best point, if the last one has not lowered q
+    /// Steps in a row that do not lower the error, and pairs hidden by errors of products, before products by PCG are made more
+    /// accurate; under given bounds also steps before the method returns to the best point, if the last one has not lowered q
     /// either.
     denied: usize = 4;
     /// The largest remaining change of a pressure by the gradient at the end, in ε times the largest pressure, estimated as if only
@@ -115,7 +115,7 @@ numbers! {
     force_steps: usize = 10;
     /// Forces that close less than this multiple of the rounding of a gap are not contact.
     touching: f64 = 10.0;
-    /// Final checks that may fail although the goal was met.
+    /// The number of final checks that may fail although the goal was met.
     checks: usize = 5;
 }
 

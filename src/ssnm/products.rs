@@ -13,17 +13,17 @@ use crate::problem::{LoadCase, beyond};
 use crate::rounding::ROUNDING;
 use crate::sparse::{add_times, norm};
 
-/// The dual operator, how accurately it is used, and how often.
+/// The dual operator, the accuracy of its products, and their number.
 pub(super) struct Products<'a, O: ?Sized> {
     pub dual: Scaled<'a, O>,
     load: &'a LoadCase,
     pub stop: Stop<'a>,
     /// Products so far.
     pub n_a: usize,
-    /// r is made from a u that follows λ; otherwise it is carried.
+    /// r is computed from a u that follows λ; otherwise it is updated.
     follows: bool,
     numbers: Numbers,
-    /// The relative accuracy of products, as it begins and now.
+    /// The relative accuracy of products, initially and now.
     first: f64,
     part: f64,
     /// The accuracy of the last correction of u.
@@ -84,7 +84,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         true
     }
 
-    /// Makes r from a refined u from here on; false where it is already, or K⁻¹ is a matter of iterations.
+    /// Computes r from a refined u from here on; false if this is already so, or if K⁻¹ is applied by iterations.
     pub fn refine(&mut self) -> bool {
         let refines = self.are_exact() && self.dual.refine();
         self.follows |= refines;
@@ -166,7 +166,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         Ok(Some(r))
     }
 
-    /// Whether r made afresh is as accurate as an error of `err` needs it, or about so.
+    /// Whether a recomputed r is roughly as accurate as an error of `err` requires.
     pub fn is_enough(&self, err: f64) -> bool {
         self.gain * self.correction.remaining <= 2.0 * self.relaxed() * err
     }
@@ -179,7 +179,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         self.numbers.product * (self.part / self.first)
     }
 
-    /// r from a u that follows λ; false where it is carried.
+    /// r from a u that follows λ; false if it is updated.
     fn follow(
         &mut self,
         lambda: &[f64],
@@ -193,7 +193,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         let made = (self.dual).gradient(self.load, lambda, r, along, accuracy, &self.stop)?;
         match made {
             Some(correction) => self.correction = correction,
-            // Or a GPU has failed in between, and products are exact from now on.
+            // Or a GPU has failed in the meantime, and products are exact from now on.
             None => self.follows = false,
         }
         Ok(self.follows)

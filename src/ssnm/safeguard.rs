@@ -23,7 +23,7 @@ pub(super) enum Plan {
     Gradient,
 }
 
-/// Steps that go in circles are discarded and replaced by projected gradient steps, each time for twice as many steps.
+/// Steps that cycle are discarded and replaced by projected gradient steps, each time for twice as many steps.
 pub(super) struct Safeguard<const D: usize> {
     /// The point of lowest q (under Coulomb's law of the least error).
     best: Point,
@@ -34,7 +34,7 @@ pub(super) struct Safeguard<const D: usize> {
     seen: Vec<Sets<D>>,
     /// The ρ for predicting sets.
     rho: f64,
-    /// Safeguarded steps still to make, and how many the next discarded steps will cost.
+    /// Safeguarded steps still to make, and the number after the next discarded steps.
     guarded: usize,
     penalty: usize,
     /// No function falls along the way.
@@ -86,7 +86,7 @@ impl<const D: usize> Safeguard<D> {
         self.fruitless = if progress { 0 } else { self.fruitless + 1 };
     }
 
-    /// Takes note of the sets of a step; whether those of an earlier one have come back, after others.
+    /// Records the sets of a step; returns whether those of an earlier one have returned, after others.
     fn come_back(&mut self, sets: &Sets<D>) -> bool {
         if self.fruitless == 0 {
             self.seen.clear();
@@ -110,7 +110,7 @@ impl<const D: usize> Safeguard<D> {
             || lost.is_nan()
     }
 
-    /// Acts, for twice as many steps as the last time.
+    /// Intervenes for twice as many steps as the last time.
     fn act(&mut self, err: f64, alpha: f64) {
         self.best_err = err;
         self.fruitless = 0;

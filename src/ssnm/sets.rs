@@ -133,7 +133,7 @@ impl<const D: usize> Sets<D> {
         }
     }
 
-    /// Holds λτ of separated nodes at zero where Coulomb's law leaves it nothing else.
+    /// Holds λτ of separated nodes at zero where Coulomb's law permits nothing else.
     pub(super) fn hold_separated(&mut self, law: &Law) {
         for (i, node) in self.0.iter_mut().enumerate() {
             if !node.contact && law.mu(i) > 0.0 {

@@ -61,7 +61,7 @@ impl Default for NewtonSettings {
     }
 }
 
-/// A setting, or a vector to start from, that no solve can work with.
+/// A setting, or an initial vector, that no solve accepts.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{field} must {must}")]
 pub struct SettingsError {

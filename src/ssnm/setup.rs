@@ -22,7 +22,7 @@ pub(super) struct Start {
     law: Law,
     /// Of the floating bodies; None without any.
     balance: Option<Rc<Balance>>,
-    /// The λ that err⁰ is taken at: 0, or the least forces that balance the bodies.
+    /// The λ of err⁰: 0, or the least forces that balance the bodies.
     lambda: Vec<f64>,
     /// The part of the load that no λ ∈ Λ can balance; empty if there is none.
     pub imbalance: Vec<f64>,
@@ -85,7 +85,7 @@ pub(super) struct SetUp<'a, O: ?Sized, const D: usize> {
     pub n_a_sigma: usize,
     /// Seconds for b and σ_max.
     pub seconds: f64,
-    /// Whether b, σ_max and λ⁰ could be had.
+    /// Whether b, σ_max and λ⁰ could be computed.
     pub outcome: Result<(), DualError>,
 }
 

@@ -103,7 +103,7 @@ pub struct Step {
     pub n_a: usize,
     /// err / err⁰ after it.
     pub err: f64,
-    /// The same as the surrogate has predicted it; none in the algorithms as printed.
+    /// The same as predicted by the surrogate; missing in the algorithms as printed.
     pub predicted: Option<f64>,
     /// Sizes of the sets it worked with.
     pub sets: SetSizes,
@@ -143,7 +143,7 @@ pub struct Info {
     pub n_a_sigma: usize,
     /// ρ = β / σ_max.
     pub rho: f64,
-    /// σ_max as Lanczos, or the products of the method, have shown it.
+    /// σ_max from Lanczos, or from the products of the method.
     pub sigma_max: f64,
     /// err⁰, not relative to anything.
     pub first_error: f64,
@@ -172,8 +172,8 @@ pub struct Solution<const D: usize = 2> {
     pub lambda: Vec<f64>,
     /// The sets at the end.
     pub sets: Sets<D>,
-    /// Rᵀ(f − Bᵀλ) for the motions of [`crate::problem::System::floating_bodies`], where that cannot be made zero:
-    /// which way bodies are pushed that nothing holds. Empty otherwise.
+    /// Rᵀ(f − Bᵀλ) for the motions of [`crate::problem::System::floating_bodies`], if that cannot be made zero: the
+    /// push on bodies that are not held. Empty otherwise.
     pub imbalance: Vec<f64>,
     /// The motion that it drives and that no forces of Λ resist, as coefficients of the same motions; empty as above.
     pub mechanism: Vec<f64>,

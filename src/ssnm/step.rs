@@ -12,8 +12,8 @@ use crate::dual::{DualError, DualOperator};
 use std::ops::ControlFlow;
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
-    /// Algorithms ISSNM and SSNM: outer steps until the final check is content with a point that meets the goal, or a
-    /// reason to stop.
+    /// Algorithms ISSNM and SSNM: outer steps until a point that meets the goal passes the final check, or a reason to
+    /// stop.
     pub fn run_as_printed(
         &mut self,
         way: &mut Way<D>,

@@ -50,7 +50,7 @@ pub(super) struct Trial {
     /// z and P(z).
     pub z: Vec<f64>,
     pub lambda: Vec<f64>,
-    /// S s − Uᵀ(λ − λᵏ), then Gλ − e; where A is known, by how much the gradient is missed.
+    /// S s − Uᵀ(λ − λᵏ), then Gλ − e; if A is known, the error of the gradient.
     pub rest: Vec<f64>,
     /// ‖U S rest‖ and b‖Gλ − e‖ together: the distance of the gradient that λ belongs to from that of the problem. The
     /// error (10) of λ is no larger, because P_Λ is nonexpansive.
@@ -64,7 +64,7 @@ impl Trial {
     }
 }
 
-/// The equations of a contact problem in which something else takes the place of A.
+/// The equations of a contact problem in which a model replaces A.
 pub(super) trait Equations<const D: usize> {
     fn numbers(&self) -> (Numbers, &Stop<'_>);
     /// The point with these unknowns.
@@ -238,7 +238,7 @@ impl<const D: usize> Equations<D> for Subproblem<'_> {
             matrix[(j, j)] += sign;
         }
         for j in count..size {
-            // A motion that nothing resists at the moment.
+            // A motion without resistance at the moment.
             matrix[(j, j)] += CURVATURE / self.stiffness;
         }
         let right: Vec<f64> = trial.rest.iter().map(|v| -v).collect();

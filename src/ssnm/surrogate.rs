@@ -16,7 +16,7 @@ use faer::Mat;
 /// start, and c is the curvature of the rest.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surrogate {
-    /// c: how much A curves q along the last direction that was new, across the span of those before it.
+    /// c: the curvature of q along the last new direction, across the span of those before it.
     base: f64,
     /// Pairs kept at most.
     most: usize,
@@ -47,8 +47,8 @@ impl Surrogate {
         self.directions.iter().all(|d| d.len() == len)
     }
 
-    /// Sets c for the first step, before there is any product, how many pairs to keep, and C, which pairs of another solve have
-    /// to have in common.
+    /// Sets c for the first step, before any product, the number of pairs to keep, and C, which pairs of another solve must
+    /// share.
     pub fn prepare(&mut self, base: f64, most: usize, compliance: &[f64]) {
         self.most = most;
         self.compliance = compliance.to_vec();
@@ -226,7 +226,7 @@ impl Surrogate {
         }
     }
 
-    /// Adds the direction with number k to the basis; returns how long it is across those before it.
+    /// Adds the direction with number k to the basis; returns its length across those before it.
     fn extend_basis(&mut self, k: usize) -> f64 {
         let mut q = self.directions[k].clone();
         for _ in 0..2 {

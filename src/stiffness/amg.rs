@@ -47,8 +47,8 @@ use std::fmt;
 /// the plane.
 #[derive(Clone, Copy, Debug)]
 pub struct AmgSettings {
-    /// θ: nodes i and j are strongly coupled if their block counts for more than θ times the largest
-    /// block of either (the geometric mean of the two).
+    /// θ: nodes i and j are strongly coupled if their block exceeds θ times the geometric mean of the largest blocks of
+    /// the two.
     pub theta: f64,
     /// θ on the levels below the finest.
     pub coarse_theta: f64,
@@ -64,8 +64,8 @@ pub struct AmgSettings {
     /// (0.85, 2.3) differ little: the former is better in the plane (12 for 13), the latter on large graded bodies (17
     /// for 19).
     pub weights: [f64; 2],
-    /// Whether the nodes with the most strong neighbours found their aggregates first. Their aggregates are larger, and
-    /// there are fewer; otherwise nodes take turns by their number.
+    /// Whether the nodes with the most strong neighbours found their aggregates first. This makes fewer and larger
+    /// aggregates; otherwise the order is that of their numbers.
     pub busiest_first: bool,
     /// Degree of the Chebyshev smoother, at least 1.
     pub degree: usize,
@@ -75,7 +75,7 @@ pub struct AmgSettings {
     pub dense_limit: usize,
     /// Unless the inverse has more entries than this part of those of K.
     pub dense_part: f64,
-    /// Unknowns that may be solved with their inverse where no coarser level can be made.
+    /// Unknowns that may be solved with their inverse if no coarser level can be made.
     pub stalled_dense_limit: usize,
 }
 
@@ -150,7 +150,7 @@ pub enum AmgError {
          supports, or coordinates that define their rigid-body motions"
     )]
     Singular,
-    /// The pattern of K is another one than the hierarchy was made for.
+    /// The pattern of K differs from the one that the hierarchy was made for.
     #[error(
         "the stiffness matrix has {} nodes and {} blocks, but the hierarchy was made for {} and {}: make a new hierarchy",
         found[0], found[1], expected[0], expected[1]
@@ -232,8 +232,7 @@ pub enum Coarse<S> {
         /// Entries.
         values: Vec<S>,
     },
-    /// More smoothing, where the coarsest level is too large for an inverse. A singular matrix is not
-    /// noticed then.
+    /// More smoothing, if the coarsest level is too large for an inverse. A singular matrix is not detected then.
     Smoothed(Smoother<S>),
 }
 
@@ -257,7 +256,7 @@ pub struct LevelSize {
     pub unknowns: usize,
     /// Stored scalar entries of the matrix, or of its inverse.
     pub entries: usize,
-    /// Bytes of all that is stored for the level.
+    /// Bytes of all data of the level.
     pub bytes: usize,
 }
 

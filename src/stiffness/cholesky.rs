@@ -45,7 +45,7 @@ pub enum FactorError {
         /// " at (x, y)", if that is known.
         place: String,
     },
-    /// A solve with the factor is too far off.
+    /// The error of a solve with the factor is too large.
     #[error(
         "the Cholesky factor failed its check: x of K x = f is off by {error:.1e} of its size (at most {limit:.0e} is \
          accepted), residual {backward:.1e} of |K| |x| + |f|; the stiffness matrix is too badly conditioned: look for \
@@ -156,7 +156,7 @@ impl Elimination {
             .sum()
     }
 
-    /// The entries that the pattern has no place for: which, and their columns.
+    /// The entries outside the pattern, and their columns.
     fn missed(&self, lower: &Lower) -> Vec<(usize, usize)> {
         let panels = Panels::new(&self.symbolic, &[]);
         let mut panel_of = vec![0; self.order.len()];
@@ -320,7 +320,7 @@ impl Plan {
         })
     }
 
-    /// Bytes that the factor and its making will take, beside K itself.
+    /// Bytes for the factor and its computation, in addition to K itself.
     pub fn bytes(&self) -> usize {
         let Elimination {
             symbolic, sizes, ..
@@ -347,7 +347,8 @@ pub struct Factor {
     blocks: Vec<TrailingBlock>,
     /// Longest panel, for the workspace of the sweeps.
     max_rows: usize,
-    /// Seconds for ordering, symbolic and numeric factorisation; of the last one where K has got other values since.
+    /// Seconds for ordering, symbolic and numeric factorisation; after new values of K, those of the last
+    /// factorisation.
     pub seconds: f64,
 }
 
@@ -470,8 +471,8 @@ impl Factor {
         self.values.len()
     }
 
-    /// B touches this many unknowns that dense trailing blocks would not pay: every solve is a full one,
-    /// and all unknowns count as trailing.
+    /// B touches so many unknowns that dense trailing blocks would not pay: every solve is a full one, and all unknowns
+    /// count as trailing.
     fn touches_too_much(&self) -> bool {
         self.elimination.n_leading == 0 && self.blocks.is_empty()
     }

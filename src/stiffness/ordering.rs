@@ -57,7 +57,7 @@ pub(super) fn contact_last<const D: usize>(
     let dense: usize = contact.iter().map(|c| c.len() * c.len()).sum();
     let trailing = pays(D, dense, k.n_blocks(), k.n_block_rows());
     if !trailing {
-        // Nodes of the contact are nodes like others.
+        // Nodes of the contact are ordered like others.
         for (interior, contact) in interior.iter_mut().zip(&mut contact) {
             interior.append(contact);
         }
@@ -232,7 +232,7 @@ fn minimum_degree<const D: usize>(
     });
     match ordered {
         Some(_) => perm.into_iter().map(|i| sorted[i as usize]).collect(),
-        // Any order is correct; this one merely fills more.
+        // Any order is correct; this one only fills more.
         None => sorted,
     }
 }

@@ -17,7 +17,7 @@ mod refine;
 
 pub(crate) use energy::Falls;
 
-/// Why K x = b was not solved.
+/// The reason why K x = b was not solved.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PcgError {
@@ -73,7 +73,7 @@ const LEAST_CHUNK: usize = 2;
 /// At most this many, so that a request to stop is answered soon.
 const MAX_CHUNK: usize = 256;
 
-/// A relative residual that rounding keeps out of reach.
+/// A relative residual that is out of reach because of rounding.
 pub(crate) const UNREACHABLE: f64 = 1e-15;
 
 /// ‖r‖² never grows by this factor unless K is singular and the right-hand side has a part that no x can
@@ -107,7 +107,7 @@ pub struct Pcg<B: Backend> {
     preconditioner: Multigrid<B>,
     /// The levels of multigrid, for a log; None for block-Jacobi.
     pub hierarchy: Option<String>,
-    /// Why it is block-Jacobi where multigrid was asked for.
+    /// The reason why it is block-Jacobi although multigrid was requested.
     pub fallback: Option<String>,
     pub(crate) x: B::Vector,
     pub(crate) r: B::Vector,
@@ -133,7 +133,7 @@ pub(crate) struct Watch {
     noticeable: f64,
     /// The smallest ‖r‖² at any look.
     least_rr: f64,
-    /// How far it had come when it was last looked at closely: iterations, `least_rr` and energy.
+    /// The progress at the last close look: iterations, `least_rr` and energy.
     milestone: Option<(usize, f64, f64)>,
 }
 
@@ -141,7 +141,7 @@ impl Watch {
     /// For arithmetic with this rounding error.
     pub fn new(unit_roundoff: f64) -> Self {
         Self {
-            // More than the rounding of the sum that the energy is.
+            // More than the rounding in the sum of energies.
             noticeable: 1.0 + 64.0 * unit_roundoff,
             least_rr: f64::INFINITY,
             milestone: None,
@@ -169,7 +169,7 @@ impl Watch {
     }
 }
 
-/// Iterations that are enough for so many unknowns, with rounding: in exact arithmetic one for each is.
+/// The iterations that suffice for so many unknowns, with rounding: in exact arithmetic one for each.
 pub(crate) fn most_iterations(n: usize) -> usize {
     1000 + 30 * n
 }
@@ -228,7 +228,7 @@ impl<B: Backend> Pcg<B> {
         Self::of_second_order(backend, k, coordinates, None, preconditioner)
     }
 
-    /// As [`Pcg::new`], for elements of second order with these corners, if there are any.
+    /// Like [`Pcg::new`], for elements of second order with these corners, if there are any.
     pub fn of_second_order<const D: usize>(
         mut backend: B,
         k: &Arc<BlockCsr<D>>,
@@ -296,8 +296,8 @@ impl<B: Backend> Pcg<B> {
         }
     }
 
-    /// Takes another K of the same pattern: the preconditioner keeps its structure, which may have got worse where K has changed
-    /// much. After an error nothing can be solved.
+    /// Takes another K of the same pattern: the preconditioner keeps its structure, which may be worse if K has changed much.
+    /// After an error nothing can be solved.
     pub fn update<const D: usize>(
         &mut self,
         k: &Arc<BlockCsr<D>>,
@@ -319,7 +319,7 @@ impl<B: Backend> Pcg<B> {
         preconditioner.rebuild::<D, PcgError>(backend, k, coordinates, vertices)
     }
 
-    /// Whether the backend's own arithmetic is enough for an f64 answer.
+    /// Whether the backend's own arithmetic suffices for an f64 answer.
     pub fn is_f64(&self) -> bool {
         self.backend.unit_roundoff() < 1e-12
     }
@@ -465,7 +465,7 @@ impl<B: Backend> Pcg<B> {
                     iterations: progress.iterations,
                 });
             }
-            // Late in a run little is left to do.
+            // Late in a run little work is left.
             chunk = (issued / 8).clamp(CHUNK, MAX_CHUNK);
         }
     }

@@ -747,10 +747,7 @@ fn unsupported_entries_are_reported_at_once() {
     let ignored = ["nlgeom", "*Plastic", "SPRING", "SPRINGA", "CLOAD"];
     let deck = read(&text, &[], &ignored).or_panic();
     let notes = deck.notes.join("\n");
-    assert!(
-        notes.contains("line 48: *NODE PRINT is skipped"),
-        "{notes}"
-    );
+    assert!(notes.contains("line 48: *NODE PRINT is skipped"), "{notes}");
     assert!(
         notes.contains("line 46: *NLGEOM (ignored) is skipped"),
         "{notes}"

@@ -251,7 +251,7 @@ impl Keys {
         let mut on_edges = HashMap::new();
         for ((edge, (part, other)), mut points) in on_edge {
             points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            // A facet has each point once, however near to the next one: those of a needle.
+            // Each point of a facet counts once, however near to the next one, such as those of a needle.
             let (mut number, mut begin, mut facets) = (0, f64::NEG_INFINITY, HashSet::new());
             for (at, vertex) in points {
                 if !(at - begin <= ONE && facets.insert(vertex.0)) {
@@ -492,7 +492,7 @@ impl<const D: usize> Sums<D> {
         let directions = if self.held.is_some() { D } else { 1 };
         let rows: Vec<Integrals> = (0..directions).map(|a| self.along(a)).collect();
         let is_tied = matches!(options.friction, Friction::Tied);
-        // Without a row along ν only a tie is left anything.
+        // Without a row along ν only a tie keeps anything.
         let Some(across) = rows
             .iter()
             .take(if is_tied { D } else { 1 })

@@ -350,7 +350,7 @@ impl<'a> Reader<'a> {
                 *x = number(line, entry)?;
             }
         }
-        // A node may have the direction of a normal behind its place, which shells use.
+        // A node may have a normal after its coordinates, which shells use.
         if all.count() > 3 {
             return Err(Failure::line(
                 line,

@@ -1,4 +1,4 @@
-//! A file with the text of the files that it names (`INPUT=`) in the places where they belong.
+//! A file with the texts of the files that it includes (`INPUT=`), each in its place.
 
 use super::keyword::Keyword;
 use crate::input;

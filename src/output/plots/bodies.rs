@@ -104,7 +104,7 @@ where
     }
     // A gap d that becomes g is drawn as d + s (g − d).
     let room = FALSE_OVERLAP * size;
-    // Nor may bodies with an interference come apart.
+    // Bodies with an interference must not come apart either.
     let pressed = (elastic.contact.places.iter().zip(&contact.gap))
         .filter(|(place, gap)| place.gap < 0.0 && **gap > place.gap)
         .map(|(place, gap)| 1.0 + room / (gap - place.gap))

@@ -24,7 +24,7 @@ const NEARLY: f64 = 0.995;
 const ALONG: f64 = 0.8;
 /// The normals around an axis have less than this part of their squares along it.
 const ACROSS: f64 = 0.02;
-/// No more pieces of a surface are shown.
+/// The most pieces of a surface that are shown.
 const MOST: usize = 4;
 
 /// A surface, or a part of one, laid flat.
@@ -32,7 +32,7 @@ pub(super) struct Developed {
     /// Positions of nodes in the developed surface, with these nodes, for facets or their parts; those nearer to the
     /// viewer come later.
     pub triangles: Vec<([[f64; 2]; 3], [u32; 3])>,
-    /// The edges of facets (halves of curved ones), whether the developed surface ends there, and how much of an edge it is.
+    /// The edges of facets (halves of curved ones), whether the developed surface ends there, and the part of a whole edge.
     pub edges: Vec<([[f64; 2]; 2], bool, f64)>,
     /// The viewed side, and the view point.
     pub caption: String,

@@ -36,7 +36,7 @@ pub(super) fn states<const D: usize>(contact: &ContactFields<D>) -> Vec<State>
 where
     ElementKind: Topology<D>,
 {
-    // Bodies without friction know no stick and slip, and most with friction nothing else.
+    // Bodies without friction have no stick and slip, and most with friction have nothing else.
     let has_friction = contact.any_friction();
     let mut all = 0..contact.pressure.len();
     let without = all.any(|i| contact.status(i) == NodeStatus::Frictionless);

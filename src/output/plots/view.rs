@@ -9,7 +9,7 @@ use crate::output::shown_at_nodes;
 use base64::Engine as _;
 use serde_json::{Value, json};
 
-/// The page does not get larger than this by the view, in bytes.
+/// The largest size that the view may add to the page, in bytes.
 const LARGEST_PAGE: usize = 8 << 20;
 const SCRIPT: &str = include_str!("view.js");
 /// The style of the view and of its controls.
@@ -185,7 +185,7 @@ fn step(solids: &Solids) -> Value {
 }
 
 /// Adds the view to the page, with as many of the last steps as there is room for; `used` are the bytes of the page
-/// without it. Whether there was any.
+/// without it. Returns whether there was any room.
 pub(super) fn put_view(out: &mut String, views: &[&View], used: usize) -> bool {
     let Some(last) = views.last() else {
         return false;

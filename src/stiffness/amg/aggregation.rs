@@ -147,7 +147,7 @@ pub(super) struct Strength {
 }
 
 /// A soft node follows a stiff neighbour, although that tie means little to the stiff one. On a checkerboard of moduli 1
-/// and 1e-4 in the plane PCG takes 31 iterations, 43 if only ties count that pull with 0.4 of the most; below 0.1 the
+/// and 1e-4 in the plane PCG takes 31 iterations, 43 if only ties with 0.4 of the strongest pull count; below 0.1 the
 /// number does not matter.
 const PULL: f32 = 0.05;
 

@@ -138,7 +138,7 @@ fn held_directions<const B: usize>(a: &BlockCsr<B>, i: usize) -> Vec<[f64; B]> {
     held.into_iter().filter(|n| small(n, 1e-14)).collect()
 }
 
-/// Takes the part along a unit vector out of another one.
+/// Removes the part along a unit vector from another one.
 fn remove<const B: usize>(v: &mut [f64; B], unit: &[f64; B]) {
     let part: f64 = v.iter().zip(unit).map(|(a, b)| a * b).sum();
     v.iter_mut().zip(unit).for_each(|(v, u)| *v -= part * u);
@@ -222,7 +222,7 @@ pub(super) fn tentative<const B: usize, const M: usize>(
     Tentative { q, coarse, factors }
 }
 
-/// The places of the blocks that the prolongation may have.
+/// The possible positions of blocks in the prolongation.
 #[derive(Debug)]
 pub(super) struct Pattern {
     row_ptr: Vec<usize>,
@@ -382,7 +382,7 @@ impl<const B: usize, const M: usize> Step<'_, B, M> {
         for (&j, block) in a_cols.iter().zip(a_blocks) {
             let (cols, blocks) = before(j as usize);
             for (&aggregate, other) in cols.iter().zip(blocks) {
-                // A row meets few aggregates: looking through them beats any table.
+                // A row meets few aggregates: searching them is faster than any table.
                 if let Some(place) = place(aggregate) {
                     add_product(block, other, &mut row[place]);
                 }

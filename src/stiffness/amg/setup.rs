@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// The smoother of degree 2 reduces the error up to about 1.1 times the end of its interval, so that the
 /// cycle stays positive definite where this factor is not enough.
 const RADIUS_MARGIN: f64 = 1.1;
-/// A level that has fewer unknowns by less than this factor is not worth having.
+/// A level whose number of unknowns is smaller by less than this factor is not worth having.
 const LEAST_REDUCTION: f64 = 1.5;
 /// A coarse unknown with less than this part of the stiffness under it moves freely.
 const FREE_LIMIT: f64 = 1e-13;
@@ -42,7 +42,7 @@ pub(super) struct Skeleton {
 enum Shape {
     /// It is inverted.
     Inverse,
-    /// It is smoothed, on patches where they pay, and is the last one where it has no aggregates.
+    /// It is smoothed, on patches where they pay, and is the last one if it has no aggregates.
     Smoothed {
         patches: Option<Groups>,
         coarser: Option<(Groups, Pattern)>,
@@ -113,7 +113,7 @@ impl Skeleton {
     }
 }
 
-/// A hierarchy on its way from level to level.
+/// A hierarchy under construction, level by level.
 struct Making {
     skeleton: Skeleton,
     scale: f64,
@@ -124,7 +124,7 @@ struct Making {
 }
 
 impl Making {
-    /// The shape of the next level, found now if it is not known.
+    /// The shape of the next level, determined now if it is unknown.
     fn shape(&mut self, find: impl FnOnce(&AmgSettings, f64) -> Shape) -> Arc<Shape> {
         let Skeleton {
             shapes, settings, ..
@@ -137,7 +137,7 @@ impl Making {
         Arc::clone(&shapes[self.level - 1])
     }
 
-    /// Whether the matrix of the next level is inverted before anything else is found out about it.
+    /// Whether the matrix of the next level is inverted before any other analysis.
     fn inverts(&self, n: usize) -> bool {
         match self.skeleton.shapes.get(self.level) {
             Some(shape) => matches!(**shape, Shape::Inverse),
@@ -178,7 +178,7 @@ impl Shape {
     }
 }
 
-/// The levels of the corners and all below them, then that of K, as [`coarsen`] has them.
+/// The levels of the corners and all below them, then that of K, in the form of [`coarsen`].
 fn to_vertices<const D: usize, const M: usize, S: Real>(
     k: &BlockCsr<D>,
     vertices: &Vertices<D>,
@@ -215,7 +215,7 @@ fn to_vertices<const D: usize, const M: usize, S: Real>(
     Ok((levels, coarse))
 }
 
-/// The steps of a smoother where the eigenvalues of D⁻¹A reach that far.
+/// The steps of a smoother for this upper end of the eigenvalues of D⁻¹A.
 fn steps<S: Real>(degree: usize, alpha: f64, radius: f64) -> Vec<[S; 2]> {
     smoother::chebyshev(degree, radius / alpha, radius)
         .into_iter()
@@ -292,7 +292,7 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
     drop((modes, tentative.q, inverse_diagonal));
     let points = points.map(|points| centres(points, aggregates));
     let (mut levels, last) = coarsen(&matrix, tentative.coarse, points.as_deref(), making)
-        // Only the blocks of K can be named to the user.
+        // Users know only the blocks of K.
         .map_err(|_| AmgError::Singular)?;
     drop(matrix);
     levels.push(Level {
@@ -303,7 +303,7 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
     Ok((levels, last))
 }
 
-/// D⁻¹ of the smoother, and how far the eigenvalues of D⁻¹A reach: with that D, and with the blocks of the nodes.
+/// D⁻¹ of the smoother, and the upper end of the eigenvalues of D⁻¹A: with that D, and with the blocks of the nodes.
 struct Smoothing<S> {
     inverse: Inverse<S>,
     radius: f64,

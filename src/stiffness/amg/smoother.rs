@@ -26,8 +26,8 @@ pub(crate) fn inverse_diagonal<const B: usize>(
         .collect()
 }
 
-/// Puts its inverse in the place of a symmetric positive definite matrix of n rows by Gauss–Jordan elimination; false if
-/// a pivot is not positive beyond rounding.
+/// Replaces a symmetric positive definite matrix of n rows by its inverse, by Gauss–Jordan elimination; false if a pivot
+/// is not positive beyond rounding.
 #[inline(always)]
 pub(super) fn invert(a: &mut [f64], n: usize) -> bool {
     let least: Vec<f64> = (0..n).map(|k| 4.0 * f64::EPSILON * a[k * n + k]).collect();

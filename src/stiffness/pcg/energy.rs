@@ -56,7 +56,7 @@ impl Falls {
         let fall = (progress.recent / progress.energy)
             .powf(1.0 / between as f64)
             .clamp(FALLS.0, FALLS.1);
-        // It may slow down at once, but one good run is not believed.
+        // It may slow down at once, but a single fast run does not count.
         self.fall = fall.max(0.5 * (self.fall + fall));
     }
 

@@ -5,10 +5,10 @@ use crate::backend::Backend;
 use crate::control::{Accuracy, Correction, Stop};
 use crate::sparse::norm;
 
-/// A correction in f32 is asked to reduce the residual by this factor at most: beyond it the recurrence
-/// drifts away from the true residual.
+/// The largest factor by which a correction in f32 should reduce the residual: beyond it the recurrence drifts away
+/// from the true residual.
 const CORRECTION: f64 = 1e-4;
-/// And by this factor at least, however little the one before has achieved.
+/// The smallest such factor, however little the correction before has achieved.
 const LEAST_CORRECTION: f64 = 0.05;
 /// A relative residual in f64 below which a lack of progress is due to rounding.
 const AT_ROUNDING: f64 = 1e-8;
@@ -95,8 +95,8 @@ impl<B: Backend> Pcg<B> {
             if !advances {
                 break;
             }
-            // On fine meshes rounding K to f32 costs more than the recurrence knows: to ask for more than
-            // the last correction has achieved would be wasted.
+            // On fine meshes rounding K to f32 costs more than the recurrence knows: requesting more than the last
+            // correction has achieved would be wasted.
             asked = (0.5 * achieved).clamp(CORRECTION, LEAST_CORRECTION);
         }
         // Accuracy beyond f64 is not requested again: the final check decides whether it suffices.
