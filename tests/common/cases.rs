@@ -35,7 +35,7 @@ pub enum Laws {
 }
 
 impl Range {
-    /// Blocks and forces that one could meet, with Coulomb friction.
+    /// Realistic blocks and forces, with Coulomb friction.
     pub fn coulomb(nodes: usize) -> Self {
         Self {
             young: [2.0, 11.5],
@@ -50,7 +50,7 @@ impl Range {
 pub struct Trial<const D: usize = 2> {
     /// A short description.
     pub name: String,
-    /// All of it, for whoever looks for an error.
+    /// The whole case, for debugging.
     pub text: String,
     pub problem: ContactProblem<D>,
     pub loads: Vec<Load>,
@@ -91,7 +91,7 @@ pub fn coefficient(random: &mut Random) -> f64 {
     }
 }
 
-/// A friction law as the case file has it. `pressure` is a typical one, `width` a typical length.
+/// A friction law in the form of the case file. `pressure` is a typical one, `width` a typical length.
 pub fn friction(
     random: &mut Random,
     laws: Laws,
@@ -159,7 +159,7 @@ impl Turn {
         [self.cos * x - self.sin * y, self.sin * x + self.cos * y]
     }
 
-    /// The `map` of a rectangle that places (ξ, η) there, these being expressions of x and y.
+    /// The `map` of a rectangle to (ξ, η), given as expressions of x and y.
     pub fn map(self, xi: &str, eta: &str) -> String {
         let (c, s) = (self.cos, self.sin);
         format!(
@@ -200,7 +200,7 @@ impl Factors {
                 .collect()
         };
         let press = if held && chance(random, 0.4) {
-            // All of the load together, up and down: bodies may lift off.
+            // The whole load together, up and down: bodies may lift off.
             shear.clone()
         } else if chance(random, 0.5) {
             vec![1.0; steps]

@@ -53,7 +53,7 @@ pub fn length(x: &[f64]) -> f64 {
     x.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
-/// The conditions (1)–(3), Coulomb's law among them, in the plane and in space: from the matrices alone.
+/// The conditions (1)–(3), including Coulomb's law, in the plane and in space: from the matrices alone.
 pub struct Oracle {
     pub k: Entries,
     pub normal: Entries,
@@ -68,7 +68,7 @@ pub struct Oracle {
     /// For each connected part of K whose nodes have positions, its rigid-body motions: orthonormal, as (unknown,
     /// entry).
     pub motions: Vec<Vec<(usize, f64)>>,
-    /// How far a unit force of a multiplier moves its own node at least.
+    /// The least motion of its own node under a unit force of a multiplier.
     pub compliance: Vec<f64>,
     pub free: Vec<Free>,
 }
@@ -103,7 +103,7 @@ impl Oracle {
                 compliance[i + shift] += v * v / diagonal[j];
             }
         }
-        // Those of both tangents of a node together, whichever pair of tangents they are.
+        // For both tangents of a node together, independent of the choice of tangents.
         for of_node in compliance[m..].chunks_mut(D - 1) {
             let moved: Vec<f64> = of_node.iter().copied().filter(|&c| c > 0.0).collect();
             if moved.len() > 1 {
@@ -134,7 +134,7 @@ impl Oracle {
         self.mu.iter().any(|&mu| mu > 0.0)
     }
 
-    /// u less the mean rigid motion of each body.
+    /// u minus the mean rigid-body motion of each body.
     pub fn deformed(&self, u: &[f64]) -> Vec<f64> {
         let mut rest = u.to_vec();
         for motion in &self.motions {
@@ -176,7 +176,7 @@ impl Oracle {
         sums.into_iter().map(Sum::value).collect()
     }
 
-    /// The slip bounds that go with these multipliers.
+    /// The slip bounds for these multipliers.
     pub fn bounds(&self, lambda: &[f64]) -> Vec<f64> {
         (0..self.m)
             .map(|i| match self.mu[i] {
@@ -216,7 +216,7 @@ impl Oracle {
                 .filter(|&i| lambda[i].abs() > noise[i])
                 .fold(0.0, |p: f64, i| p.max(lambda[i].abs() / self.area(i)))
         };
-        // Under given bounds tractions may be all there is.
+        // Under given bounds there may be only tractions.
         let (pressure, traction) = (of(0..self.m), of(self.m..lambda.len()));
         if pressure > 1e-9 * traction {
             pressure
@@ -251,7 +251,7 @@ impl Oracle {
         self.judge(load, start, u, lambda, true).0
     }
 
-    /// How the end of a step meets the conditions; and whether rounding of a long way hides the forces. Nodal forces are
+    /// The deviations of the end of a step; and whether rounding of a large motion hides the forces. Nodal forces are
     /// measured by the largest pressure, `by_start` by that before if it was larger.
     pub fn judge(
         &self,
@@ -345,7 +345,7 @@ impl Oracle {
         if by_start {
             reference = reference.max(self.largest_pressure(&start.lambda, &noise));
         }
-        // Where nothing presses at all, the loads are the reference.
+        // Without any pressure, the loads are the reference.
         let of_node = |i: usize| match reference > 0.0 {
             true => LOCAL * reference * self.areas[i],
             false => MET * force,

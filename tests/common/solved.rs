@@ -176,7 +176,7 @@ pub fn solve_case(text: &str, tolerance: f64) -> Solved {
     Solved { build, data, steps }
 }
 
-/// As [`solve_case`], and once more by iterations, which has to come to the same.
+/// Like [`solve_case`], and once more by iterations, which must give the same.
 pub fn solve_case_twice(text: &str, tolerance: f64) -> Solved {
     let solved = solve_case(text, tolerance);
     let case = case(text);

@@ -1,4 +1,4 @@
-//! Kinds of problems that no example has, as small as they show, each on 2, 3 and 4 ranks.
+//! Kinds of problems without an example, as small as possible, each on 2, 3 and 4 ranks.
 
 use super::run::compare;
 use std::fmt::Write as _;

@@ -240,7 +240,7 @@ fn faults() {
         &[],
         "no finite value",
     );
-    // A body that nothing holds, in space of its supports and without a contact.
+    // A body that its supports do not hold, without a contact.
     let loose = TINY
         .replace("x = 0\n", "")
         .split("[[contact]]")

@@ -10,8 +10,8 @@ pub const TOLERANCE: f64 = 1e-6;
 /// Pressures of single places are less accurate than their sums: the same holds for the factor.
 pub const NODAL: f64 = 3000.0 * TOLERANCE;
 
-/// Solves a case on ranks, as many as each of these, and compares it with the factor, and its counts with those of conjugate gradients in
-/// one process.
+/// Solves a case on each of these numbers of ranks, and compares it with the factor, and its counts with those of conjugate
+/// gradients in one process.
 pub fn compare(case: &Path, ranks: &[usize]) {
     let name = case.file_name().expect("a file").to_string_lossy();
     let place = tempfile::tempdir().expect("a directory");
@@ -79,7 +79,7 @@ pub fn signorini(command: &str) -> Command {
     program
 }
 
-/// A command on so many ranks, more than there are cores if need be.
+/// A command on so many ranks, more than there are cores if necessary.
 pub fn mpirun(ranks: usize, command: &mut Command) -> Output {
     let mut launcher = Command::new("mpirun");
     launcher.args(["--map-by", ":OVERSUBSCRIBE", "-n", &ranks.to_string()]);

@@ -1,4 +1,4 @@
-//! The program as a user meets it: exit codes, files, messages.
+//! The program as a user sees it: exit codes, files, messages.
 
 mod cases;
 mod groups;

@@ -279,7 +279,7 @@ fn a_full_disc_is_an_error_that_leaves_no_half_files() {
             "{}",
             outcome.errors
         );
-        // There was room for the report, if for anything.
+        // The disc had room for the report, if for anything.
         if blocks >= 64 {
             let report = outcome
                 .report

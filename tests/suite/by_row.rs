@@ -168,7 +168,7 @@ fn bodies_that_move_far_leave_others_alone() {
     }
 }
 
-/// Rows of N and T in units of their own: multipliers are those without, divided by them.
+/// Rows of N and T in arbitrary units: multipliers are divided by these units.
 #[test]
 fn units_of_rows_are_arbitrary() {
     let scales: Vec<f64> = (-6..=6).map(|e| 10_f64.powi(e)).collect();

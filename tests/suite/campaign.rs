@@ -95,8 +95,8 @@ fn a_few_random_solids() {
     a_few(solid, 150);
 }
 
-/// The oracle is worth something: an answer with a multiplier changed by a hundredth, a sign turned, or a node moved
-/// does not pass.
+/// The oracle detects errors: an answer with a multiplier changed by a hundredth, a sign reversed, or a node moved does
+/// not pass.
 #[test]
 fn the_oracle_detects_errors() {
     let (mut told, mut missed) = (BTreeMap::<&str, usize>::new(), Vec::new());

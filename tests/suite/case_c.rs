@@ -85,7 +85,7 @@ fn every_beta_converges_in_space() {
     }
 }
 
-/// Without the faces that its safeguard visits this does not converge at all.
+/// Without the faces of its safeguard this does not converge at all.
 #[test]
 fn a_slender_beam_converges() {
     let problem = problem(&BEAM, 3, SolidShape::Hexahedron);

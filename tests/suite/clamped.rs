@@ -167,7 +167,7 @@ fn some_leaves(random: &mut Random, order: Order) -> Vec<Leaf> {
         .collect()
 }
 
-/// Each leaf bends farther than the one below it, by ten times that where both do so the same way: nothing can touch.
+/// Each leaf bends farther than the one below it, by ten times the difference under equal loads: nothing can touch.
 fn pulled_apart<const D: usize, S: Dimension<D>>(seed: u64, number: usize)
 where
     ElementKind: Space<D>,
@@ -214,7 +214,7 @@ fn leaves_that_are_pulled_apart_do_not_touch() {
     pulled_apart::<3, InSpace>(1001, 25);
 }
 
-/// A leaf spring of two equal leaves bends as one half of the load on each; the contact hands that half on.
+/// A leaf spring of two equal leaves bends like one under half of the load on each; the contact transfers that half.
 #[test]
 fn a_leaf_spring_hands_half_of_its_load_on() {
     fn of<const D: usize, S: Dimension<D>>(poisson: f64, off: f64)

@@ -58,7 +58,7 @@ fn campaign(way: Way, first: u64, problems: u64) -> Vec<String> {
     tally.failures(way)
 }
 
-/// Prints a problem, and how each solve of it goes.
+/// Prints a problem, and the course of each solve.
 fn tell(seed: u64, ways: &[Way]) {
     let trial = trial(seed).or_panic();
     let problem = &trial.problem;
@@ -143,8 +143,8 @@ fn all_sets_hold_the_solution() {
     assert!(tried > 50, "{tried}");
 }
 
-/// The check is worth something: the answers to a neighbouring problem (friction higher or lower by a tenth, a gap
-/// wider, a step that starts elsewhere) do not pass wherever they differ by a hundredth of the deformation.
+/// The check detects errors: the answers to a neighbouring problem (friction higher or lower by a tenth, a gap wider, a
+/// step that starts elsewhere) do not pass wherever they differ by a hundredth of the deformation.
 #[test]
 fn the_check_detects_a_neighbouring_problem() {
     let (mut told, mut missed) = (BTreeMap::<&str, usize>::new(), Vec::new());

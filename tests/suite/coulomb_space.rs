@@ -148,7 +148,7 @@ fn two_bodies_rub_on_each_other() {
     assert!(distance(&by_factor.last().u, &by_pcg.last().u) < 1e-4);
 }
 
-/// Rounds of problems with given bounds, which share no step with the monolithic ones, come to the same.
+/// Rounds of problems with given bounds, which share no step with the monolithic ones, give the same result.
 #[test]
 fn rounds_come_to_the_same() {
     let rounds = StepSettings {

@@ -312,7 +312,7 @@ fn transforms_turn_supports() {
          *BOUNDARY\n{held}*MATERIAL,NAME=el\n*ELASTIC\n1000.,0.3\n*SOLID SECTION,ELSET=Eall,MATERIAL=el\n\
          {STATIC}*DLOAD\n{pressed}*END STEP\n"
     );
-    // Only nodes with elements stay: those in the middle of none go.
+    // Only nodes of elements stay: midside nodes of no element are dropped.
     let deck = read(&text, &[], &[]).or_panic();
     let u = displacements(&built(&deck)).remove(0);
     let at = |number: u64| {
@@ -332,7 +332,8 @@ fn transforms_turn_supports() {
     }
 }
 
-/// Equations that make displacements equal: of nodes, sets and chains, and by a node that no element has, which is pulled or driven.
+/// Equations that make displacements equal: of nodes, sets and chains, and through a node without elements, which is pulled or
+/// driven.
 #[test]
 fn equations_make_displacements_equal() {
     let load = format!("{STATIC}*CLOAD\n5,1,10.\n*END STEP\n");
@@ -580,7 +581,7 @@ fn temperatures_may_differ_from_node_to_node() {
     type Expected = fn([f64; 2]) -> [f64; 2];
     let grown: Expected = |[x, y]| [5e-3 * (x * x - y * y), 1e-2 * x * y];
     let halved: Expected = |[x, y]| [2.5e-3 * (x * x - y * y), 5e-3 * x * y];
-    // Of −10 y: u = 5 α (−2 x y, x² − y²), and no turn where the left side stays upright.
+    // Of −10 y: u = 5 α (−2 x y, x² − y²), and no rotation if the left side stays upright.
     let across: Expected = |[x, y]| [-1e-2 * x * y, 5e-3 * (x * x - y * y)];
     for (second, expected, tables) in [(&half, halved, 1), (&other, across, 2)] {
         let deck = read(&text(second), &[], &[]).or_panic();
@@ -786,7 +787,7 @@ fn errors_of_the_case_name_lines_of_the_deck() {
     assert!(error.contains("deck.inp, line 41: "), "{error}");
 }
 
-/// The case file that a deck becomes, with its mesh beside it, is the same problem.
+/// The case file made from a deck, with its mesh beside it, is the same problem.
 #[test]
 fn a_converted_deck_is_the_same_problem() {
     let text = strip(&format!(

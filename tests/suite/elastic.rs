@@ -241,7 +241,7 @@ fn broken_gmsh_files_say_where() {
     };
     for name in ["b22a", "b22b", "b41a", "b41b"] {
         let whole = std::fs::read(format!("tests/meshes/{name}.msh")).or_panic();
-        // Cut anywhere, it must be an error or, behind the last element, a mesh: never a panic.
+        // Cut anywhere, the file must give an error or, after the last element, a mesh: never a panic.
         for end in (0..whole.len()).step_by(37) {
             std::fs::write(&path, &whole[..end]).or_panic();
             if let Err(error) = signorini::mesh::gmsh::read(&path, 1.0) {

@@ -55,7 +55,7 @@ fn a_level_top_spreads_a_force() {
     }
 }
 
-/// An end that moves as a whole does so as a support would move it: under a skew force, with as much of a reaction.
+/// An end that moves as a whole moves as under a support: under a skew force, with the same reaction.
 #[test]
 fn an_end_that_moves_as_one() {
     let mut mesh = rectangle([0.0, 0.0], [2.0, 1.0], [8, 4], CellShape::Quad, "body", "");

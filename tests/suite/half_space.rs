@@ -235,7 +235,7 @@ fn twisted_disc() {
     for c in [0.25, 0.5, 0.75] {
         let angle = 0.5 * g / shear * f64::acosh(1.0 / c);
         let torque = 4.0 / 3.0 * g * (f64::acos(c) + c * (1.0 - c * c).sqrt());
-        // The disc is at rest and all else turns back.
+        // The disc is at rest and everything else rotates back.
         let far = move |x: Vector| {
             let u = under_a_torque(STEEL, torque, x);
             [u[0] + angle * x[1], u[1] - angle * x[0], -strain * x[2]]

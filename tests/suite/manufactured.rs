@@ -251,7 +251,7 @@ fn products_by_iterations_lead_the_same_way() {
         exact_products += exact.n_a;
         nested_products += nested.n_a;
     }
-    // Products that are only as exact as need be cannot be recycled as often.
+    // Products that are only as accurate as necessary can be recycled less often.
     let ratio = nested_products as f64 / exact_products as f64;
     assert!(
         ratio < 1.5,
@@ -259,7 +259,7 @@ fn products_by_iterations_lead_the_same_way() {
     );
 }
 
-/// The directions of the tangents are a choice: any other pair of them gives the same answer in the same steps.
+/// The directions of the tangents are arbitrary: any other pair of them gives the same answer in the same steps.
 #[test]
 fn tangents_may_be_turned() {
     let mut random = Random(11);

@@ -17,8 +17,8 @@ fn problem(geometry: Geometry, k: usize, loads: &Loads) -> ContactProblem {
     reference::problem(geometry, &mesh, loads).or_panic()
 }
 
-/// Case B at refinement k for the price of less than three linear solves, all set-up included, by the way that
-/// the direct path takes.
+/// Case B at refinement k for the cost of less than three linear solves, including set-up, by the path of the direct
+/// method.
 fn case_b_costs_a_few_linear_solves(k: usize) {
     let problem = problem(Geometry::OneBody, k, &CASE_B);
     let settings = NewtonSettings {
@@ -40,7 +40,7 @@ fn case_b_costs_a_few_linear_solves(k: usize) {
     assert!(10 * costs.solves.iterations <= solves * linear, "{what}");
     if k < 20 {
         let expected = solve(&problem, &settings);
-        // Found: at most one more; other machines round otherwise.
+        // Found: at most one more; other machines round differently.
         assert!(found.info.n_a <= expected.info.n_a + 2, "{what}");
         assert!(distance(&found.u, &expected.u) < 1e-3, "{what}");
     }
@@ -146,7 +146,7 @@ fn hardly_any_contact_and_only_contact() {
     }
 }
 
-/// The exact method asks for all that can be had, and gets it.
+/// The exact method requests the highest accuracy, and gets it.
 #[test]
 fn the_exact_method_on_inexact_products() {
     let problem = problem(Geometry::OneBody, 1, &CASE_B);

@@ -136,7 +136,7 @@ fn case(tables: &str) -> Result<CaseProblem, String> {
     built.map_err(|e| e.to_string().replace(&*place.path().to_string_lossy(), ""))
 }
 
-/// Node sets of an input file hold and load nodes, whether or not they have facets; names are those of results.
+/// Node sets of an input file hold and load nodes, whether or not they have facets; results use their names.
 #[test]
 fn node_sets_of_input_files_are_named_by_cases() {
     let made = case(
@@ -151,7 +151,7 @@ fn node_sets_of_input_files_are_named_by_cases() {
     };
     assert_eq!(built.elastic.supports, ["clamp", "corner, y"]);
     assert_eq!(built.elastic.support_centres[1], [0.0, 0.0]);
-    // It is pulled up to the middle: u = F / E there and behind.
+    // It is pulled up to the middle: u = F / E there and beyond.
     for (u, x) in displacements(&built).iter().zip(&built.elastic.mesh.nodes) {
         assert!((u[0] - x[0].min(1.0) / 100.0).abs() < 1e-15);
     }

@@ -62,8 +62,8 @@ fn pressed(mesh: Mesh<3>, pair: Pair<3>) -> Model<3> {
         .traction(Traction::on("up-top").z(-1e7).x(1e6))
 }
 
-/// Nodes that meet nodes hand a uniform pressure on as it is; ones that meet facets of another mesh hand all of it on, and agree
-/// with the mortar method as meshes do.
+/// Nodes that meet nodes transfer a uniform pressure unchanged; those that meet facets of another mesh transfer all of it, and
+/// agree with the mortar method as far as the meshes do.
 #[test]
 fn nodes_against_faces() {
     let by_nodes = || Pair::new("foot", "low-top").by_nodes().coulomb(0.3);
@@ -167,7 +167,7 @@ fn nodes_without_a_face_are_reported() {
         .build()
         .unwrap_err();
     assert!(error.to_string().contains("no outer face"), "{error}");
-    // One node bears all of it, with the share of area that it has.
+    // One node bears the whole force, with its share of area.
     let one = model(mesh, Pair::new("one", "low-top").by_nodes())
         .support(Support::on("low-bottom").fixed());
     let built = one

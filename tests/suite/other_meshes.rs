@@ -1,4 +1,4 @@
-//! Meshes of other programs: Abaqus input files and grids of VTK as their writers lay them out.
+//! Meshes of other programs: Abaqus input files and grids of VTK in the layout of their writers.
 
 use crate::common::or_panic::OrPanic as _;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
@@ -112,7 +112,7 @@ fn an_assembly_is_placed_by_its_instances() {
     assert!(!mesh.boundaries.contains_key("RefPoint"));
 }
 
-/// Instances that are meshed by themselves, as Abaqus/CAE writes independent ones, are the same bodies.
+/// Instances with their own meshes, as Abaqus/CAE writes independent ones, are the same bodies.
 #[test]
 fn instances_may_have_meshes_of_their_own() {
     let (begin, rest) = CAE.split_once("*Node\n").expect("nodes");
@@ -290,7 +290,7 @@ fn faults_of_an_input_file_are_reported_with_their_line() {
     }
 }
 
-/// Nodes, elements and sets in files of their own, as `INPUT=` names them, are those of one file.
+/// Nodes, elements and sets in separate files, named by `INPUT=`, equal those of one file.
 #[test]
 fn data_may_be_in_other_files() {
     let place = tempfile::tempdir().or_panic();

@@ -155,7 +155,7 @@ fn unloading_leaves_half() {
     let end = |solved: &Solved| solved.displacement()[solved.node_at([6.0, 0.5 * h])][0];
     let full = end(&solve_case(&text("[1]"), 1e-9));
     assert!((full / 0.004 - 1.0).abs() < 0.01);
-    // In one step or in four it is the same, as the load only grows.
+    // The result is the same in one step or in four, because the load only grows.
     let grown = solve_case_twice(&text("[0.25, 0.5, 0.75, 1]"), 1e-9);
     assert!((end(&grown) / full - 1.0).abs() < 1e-3);
     let unloaded = end(&solve_case_twice(&text("[1, 0]"), 1e-9));
@@ -311,7 +311,7 @@ fn the_weight_of_a_soft_body_beside_a_stiff_one() {
     }
 }
 
-/// The fixed point of rounds and the monolithic Newton steps come to the same.
+/// The fixed point of rounds and the monolithic Newton steps give the same result.
 #[test]
 fn coupled_steps_and_rounds_come_to_the_same() {
     let text = "[mesh]\nrectangle = { size = [0.04, 0.04], cells = [48, 48] }\n\

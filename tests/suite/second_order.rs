@@ -1,4 +1,4 @@
-//! Elements of second order: how fast errors fall, bending, nearly incompressible bodies, multigrid, and contact with
+//! Elements of second order: convergence orders, bending, nearly incompressible bodies, multigrid, and contact with
 //! obstacles.
 //!
 //! `cargo test --release --test suite -- --nocapture second_order::` shows the figures.
@@ -179,7 +179,7 @@ where
     [sums[0].sqrt(), sums[1].sqrt(), mean.sqrt()]
 }
 
-/// The orders with which errors fall from a mesh to the next, of cells half as wide.
+/// The orders of convergence from a mesh to the next, of cells half as wide.
 fn orders(coarse: [f64; 3], fine: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| (coarse[k] / fine[k]).log2())
 }

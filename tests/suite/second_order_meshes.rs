@@ -172,7 +172,7 @@ where
     at: HashMap<[i64; 3], u32>,
 }
 
-/// A place that a node may be found by.
+/// A point for identifying a node.
 fn key<const D: usize>(x: [f64; D]) -> [i64; 3] {
     std::array::from_fn(|c| x.get(c).map_or(0, |x| (x * 1e6).round() as i64))
 }
@@ -218,7 +218,7 @@ where
         self.at[&key::<D>(std::array::from_fn(sum))]
     }
 
-    /// The nodes of an element as they are listed.
+    /// The nodes of an element in the order of a list.
     fn listed(&self, element: &Element<D>, lists: Lists) -> Vec<u32> {
         let corners = &element.nodes()[..element.kind().n_corners()];
         let middles = middles(element.kind(), lists).iter().map(|of| {
@@ -881,7 +881,7 @@ fn serendipity_elements_beside_others_get_their_middles() {
     for shape in [SolidShape::Hexahedron, SolidShape::Wedge] {
         let whole = solid(shape).raised().or_panic();
         let volume = whole.measures()[0];
-        // The first of the elements are Lagrange ones: all become so, by the nodes that there are and new ones.
+        // The first of the elements are Lagrange ones: all become so, with the existing nodes and new ones.
         let mut bent = without_middles(&whole, |number| number > 0);
         assert_eq!(bent.nodes.len(), whole.nodes.len());
         assert!(

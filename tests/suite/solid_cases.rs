@@ -181,7 +181,7 @@ fn reactions_add_up_to_the_weight() {
     }
 }
 
-/// A block on a slope, pressed against it and dragged along it: tractions along the axes, whatever the tangents are.
+/// A block on a slope, pressed against it and dragged along it: tractions along the axes, whatever the tangents.
 #[test]
 fn tractions_are_vectors_along_the_axes() {
     // Turned by atan(3/4) about y: the block is on the plane with the normal (-0.6, 0, 0.8).

@@ -7,8 +7,8 @@ use signorini::quasistatic::{Load, State};
 /// The most sets for an exhaustive search, and the most unknowns.
 pub const ALL_SETS: usize = 5_000;
 pub const FEW_UNKNOWNS: usize = 300;
-/// Springs that make K regular, relative to it; they hang on the displacement before, so that little is left in
-/// them after this many turns where the bodies are balanced.
+/// Springs that make K regular, relative to it; they start from the displacement before, so that they carry little
+/// after this many passes where the bodies are balanced.
 pub const SPRINGS: f64 = 1e-7;
 pub const TURNS: usize = 20;
 /// Their violation of the conditions, in parts of the allowed deviation.

@@ -20,7 +20,7 @@ pub const BALANCED_IN_SPACE: f64 = 1e-7;
 pub struct Balance {
     /// The least imbalance relative to the loads.
     pub imbalance: f64,
-    /// A motion has been found that the loads drive more than all contact forces together can resist.
+    /// A motion for which the loads do more work than all contact forces together can resist.
     pub proven: bool,
     /// An imbalance below this part of the loads counts as rounding. Above 100 times that, no forces balance the loads.
     pub resolution: f64,

@@ -55,7 +55,7 @@ pub fn bounded_least_squares(columns: &[(Vec<f64>, f64)], b: &[f64]) -> (Vec<f64
             let target = rest_of(&x, &|j| place[j] == Place::Free);
             let chosen: Vec<&[f64]> = free.iter().map(|&j| &columns[j].0[..]).collect();
             let Some(z) = least_squares(&chosen, &target) else {
-                // The last one depends on the others: rounding made it look like a gain.
+                // The last column depends on the others: rounding made it look like a gain.
                 place[best] = was;
                 refused[best] = true;
                 break;

@@ -66,7 +66,7 @@ fn algebraic_case_from_files() {
     assert!(text(&check.stdout).contains("n = 2, m = 1"));
 }
 
-/// Every claim about the matrices has its own message, and it names the file or the entry.
+/// Every condition on the matrices has its own message, which names the file or the entry.
 #[test]
 fn broken_matrices_are_explained() {
     let array = |entries: &str, size: &str| {

@@ -251,7 +251,7 @@ fn hints_name_suspicious_figures() {
         &["support.1.y=-0.3", "contact.0.search_distance=0.1"],
     );
     assert!(far.contains("state search_distance"), "{far}");
-    // A pressure that the mesh resolves needs no word.
+    // A pressure that the mesh resolves gives no hint.
     let block = "[mesh.rectangle]\nsize = [1, 1]\ncells = [8, 8]\n[[material]]\nyoung = 1e9\npoisson = 0.3\n\
         [[support]]\nboundary = \"left\"\nx = 0\n[[traction]]\nboundary = \"top\"\npressure = 1e6\n\
         [[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";

@@ -8,7 +8,7 @@ use super::run::{
 /// Tolerances of references, the first that is reached: the comparison is a thousand times coarser.
 pub const REFERENCE: [f64; 2] = [1e-11, 1e-10];
 
-/// The same case, solved as well as can be; None where that fails.
+/// The same case, solved as accurately as possible; None if that fails.
 pub fn reference(case: &Case) -> Option<Run> {
     REFERENCE
         .into_iter()

@@ -76,7 +76,7 @@ pub fn read(path: &Path) -> Option<String> {
     std::fs::read_to_string(path).ok()
 }
 
-/// Solves a case in a directory of its own, beside the given files.
+/// Solves a case in its own directory, beside the given files.
 pub fn solve_with(name: &str, text: &str, files: &[(&str, String)], how: How) -> Run {
     let place = tempfile::tempdir().or_panic();
     let case = place.path().join("case.toml");

@@ -57,7 +57,7 @@ boundary = "bottom"
 obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }
 friction = { coulomb = 1 }
 "#;
-/// One that slip creeps along from end to end.
+/// A bar along which slip creeps from end to end.
 const LONG_BAR: &str = r#"
 [mesh.rectangle]
 size = [600, 1]

@@ -162,7 +162,7 @@ fn pressed(
         shear[0], shear[1]
     );
     let size = body.size;
-    // The turned body is looked at as it was.
+    // The rotated body is judged in its original frame.
     let back: [Vector; 3] = std::array::from_fn(|j| std::array::from_fn(|i| turn[i][j]));
     let force = move |x: Vector| {
         let x = times(&back, x);

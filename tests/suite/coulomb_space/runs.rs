@@ -145,7 +145,7 @@ impl Run {
         }
     }
 
-    /// The steps as Tresca problems with the slip bounds that they end with.
+    /// The steps as Tresca problems with their final slip bounds.
     pub fn given(&self) -> Vec<(StepSolution<3>, Vec<usize>)> {
         let problem = &self.built.problem;
         let mut engine = engine(problem, Stiffness::Cholesky);

@@ -121,15 +121,15 @@ pub fn level_matrix<const R: usize, const C: usize>(
     BlockMatrix::new(&matrix, 1.0)
 }
 
-/// Everything that a V-cycle is made of, on random data in blocks of D, coarser ones of M: each result through CG's
-/// own door, since vectors of a level have no other way to the host.
+/// All parts of a V-cycle, on random data in blocks of D, coarser ones of M: each result through CG's own interface,
+/// because vectors of a level have no other way to the host.
 pub fn level_results<B: Backend<Stored = f32>, const D: usize, const M: usize>(
     b: &mut B,
     rows: usize,
     longest: usize,
 ) -> Result<Vec<Vec<f64>>, BackendError> {
     let mut random = Random((17 * rows + D) as u64);
-    // A state that is not done, of a run on vectors of the same length.
+    // An unfinished state, of a run on vectors of the same length.
     let n = rows * D;
     let k = BlockCsr::<D>::from_triplets(n, n, (0..n).map(|i| (i, i, 1.0)));
     let (k, _) = b.matrix(Arc::new(k))?;

@@ -85,7 +85,7 @@ fn every_path_solves_the_table() {
             let (found, costs) = solve(&problem, &options, &settings);
             let what = format!("{path}, k = {k}, β = {beta}");
             assert_eq!(found.status, Status::Converged, "{what}");
-            // Products that are only as exact as need be lead to the same point by a slightly other way.
+            // Products that are only as accurate as necessary lead to the same point by a slightly different path.
             let Info { iter, n_a, .. } = found.info;
             assert!(iter <= expected.info.iter + 6, "{what}: {iter}");
             assert!(n_a <= 2 * expected.info.n_a, "{what}: {n_a}");
@@ -104,7 +104,7 @@ fn every_path_solves_the_table() {
             let apart = |a: &[f64], b: &[f64]| crate::common::distance(a, b);
             assert!(apart(&found.u, &expected.u) < 1e-4, "{what}");
             assert!(apart(&found.lambda, &expected.lambda) < 1e-2, "{what}");
-            // CPU and GPU round the V-cycle otherwise, and no more.
+            // CPU and GPU differ only in the rounding of the V-cycle.
             if !path.ends_with("f32") {
                 let (iter_there, n_a_there) = *on_cpu.get_or_insert((iter, n_a));
                 assert!(

@@ -411,7 +411,7 @@ fn partly_covered(orders: [Order; 2]) {
             sinks.push(sink);
         }
     }
-    // It matters little which side is named first.
+    // The result hardly depends on which side is named first.
     for law in [0, 1] {
         assert!((sinks[law] / sinks[2 + law] - 1.0).abs() < 0.1, "{sinks:?}");
     }
