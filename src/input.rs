@@ -122,7 +122,7 @@ mod tests {
         assert!(
             failure
                 .as_ref()
-                .is_err_and(|text| text.contains("more than 1 MiB")),
+                .is_err_and(|text| text.contains("larger than the limit of 1 MiB")),
             "{failure:?}"
         );
         assert!(writer.join().is_ok_and(|ended| ended.is_err()));
