@@ -199,7 +199,10 @@ fn endless_input_is_not_read_to_its_end() {
     let _ = endless.kill();
     let _ = endless.wait();
     assert_eq!(code, Some(1), "{errors}");
-    assert!(errors.contains("it is larger than the limit of 64 MiB"), "{errors}");
+    assert!(
+        errors.contains("it is larger than the limit of 64 MiB"),
+        "{errors}"
+    );
 }
 
 /// The target of a link with such a name is emptied, not removed; it is not a result if the run reads it.
