@@ -212,7 +212,7 @@ WRONG = [
     ("backend", 3, "backend: must be one of"),
     ("precision", "f16", "precision: must be one of"),
     ("method", "newton", "method: must be one of"),
-    ("time_limit", -1.0, "time_limit: it is a number of seconds"),
+    ("time_limit", -1.0, "time_limit: must be a number of seconds"),
     ("max_iterations", -1, "max_iterations"),
     ("colour", "red", "colour: no solve has such a setting"),
     ("callback", 3, "callback: expected a callable"),

@@ -325,7 +325,7 @@ WRONG_MESHES = [
     ({"cells": {"triangle": [0, 1, 2]}}, "a row for each element"),
     ({"cells": {"triangle": [[0.0, 1.0, 2.0]]}}, "cells: expected integers"),
     ({"cells": {"hexagon": [[0, 1, 2]]}}, "there are no elements 'hexagon'"),
-    ({"cells": {"tetra": [[0, 1, 2, 0]]}}, "tet4 are no elements of a mesh whose points have 2"),
+    ({"cells": {"tetra": [[0, 1, 2, 0]]}}, "tet4 are not elements of a mesh whose points have 2"),
     ({"cells": {}}, "the mesh has no elements"),
     ({"cells": {"triangle": [[0, 1, 1]]}}, "element 0"),
     ({"regions": {"a": [3]}}, "regions: 'a' names an element that does not exist"),
